@@ -13,6 +13,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.ranging.fitting import fit_all_pulses, fit_first_pulses
 from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.peaks import locate_vertices, raise_to_highest
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.algorithm import Algorithm, Ranging
 
@@ -77,7 +78,7 @@ def _place(
         return _crossing(samples, peak, level) - matched.pulse.rise_s(0.5) / matched.sample_s
     known = _known_lead(matched, ranging.algorithm)
     return (
-        peak + _vertex(samples, peak) if ranging.algorithm == "parabola" else _centroid(samples, peak, matched)
+        peak + locate_vertices(samples, peak) if ranging.algorithm == "parabola" else _centroid(samples, peak, matched)
     ) - known
 
 
@@ -127,7 +128,7 @@ def _known_lead(matched: Matched, algorithm: Algorithm) -> float:
     place = matched.half + 2 + phase
     samples = matched.curve(2 * matched.half + 6, place)
     peak = samples.argmax(axis=1)
-    measured = peak + _vertex(samples, peak) if algorithm == "parabola" else _centroid(samples, peak, matched)
+    measured = peak + locate_vertices(samples, peak) if algorithm == "parabola" else _centroid(samples, peak, matched)
     return float((measured - place).mean()) + matched.lead
 
 
@@ -176,7 +177,7 @@ def locate_all(
             alone = _without_others(samples[rows], matched, place[rows], height[rows], slot)
             peak = np.clip(np.rint(place[rows, slot]), 0, samples.shape[1] - 1).astype(np.intp)
             if clipped is None:
-                peak = _highest_near(alone, peak)
+                peak = raise_to_highest(alone, peak)
             found[rows, slot] = _place(alone, peak, matched, ranging, threshold_counts)
     alive &= np.isfinite(found)
     found = np.where(alive, found, np.nan)
@@ -204,21 +205,3 @@ def _without_others(
             curve = matched.curve(samples.shape[1], place[rows, other])
             alone[rows] -= height[rows, other, None].astype(np.float32) * curve
     return alone
-
-
-def _highest_near(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
-    """Return the highest of each peak and its two neighbours."""
-    row, last = np.arange(len(samples)), samples.shape[1] - 1
-    near = np.stack([peak, np.maximum(peak - 1, 0), np.minimum(peak + 1, last)])
-    highest: np.ndarray = near[samples[row, near].argmax(axis=0), row]
-    return highest
-
-
-def _vertex(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
-    """Return how far the parabola through a peak and its neighbours has its vertex behind the peak [samples]."""
-    row = np.arange(len(samples))
-    middle = np.clip(peak, 1, samples.shape[1] - 2)
-    left, top, right = (samples[row, middle + k].astype(float) for k in (-1, 0, 1))
-    bend = left - 2.0 * top + right
-    shift = np.divide(0.5 * (left - right), bend, out=np.zeros_like(bend), where=bend < 0.0)
-    return np.where(middle == peak, np.clip(shift, -1.0, 1.0), 0.0)

@@ -59,6 +59,41 @@ def locate_vertex(samples: np.ndarray, peak: int) -> float:
     return min(max(0.5 * (left - right) / bend, -1.0), 1.0) if bend < 0.0 else 0.0
 
 
+def raise_to_highest(samples: np.ndarray, peaks: np.ndarray) -> np.ndarray:
+    """Return the highest (trace) of each peak and its two neighbours, for samples (trace, sample)."""
+    highest = np.array(peaks, np.int64)
+    replace_by_highest(np.ascontiguousarray(samples, np.float32), highest)
+    return highest
+
+
+def locate_vertices(samples: np.ndarray, peaks: np.ndarray) -> np.ndarray:
+    """Return how far (trace) the vertex of each parabola is behind its peak, for samples (trace, sample)."""
+    shift = np.empty(len(samples))
+    fill_vertices(np.ascontiguousarray(samples, np.float32), np.array(peaks, np.int64), shift)
+    return shift
+
+
+@kernel
+def replace_by_highest(samples: np.ndarray, peaks: np.ndarray) -> None:
+    """Replace each peak (trace) by the highest of itself and its two neighbours in samples (trace, sample)."""
+    for trace in range(len(peaks)):
+        peaks[trace] = find_highest_near(samples[trace], peaks[trace])
+
+
+@kernel
+def fill_vertices(samples: np.ndarray, peaks: np.ndarray, shift: np.ndarray) -> None:
+    """Write how far (trace) [samples] the vertex of each parabola is behind its peak.
+
+    Parameters
+    ----------
+    samples : (trace, sample).
+    peaks : (trace) sample of the peak.
+    shift : (trace), written.
+    """
+    for trace in range(len(peaks)):
+        shift[trace] = locate_vertex(samples[trace], peaks[trace])
+
+
 @kernel
 def find_plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
     """Find the first and last of the run of clipped samples around a peak; the peak alone without such a run.

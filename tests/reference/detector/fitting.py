@@ -2,9 +2,6 @@
 
 import numpy as np
 
-from rso_lidar.detector.ranging.location import _highest_near as highest_near
-from rso_lidar.detector.ranging.location import _vertex as vertex
-from rso_lidar.detector.ranging.location import _without_others
 from rso_lidar.detector.ranging.matched import PHASES, ROUNDS, ROUNDS_CLIPPED, Matched
 
 
@@ -35,7 +32,7 @@ def fit_all_pulses(
         several = alive.sum(axis=1) > 1
         for slot in range(most):
             rows = np.flatnonzero(alive[:, slot] & several if sweep else alive[:, slot])
-            alone = _without_others(samples[rows], matched, place[rows], height[rows], slot)
+            alone = subtract_others(samples[rows], matched, place[rows], height[rows], slot)
             mask = None if clipped is None else clipped[rows]
             guess = place[rows, slot]
             if sweep == 0:
@@ -203,3 +200,42 @@ def _parted(smooth: np.ndarray, one: np.ndarray, other: np.ndarray, sigma_counts
     lower = np.minimum(smooth[row, one], smooth[row, other])
     parted: np.ndarray = lower - valley > np.maximum(0.1 * lower, 3.0 * sigma_counts)
     return parted
+
+
+def subtract_others(
+    samples: np.ndarray, matched: Matched, place: np.ndarray, height: np.ndarray, slot: int
+) -> np.ndarray:
+    """Return the samples without all fitted pulses but that of `slot`.
+
+    Parameters
+    ----------
+    samples : (trace, sample) [counts].
+    matched : the filter.
+    place, height : (trace, slot) of the fitted pulses [samples] and [counts].
+    slot : the pulse that stays.
+    """
+    alone = samples.copy()
+    for other in range(place.shape[1]):
+        rows = np.flatnonzero(height[:, other] > 0.0) if other != slot else np.zeros(0, np.intp)
+        if len(rows):
+            curve = matched.curve(samples.shape[1], place[rows, other])
+            alone[rows] -= height[rows, other, None].astype(np.float32) * curve
+    return alone
+
+
+def highest_near(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
+    """Return the highest of each peak and its two neighbours."""
+    row, last = np.arange(len(samples)), samples.shape[1] - 1
+    near = np.stack([peak, np.maximum(peak - 1, 0), np.minimum(peak + 1, last)])
+    highest: np.ndarray = near[samples[row, near].argmax(axis=0), row]
+    return highest
+
+
+def vertex(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
+    """Return how far the parabola through a peak and its neighbours has its vertex behind the peak [samples]."""
+    row = np.arange(len(samples))
+    middle = np.clip(peak, 1, samples.shape[1] - 2)
+    left, top, right = (samples[row, middle + k].astype(float) for k in (-1, 0, 1))
+    bend = left - 2.0 * top + right
+    shift = np.divide(0.5 * (left - right), bend, out=np.zeros_like(bend), where=bend < 0.0)
+    return np.where(middle == peak, np.clip(shift, -1.0, 1.0), 0.0)
