@@ -54,6 +54,17 @@ def euler_zyx(euler_zyx_deg: tuple[float, float, float]) -> Rotation:
     return Rotation.from_euler("ZYX", euler_zyx_deg, degrees=True)
 
 
+def build_rotation(
+    quaternion_xyzw: tuple[float, ...] | None, euler_zyx_deg: tuple[float, float, float] | None
+) -> Rotation:
+    """Return the rotation of a quaternion (x, y, z, w) or of Euler angles [deg]; the identity without either."""
+    from scipy.spatial.transform import Rotation
+
+    if euler_zyx_deg is not None:
+        return euler_zyx(euler_zyx_deg)
+    return Rotation.from_quat(quaternion_xyzw or (0.0, 0.0, 0.0, 1.0))
+
+
 def quaternion_xyzw(rotation: Rotation) -> np.ndarray:
     """Return the canonical quaternion (…, 4) in the order x, y, z, w, with w >= 0."""
     quaternion: np.ndarray = rotation.as_quat(canonical=True)

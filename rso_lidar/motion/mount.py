@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.part import Part, Quaternion, Vector
-from rso_lidar.pose import Link, euler_zyx, pose
+from rso_lidar.pose import Link, build_rotation, pose
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -41,11 +41,7 @@ class Mount(Part):
     @property
     def rotation(self) -> Rotation:
         """Rotation parent_from_child; the identity by default."""
-        from scipy.spatial.transform import Rotation
-
-        if self.euler_zyx_deg is not None:
-            return euler_zyx(self.euler_zyx_deg)
-        return Rotation.from_quat(self.quaternion_xyzw or (0.0, 0.0, 0.0, 1.0))
+        return build_rotation(self.quaternion_xyzw, self.euler_zyx_deg)
 
     @cached_property
     def link(self) -> Link:

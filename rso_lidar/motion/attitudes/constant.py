@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.part import Part, Quaternion, Vector
-from rso_lidar.pose import euler_zyx
+from rso_lidar.pose import build_rotation, euler_zyx
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -55,11 +55,7 @@ class FixedAttitude(Part):
     @property
     def rotation(self) -> Rotation:
         """Rotation axes_from_body; the identity by default."""
-        from scipy.spatial.transform import Rotation
-
-        if self.euler_zyx_deg is not None:
-            return euler_zyx(self.euler_zyx_deg)
-        return Rotation.from_quat(self.quaternion_xyzw or _IDENTITY)
+        return build_rotation(self.quaternion_xyzw, self.euler_zyx_deg)
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
         """Return axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s] for `time_s` (…) [s]."""
