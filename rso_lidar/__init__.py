@@ -17,7 +17,6 @@ from importlib.metadata import version as _version
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from rso_lidar import detector, export, motion, optics, orbit, records, rpo, scene, study, track, units
-from rso_lidar.craft import Taxonomy
 from rso_lidar.detector import Empirical, GeigerArray, Gsfl
 from rso_lidar.errors import (
     CatalogError,
@@ -53,6 +52,7 @@ from rso_lidar.motion import (
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.orbit import Kepler, Tle
 from rso_lidar.records import Command, Frame, Observation
+from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.rpo import Hill
 from rso_lidar.scenario import (
     Constraints,

@@ -8,8 +8,8 @@ import typer
 
 from rso_lidar.cli.completion import list_classes, list_own_models, list_shapes, list_stabilisations
 from rso_lidar.cli.terminal import echo
-from rso_lidar.craft import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.errors import MeshError, did_you_mean
+from rso_lidar.records.taxonomy import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.scene.library.adding import Wanted, add_model, remove_model
 from rso_lidar.scene.library.catalogue import own_folder
 

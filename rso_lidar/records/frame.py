@@ -9,9 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
-from rso_lidar.craft import Taxonomy
 from rso_lidar.records.reading import Labels, Reading
 from rso_lidar.records.schema import Record, array
+from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.records.truth import Truth
 
 SCHEMA_VERSION = 1

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rso_lidar.craft import Taxonomy
+from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import (
     Point,

@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from rso_lidar.craft import ShapeFamily, Taxonomy, classify_size
 from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.records.taxonomy import ShapeFamily, Taxonomy, classify_size
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid, join, pipe
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rso_lidar.craft import Hinge, Taxonomy
+from rso_lidar.records.taxonomy import Hinge, Taxonomy
 from rso_lidar.shapes.solids import Solid
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from rso_lidar.craft import classify_size
 from rso_lidar.errors import ScenarioError
+from rso_lidar.records.taxonomy import classify_size
 from rso_lidar.scene import find_material
 from rso_lidar.scene.library.catalogue import materials, models
 from rso_lidar.shapes import MATERIALS, build, builders

@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from rso_lidar.craft import Taxonomy
 from rso_lidar.records import TargetEntry
+from rso_lidar.records.taxonomy import Taxonomy
 
 
 def tabulate_targets(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:

@@ -12,13 +12,13 @@ from rso_lidar.picture.selection.sequence import format_start, pick
 from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
 from rso_lidar.records import Frame, PtuAngles, Truth
-from rso_lidar.units import DEG
-from rso_lidar.viewing_geometry import (
+from rso_lidar.records.viewing_geometry import (
     ViewingGeometry,
     compute_viewing_geometry,
     find_shadow_spans_s,
     join_viewing_geometry,
 )
+from rso_lidar.units import DEG
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,8 +13,8 @@ from rso_lidar.picture.selection.sequence import even_indices
 from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
 from rso_lidar.picture.style.palette import INK, LINE, MARK, PARTS, QUIET, hex_colour
 from rso_lidar.records import BodyState, Truth
+from rso_lidar.records.viewing_geometry import find_shadow_spans_s
 from rso_lidar.units import DEG, EARTH_GM_M3_S2, EARTH_RADIUS_M, KM
-from rso_lidar.viewing_geometry import find_shadow_spans_s
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ import numpy as np
 
 from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
 from rso_lidar.picture.style.palette import FALSE, INK, PARTS, QUIET, hex_colour
+from rso_lidar.records.viewing_geometry import find_shadow_spans_s
 from rso_lidar.units import DEG
-from rso_lidar.viewing_geometry import find_shadow_spans_s
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from rso_lidar.craft import Taxonomy
 from rso_lidar.errors import RsoLidarWarning
+from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import apply_color_materials, apply_facet_materials
 from rso_lidar.scenario.tables.target import Target
 from rso_lidar.scenario.tables.terrain import build_terrain_mesh, classify_terrain

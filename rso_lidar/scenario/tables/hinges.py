@@ -10,10 +10,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from rso_lidar.craft import Hinge
 from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.motion.bodies.hinge import Angle, FollowSun, HingeAxes
 from rso_lidar.part import Direction, Name, Part, Text, Vector
+from rso_lidar.records.taxonomy import Hinge
 from rso_lidar.scene.meshes.mesh import body_from_mesh
 
 

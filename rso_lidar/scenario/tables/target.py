@@ -6,12 +6,12 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
-from rso_lidar.craft import Taxonomy
 from rso_lidar.errors import MeshError, ScenarioError
 from rso_lidar.motion import Body
 from rso_lidar.motion.bodies.body import RESERVED
 from rso_lidar.motion.bodies.hinge import HingeAxes
 from rso_lidar.part import Positive, Text, Vector
+from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.hinges import Joint, ModelPlacement, complete_joint
 from rso_lidar.scenario.tables.library_model import LibraryModel

@@ -10,8 +10,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from rso_lidar.craft import Taxonomy
 from rso_lidar.part import Fraction, Number, Part, Positive, Text, Whole
+from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scene.meshes.height_field import MOST_CELLS, build_height_field, load_height_field
 from rso_lidar.scene.meshes.mesh import Mesh
 

@@ -15,9 +15,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rso_lidar.craft import Taxonomy, classify_size
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.files import hold_lock, write_atomically
+from rso_lidar.records.taxonomy import Taxonomy, classify_size
 from rso_lidar.scene.library.catalogue import (
     ModelEntry,
     materials,

@@ -10,9 +10,9 @@ import numpy as np
 from rso_lidar import motion, orbit, rpo, units
 from rso_lidar.orbit.sky.eclipse import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth
+from rso_lidar.records.viewing_geometry import tabulate_truth
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import POINTING, frame_numbers
-from rso_lidar.viewing_geometry import tabulate_truth
 
 
 def fly_open_loop(

@@ -20,11 +20,11 @@ from rso_lidar.picture.plots.timeline import timeline_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.pose import ROOT, cross, dot, rotate_vectors
 from rso_lidar.records import PtuAngles, Truth
+from rso_lidar.records.viewing_geometry import compute_viewing_geometry
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.scene import Surface
 from rso_lidar.study.time_history.open_loop import find_umbras, fly_open_loop, format_utc
 from rso_lidar.study.time_history.opportunities import DetectionOpportunity, find_opportunities
-from rso_lidar.viewing_geometry import compute_viewing_geometry
 
 CASTS = 300  # greatest number of frames at which rays are cast
 _WHITE_PER_SR = 1.0 / np.pi

@@ -13,12 +13,12 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.records import Frame
+from rso_lidar.records.viewing_geometry import compute_viewing_geometry
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import simulate
 from rso_lidar.study.time_history.open_loop import fly_open_loop
 from rso_lidar.study.time_history.timeline import in_field_fraction
 from rso_lidar.study.track_quality.evaluation import tracking
-from rso_lidar.viewing_geometry import compute_viewing_geometry
 
 _LEAST_M, _STEP, _BINS = 1e-4, 0.01, 1800  # histogram of errors: bins of 1 %, from 0.1 mm to 6.6 km
 _ONE_SIGMA = math.erf(math.sqrt(0.5))  # share of a normal distribution within one standard deviation
