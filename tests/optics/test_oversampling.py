@@ -33,7 +33,7 @@ def test_cells_add_up_to_pixels(rays_per_pixel, distortion):
         assert np.nanmin(image.range_m) == pytest.approx(scene.hits.range_m.min(), rel=1e-6)
 
 
-def test_the_seed_s_figures_are_512_by_512():
+def test_the_paper_s_figures_are_512_by_512():
     """Fuller et al., sec. 3: 128 x 128 pixels, 4 x 4 rays each. The picture lies as the lidar sees it, and shows depth."""
     near = surface("near", box(8.0, 8.0, 4.0))
     far = surface("far", plate(60.0, 30.0))

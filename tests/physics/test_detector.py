@@ -169,7 +169,7 @@ def test_range_noise(validation, photons, fwhm_ns):
     assert stats.kstest((ranges - 300) / sigma, "norm").pvalue > 1e-3
 
 
-def test_range_noise_has_the_seed_s_plateau(validation):
+def test_range_noise_has_the_paper_s_plateau(validation):
     """Fuller et al., sec. 3.3: a nominal precision (1 sigma) of 5 cm with sufficient SNR, degrading as the SNR decreases."""
     high, low = (drawn(300.0, n).range_m.astype(float) for n in (1e5, 900.0))
     validation(

@@ -70,7 +70,7 @@ def wall(folder, range_m, lidar, frames):
     )
 
 
-def test_the_seed_s_camera_through_the_whole_walk(tmp_path, validation):
+def test_the_paper_s_camera_through_the_whole_walk(tmp_path, validation):
     """Fuller et al., sec. 3.3 and 5: 1000 photons are detected in 95 % of flashes, at 3.0 km with transmission 0.67."""
     hits = n = 0
     for frame in rl.simulate(wall(tmp_path, 3000.0, rl.Lidar(preset="gsfl_1064"), 6)):

@@ -316,7 +316,7 @@ def test_a_uniform_kernel_over_the_field_changes_nothing_from_zone_to_zone():
 
 # ----------------------------------------------------------------------------------------------------------- sunlight
 
-SEED_ETA = Receiver(fov_deg=2.5, f_number=2.8, transmission=0.7, rays_per_pixel=1, min_rays_per_target=0)
+PAPER_LENS_ETA = Receiver(fov_deg=2.5, f_number=2.8, transmission=0.7, rays_per_pixel=1, min_rays_per_target=0)
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 
 
@@ -369,7 +369,7 @@ def background(scenario):
 )
 def test_sunlight_through_the_whole_walk(validation, wall, wavelength_nm, w_m2_um, width_nm, table):
     """N = E dlam rho0 cos(theta_s)/pi A IFOV² eta / (hc/lambda), lens of Fuller et al., rho0 0.30, eta 0.7 (E490)."""
-    lens, laser = SEED_ETA.replace(filter_width_nm=width_nm), Laser(wavelength_nm=wavelength_nm)
+    lens, laser = PAPER_LENS_ETA.replace(filter_width_nm=width_nm), Laser(wavelength_nm=wavelength_nm)
     seen = background(sunny(wall, (-1.0, 0.0, 0.0), lens, laser=laser))
     photon_j = 6.62607015e-34 * C / (wavelength_nm * 1e-9)
     expected = w_m2_um * width_nm * 1e-3 / photon_j * RHO * 8.618e-3 * 340.94e-6**2 * 0.7
@@ -387,7 +387,7 @@ def test_sunlight_through_the_whole_walk(validation, wall, wavelength_nm, w_m2_u
 
 
 def test_sunlight_goes_with_the_cosine_and_ends_at_the_terminator(wall):
-    lens = SEED_ETA.replace(filter_width_nm=1.0)
+    lens = PAPER_LENS_ETA.replace(filter_width_nm=1.0)
     noon = background(sunny(wall, (-1.0, 0.0, 0.0), lens))
     slant = background(sunny(wall, (-math.cos(1.2), 0.6 * math.sin(1.2), 0.8 * math.sin(1.2)), lens))
     assert slant == pytest.approx(math.cos(1.2) * noon, rel=1e-9)
@@ -395,14 +395,16 @@ def test_sunlight_goes_with_the_cosine_and_ends_at_the_terminator(wall):
 
 
 def test_no_filter_no_background(wall):
-    assert background(sunny(wall, (-1.0, 0.0, 0.0), SEED_ETA)) is None
-    dark = sunny(wall, (-1.0, 0.0, 0.0), SEED_ETA.replace(filter_width_nm=1.0)).replace(world=rl.World(axes="local"))
+    assert background(sunny(wall, (-1.0, 0.0, 0.0), PAPER_LENS_ETA)) is None
+    dark = sunny(wall, (-1.0, 0.0, 0.0), PAPER_LENS_ETA.replace(filter_width_nm=1.0)).replace(
+        world=rl.World(axes="local")
+    )
     assert np.all(background(dark) == 0)  # a local world without a Sun
 
 
 def test_a_narrow_beam_leaves_the_sunlight_whole(wall):
     """Pixels that the beam misses, or that its edge cuts, get all their sunlight."""
-    lens = SEED_ETA.replace(filter_width_nm=1.0, rays_per_pixel=4)
+    lens = PAPER_LENS_ETA.replace(filter_width_nm=1.0, rays_per_pixel=4)
     wide, square, circle = (
         background(sunny(wall, (-1.0, 0.0, 0.0), lens, laser=laser))
         for laser in (Laser(), Laser(divergence_deg=0.31), Laser(divergence_deg=0.31, footprint="circle"))
@@ -417,7 +419,7 @@ def test_the_sun_in_a_mirror(validation, wall, exponent):
 
     A lobe cosⁿ averaged over the disc of radius s keeps 1 - e^(-n s²/2) of it (instrument.md section 5).
     """
-    lens = SEED_ETA.replace(filter_width_nm=1.0)
+    lens = PAPER_LENS_ETA.replace(filter_width_nm=1.0)
     mirror = Phong(diffuse=0.0, specular=0.8, exponent=exponent)
     matt, glint = (background(sunny(wall, (-1.0, 0.0, 0.0), lens, material)) for material in (None, mirror))
     disc_sr = 2 * math.pi * (1 - math.cos(SUN_RADIUS_RAD))
@@ -481,7 +483,7 @@ def test_in_the_earth_s_shadow_there_is_no_sunlight(tmp_path):
 
 def test_sunlight_in_half_shadow_is_half(wall):
     """The share of the disc that the Earth leaves free multiplies the background, target by target."""
-    receiver = SEED_ETA.replace(filter_width_nm=1.0)
+    receiver = PAPER_LENS_ETA.replace(filter_width_nm=1.0)
     target, truth = surface("wall", plate(90.0)), truth_of(wall=place((0, 0, 1000)))
     truth = dataclasses.replace(truth, sun_direction=np.array([0.1, 0.2, -1.0]) / math.sqrt(1.05))
     light = []

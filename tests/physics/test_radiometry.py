@@ -175,7 +175,7 @@ def test_a_lambertian_sphere_far_away(validation):
     )
 
 
-def seed_pixel(range_m, receiver=PAPER_RECEIVER, laser=PAPER_LASER, material=None, tilt_deg=0.0):
+def paper_pixel(range_m, receiver=PAPER_RECEIVER, laser=PAPER_LASER, material=None, tilt_deg=0.0):
     """Return the mean photons of the four pixels on the boresight, on a wall that fills them."""
     lens = receiver.replace(
         n_rows=2,
@@ -190,13 +190,13 @@ def seed_pixel(range_m, receiver=PAPER_RECEIVER, laser=PAPER_LASER, material=Non
     return look(wall, place((0, 0, range_m), turn), lens, laser, material).by_pixel.mean()
 
 
-def test_the_seed_s_system_has_1000_photons_at_3_km(validation):
+def test_the_paper_s_system_has_1000_photons_at_3_km(validation):
     """Fuller et al., sec. 5 with transmission 0.67: 95 % at 1000 photons and a range of about 3 km are one statement."""
     validation(
         case="system of Fuller et al., 3.0 km, filled pixel",
         source="Fuller et al., secs. 3.3 and 5, transmission 0.67",
         expected=1000.0,
-        got=seed_pixel(3000.0),
+        got=paper_pixel(3000.0),
         tolerance=2.0,
         unit="photons",
     )
@@ -213,7 +213,7 @@ def test_an_independent_budget_by_solid_angles(validation):
         case="system of Fuller et al., 3.0 km, no losses",
         source="E/128^2 x rho0 x (D/2)^2/R^2",
         expected=expected,
-        got=seed_pixel(3000.0, lens),
+        got=paper_pixel(3000.0, lens),
         tolerance=1e-4 * expected,
         unit="photons",
     )
@@ -226,11 +226,11 @@ def test_the_table_of_losses(validation, eta, photons, range_1000_km):
         case=f"seed system, 3.0 km, transmission {eta:g}",
         source="closed form, table in the design notes",
         expected=photons,
-        got=seed_pixel(3000.0, lens),
+        got=paper_pixel(3000.0, lens),
         tolerance=0.6,
         unit="photons",
     )
-    got = 3.0 * math.sqrt(seed_pixel(3000.0, lens) / 1000)
+    got = 3.0 * math.sqrt(paper_pixel(3000.0, lens) / 1000)
     validation(
         case=f"seed system, range of 1000 photons, transmission {eta:g}",
         source="closed form",
@@ -297,7 +297,7 @@ def test_what_the_photons_grow_with(validation, what, power, low, high):
         "reflectance": lambda s: s["material"].reflectance,
     }
     ratio = values[what](high) / values[what](low)
-    few, many = (seed_pixel(**{"range_m": 3000.0, **settings}) for settings in (low, high))
+    few, many = (paper_pixel(**{"range_m": 3000.0, **settings}) for settings in (low, high))
     validation(
         case=f"photons grow with {what} to the power",
         source="Fuller et al., eq. 7",
@@ -310,7 +310,7 @@ def test_what_the_photons_grow_with(validation, what, power, low, high):
 
 @pytest.mark.parametrize("divergence_deg", [1.0, 5.0])
 def test_photons_fall_with_the_area_lit(validation, divergence_deg):
-    ratio = seed_pixel(3000.0, laser=Laser(divergence_deg=divergence_deg)) / seed_pixel(3000.0)
+    ratio = paper_pixel(3000.0, laser=Laser(divergence_deg=divergence_deg)) / paper_pixel(3000.0)
     expected = (math.tan(math.radians(1.25)) / math.tan(math.radians(divergence_deg / 2))) ** 2
     validation(
         case=f"divergence {divergence_deg:g} deg over 2.5 deg",
@@ -325,7 +325,7 @@ def test_photons_fall_with_the_area_lit(validation, divergence_deg):
 @pytest.mark.parametrize("tilt_deg", [20, 40, 60, 70, 80])
 def test_a_tilted_lambertian_wall_goes_with_the_first_power_of_cos_alpha(validation, tilt_deg):
     """Second-order terms of the finite pixel are (IFOV tan alpha)^2, 4e-6 at 80 degrees."""
-    ratio = seed_pixel(3000.0, tilt_deg=tilt_deg) / seed_pixel(3000.0)
+    ratio = paper_pixel(3000.0, tilt_deg=tilt_deg) / paper_pixel(3000.0)
     validation(
         case=f"Lambertian wall tilted {tilt_deg} deg, over facing",
         source="Fuller et al., eq. 7: cos(alpha)",
@@ -341,12 +341,12 @@ def test_a_tilted_phong_wall_follows_equation_10(validation, tilt_deg):
     """kd = 0.1, ks = 0.5, n = 20: cos(alpha) times eq. 10 with phi = 2 alpha, over the facing Lambertian wall."""
     alpha = math.radians(tilt_deg)
     phong = 0.1 / math.pi + 0.5 * 22 / (2 * math.pi) * max(math.cos(2 * alpha), 0.0) ** 20
-    ratio = seed_pixel(3000.0, tilt_deg=tilt_deg, material=Phong(diffuse=0.1, specular=0.5, exponent=20.0))
+    ratio = paper_pixel(3000.0, tilt_deg=tilt_deg, material=Phong(diffuse=0.1, specular=0.5, exponent=20.0))
     validation(
         case=f"Phong wall tilted {tilt_deg} deg, over facing Lambertian 0.30",
         source="Fuller et al., eqs. 7 and 10",
         expected=math.cos(alpha) * phong / RHO,
-        got=ratio / seed_pixel(3000.0),
+        got=ratio / paper_pixel(3000.0),
         tolerance=2e-4 * phong / RHO,
         unit="1",
     )

@@ -40,7 +40,7 @@ def test_an_offset_is_the_pixels_own():
     assert counts.tolist() == [[66.0] * 3, [61.0] * 3]
 
 
-def test_the_window_of_the_seeds_20_samples_is_7_1_metres():
+def test_the_window_of_the_papers_20_samples_is_7_1_metres():
     readout = Readout()
     assert (readout.samples, readout.pretrigger_samples) == (20, 8)
     assert readout.window_m == pytest.approx(20 * 2.38e-9 * C / 2.0) == pytest.approx(7.13, abs=0.01)
