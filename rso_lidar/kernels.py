@@ -32,7 +32,7 @@ _LONGEST_WAIT_S = 120.0  # a kernel takes at most some 3 s of one core, and a lo
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
-_first_calls = threading.RLock()  # kernels run no Python code, so that nothing waits for this lock inside
+_first_calls = threading.RLock()  # what a kernel calls back runs in the thread that holds it
 
 
 def kernel(function: _Function) -> _Function:
