@@ -71,7 +71,7 @@ figures: $(VENV)/.installed ## draw the curves of docs/instrument.md anew
 	$(BIN)/python docs/figures.py
 
 calibrate: $(VENV)/.installed ## solve the constants of the shipped detectors through the whole chain, anew
-	$(BIN)/python -m rso_lidar.detector.bench.calibrate
+	$(BIN)/python -m rso_lidar.detector.bench.calibration
 
 models: $(VENV)/.installed ## build the models in models/ anew
 	$(BIN)/python -m rso_lidar.shapes.write

@@ -15,7 +15,7 @@ from benchmarks.clock import fresh, quartiles, seconds
 from benchmarks.report import Findings, Target, table
 from rso_lidar import detector, motion, optics, scene
 from rso_lidar.detector.chain.full import store_waveforms
-from rso_lidar.detector.chain.measure import measure
+from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.export import Recorder
 from rso_lidar.records import Frame, Observation

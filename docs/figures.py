@@ -20,19 +20,19 @@ import numpy as np
 import rso_lidar as rl
 from rso_lidar import picture, units
 from rso_lidar.detector import detect
-from rso_lidar.detector.bench.calibrate import REFERENCE_FWHM_S, make_reference_pulse
-from rso_lidar.detector.bench.separation import simulate_pairs
+from rso_lidar.detector.analysis.array_load import simulate_array_load
+from rso_lidar.detector.bench.calibration import REFERENCE_FWHM_S, make_reference_pulse
+from rso_lidar.detector.bench.range_resolution import simulate_pairs
 from rso_lidar.detector.bench.trial import Trial, make_plate, make_point_returns, run_trial
 from rso_lidar.detector.chain.analog import base_rate_per_s, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
-from rso_lidar.detector.chain.measure import measure
+from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
 from rso_lidar.detector.chain.traces import arm_rows, latch_rows
-from rso_lidar.detector.questions.array_load import simulate_array_load
 from rso_lidar.detector.ranging.location import locate
 from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.detector.settings.noise import noise_rms, rice_rate
-from rso_lidar.detector.stages.false_alarms import false_alarm_rate
+from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.picture.selection.scale import nice_down

@@ -1,5 +1,7 @@
 """Photons in, counts out."""
 
+from rso_lidar.detector.analysis.array_load import ArrayLoad
+from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.bench.prediction import predict
 from rso_lidar.detector.detect import (
     AnyDetector,
@@ -22,8 +24,6 @@ from rso_lidar.detector.detect import (
     noise_growth,
 )
 from rso_lidar.detector.geiger.array import GeigerArray
-from rso_lidar.detector.questions.array_load import ArrayLoad
-from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.settings.algorithm import Ranging
 from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd

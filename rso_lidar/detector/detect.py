@@ -39,13 +39,13 @@ from typing import Annotated, Any, Protocol, runtime_checkable
 import numpy as np
 from pydantic import Field
 
+from rso_lidar.detector.analysis import closed_form, description, full_chain
+from rso_lidar.detector.analysis.array_load import ArrayLoad, simulate_array_load
+from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.chain.curves import detect_by_curves
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.geiger import photon_counter
 from rso_lidar.detector.geiger.array import GeigerArray
-from rso_lidar.detector.questions import closed_form, description, full_chain
-from rso_lidar.detector.questions.array_load import ArrayLoad, simulate_array_load
-from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.traits import DetectorTraits

@@ -17,7 +17,7 @@ from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time
-from rso_lidar.detector.stages.false_alarms import false_alarm_rate
+from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
 from rso_lidar.detector.stages.time_axis import Rows
 from tests.detector.returns_for_tests import bell, nothing
 from tests.detector.row_noise_for_tests import multiply

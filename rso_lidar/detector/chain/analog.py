@@ -12,9 +12,9 @@ from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.amplification import Filters, amplify, build_filters
 from rso_lidar.detector.stages.array_effects import draw_speckle, limit_amplitude, solve_gain
 from rso_lidar.detector.stages.avalanche import multiply
-from rso_lidar.detector.stages.camera import CameraPixels
 from rso_lidar.detector.stages.convolution import PulseFilters, convolve_light, transform_pulse
 from rso_lidar.detector.stages.light import spread_light
+from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.detector.stages.overlap import Overlap, split_rows
 from rso_lidar.detector.stages.row_noise import RowNoise
 from rso_lidar.detector.stages.time_axis import Rows, SamplingPlan

@@ -8,8 +8,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.stages.camera import CameraPixels, make_camera
 from rso_lidar.detector.stages.false_triggers import rates_per_s
+from rso_lidar.detector.stages.nonuniformity import CameraPixels, make_camera
 
 _SAMPLED_PIXELS = 16_384  # over which rates of false triggers are averaged
 

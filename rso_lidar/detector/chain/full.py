@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar.detector.chain.measure import measure
+from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.range_gate import store_gate
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.chain.traces import store_traces

@@ -13,7 +13,6 @@ from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.noise import noise_rms
-from rso_lidar.detector.stages.camera import CameraPixels
 from rso_lidar.detector.stages.comparator import (
     NEAR,
     NEVER,
@@ -24,6 +23,7 @@ from rso_lidar.detector.stages.comparator import (
     refine_crossings,
 )
 from rso_lidar.detector.stages.false_triggers import Armed, draw_false_traces, draw_first_false
+from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.detector.stages.sampling import convert, store_samples
 from rso_lidar.detector.stages.time_axis import Rows, place_rows
 from rso_lidar.records import Photons, Taps, Waveforms

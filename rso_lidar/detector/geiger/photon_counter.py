@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.geiger.counting import first_photon_moments, live_fraction, peak_probability
 from rso_lidar.detector.geiger.histogram import count_photons
-from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
 from rso_lidar.records import Photons, Reading
 
 _MOST_BLOCKED = 0.5  # share of pulses that dark counts take from the middle of the gate

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.detector.ranging.matched import ROUNDS, ROUNDS_CLIPPED, Known, Matched
+from rso_lidar.detector.ranging.gauss_newton import fit_pulse
+from rso_lidar.detector.ranging.matched_filter import ROUNDS, ROUNDS_CLIPPED, Known, Matched
 from rso_lidar.detector.ranging.peaks import (
     find_first_peak,
     find_highest_near,
@@ -18,7 +19,6 @@ from rso_lidar.detector.ranging.peaks import (
     is_any_clipped,
     locate_vertex,
 )
-from rso_lidar.detector.ranging.single_pulse import fit_pulse
 from rso_lidar.kernels import kernel, packed
 
 _ROUNDS = np.array([ROUNDS, ROUNDS_CLIPPED])

@@ -18,7 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import noise_covariance
 from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd, cumulants

@@ -12,7 +12,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.ranging.fitting import fit_all_pulses, fit_first_pulses
-from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.peaks import locate_vertices, raise_to_highest
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.algorithm import Algorithm, Ranging

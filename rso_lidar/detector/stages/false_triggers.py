@@ -15,8 +15,8 @@ from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd
 from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.settings.readout import Readout
-from rso_lidar.detector.stages.camera import CameraPixels
-from rso_lidar.detector.stages.false_alarms import false_alarm_rate
+from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
+from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.kernels import kernel, packed
 
 _AT_ONCE = 4096  # traces of noise, so that what is worked on stays small

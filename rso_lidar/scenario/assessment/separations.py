@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rso_lidar.detector import describe_storage
-from rso_lidar.detector.bench.separation import OVER, simulate_separations
+from rso_lidar.detector.bench.range_resolution import OVER, simulate_separations
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 
 from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Hits, Rays, Truth
-from rso_lidar.scene.casting.bands import BAND_RAYS
-from rso_lidar.scene.casting.first_hits import find_first_hits, split_by_surface
-from rso_lidar.scene.casting.light import compute_laser_light, compute_sunlight
+from rso_lidar.scene.casting.first_hits import BAND_RAYS, find_first_hits, split_by_surface
+from rso_lidar.scene.casting.illumination import compute_laser_light, compute_sunlight
 from rso_lidar.scene.casting.local_hits import localize_hits
 from rso_lidar.scene.embree.engine import engine
 from rso_lidar.scene.surfaces.surface import Surface

@@ -15,11 +15,13 @@ import numpy as np
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Rays, Truth
-from rso_lidar.scene.casting.bands import BAND_RAYS, NEAREST_M
 from rso_lidar.scene.embree.engine import Engine, Scene
 from rso_lidar.scene.embree.packets import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, make_packet
 from rso_lidar.scene.surfaces.surface import Surface
 
+# Accuracy of a range. A facet through the lidar's own position has no range, and its radiometry would diverge.
+NEAREST_M = 1e-6
+BAND_RAYS = 8_192  # about 0.5 ms of casting, long compared with starting work on another thread
 BLOCK_RAYS = 256
 # Layout of a placed target: rotation by rows, position of the lidar, bounding sphere as seen from there, start of rays.
 _ORIGIN, _CENTRE, _REACH, _START, _SLACK, _WORDS = 9, 12, 15, 16, 17, 18

@@ -16,7 +16,7 @@ from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.settings.apd import Apd
-from rso_lidar.detector.stages.camera import make_camera
+from rso_lidar.detector.stages.nonuniformity import make_camera
 from rso_lidar.detector.stages.time_axis import place_rows
 from tests.detector.returns_for_tests import nothing, returns
 from tests.reference.detector.whole_chain import PATHS, computing

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Gate, Gsfl, detect
-from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.errors import ScenarioError

@@ -8,7 +8,7 @@ import pytest
 from rso_lidar.detector.ranging import location
 from rso_lidar.detector.ranging.fitting import fit_all, fit_first
 from rso_lidar.detector.ranging.location import locate, locate_all
-from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
 from rso_lidar.detector.settings.algorithm import Ranging
 from tests.reference.detector import fitting as reference
@@ -103,13 +103,13 @@ def test_what_is_learnt_at_once_is_all_known(monkeypatch):
     assert np.array_equal(known.keys, keys)
     for used, weights in zip(patterns(known.keys), known.weights, strict=True):
         assert np.array_equal(weights, matched.solve_weights(used))
-    monkeypatch.setattr("rso_lidar.detector.ranging.matched._MOST_KEPT", 64)
+    monkeypatch.setattr("rso_lidar.detector.ranging.matched_filter._MOST_KEPT", 64)
     assert np.array_equal(matched.learn(patterns(keys[:5])).keys, keys)
     assert np.array_equal(matched.learn(patterns(np.r_[keys[:5], 1])).keys, np.r_[1, keys[:5]])
     samples, clipped = traces(400, 20, 1, seed=5)
     settings = {**KNOWN, "clipped": clipped}
     whole = locate(samples, np.full(400, 8), PULSE, Ranging(), **settings)
-    monkeypatch.setattr("rso_lidar.detector.ranging.matched._MOST_KEPT", 4)
+    monkeypatch.setattr("rso_lidar.detector.ranging.matched_filter._MOST_KEPT", 4)
     few = locate(samples, np.full(400, 8), PULSE, Ranging(), **{**settings, "sigma_counts": NOISE})
     assert np.array_equal(whole[0], few[0])
 

@@ -7,10 +7,10 @@ import pytest
 from scipy import stats
 
 from rso_lidar.detector import Amplifier, Apd, Defects, Gate, Gsfl, detect
-from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
-from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
 from tests.detector.returns_for_tests import nothing
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Amplifier, Empirical, Gsfl, Trigger
-from rso_lidar.detector.bench import calibrate
+from rso_lidar.detector.bench import calibration
 from rso_lidar.detector.settings.presets import PRESETS
 
 FITTED = PRESETS["empirical"]
@@ -22,7 +22,7 @@ def test_defaults_are_the_shipped_constants():
 
 def test_the_script_writes_what_is_shipped():
     """Names and digits of the tables; the values are another test's."""
-    table = calibrate._format_table("noise_limited", {"noise_electrons": 1018.0449, "threshold_electrons": 6112.346})
+    table = calibration._format_table("noise_limited", {"noise_electrons": 1018.0449, "threshold_electrons": 6112.346})
     assert table == "[noise_limited]\nnoise_electrons = 1018.0\nthreshold_electrons = 6112.3\n"
 
 
@@ -33,12 +33,12 @@ def test_solving_again_gives_the_shipped_threshold(preset, noise):
     4 standard errors of it, and the rounding to five digits; noise is a sixth of the threshold.
     """
     repeats = 2
-    found, threshold = calibrate.solve_preset(noise, repeats)
+    found, threshold = calibration.solve_preset(noise, repeats)
     shipped = PRESETS[preset]
     gsfl = Gsfl(preset=preset)
-    peaks = calibrate.simulate_peaks(gsfl, 1)
+    peaks = calibration.simulate_peaks(gsfl, 1)
     low, high = np.quantile(peaks, [0.03, 0.07])
-    error = math.sqrt(0.0475 / (repeats * calibrate._PIXELS)) * (high - low) / 0.04
+    error = math.sqrt(0.0475 / (repeats * calibration._PIXELS)) * (high - low) / 0.04
     assert abs(threshold - shipped["threshold_electrons"]) < 4.0 * error + 0.5
     assert abs(found - shipped["noise_electrons"]) < 4.0 * error / 6.0 + 0.5
     assert error < 0.003 * threshold  # so that the test can fail
@@ -51,8 +51,8 @@ def test_fitting_again_gives_the_shipped_curves(monkeypatch):
     Counts: the mean of thousands, 0.5 %; their scatter 4/√(2 · 8192), 3 %. Each with half as much again, for what the fit
     makes of neighbours.
     """
-    monkeypatch.setattr(calibrate, "_PIXELS", 4096)
-    again = Empirical(**calibrate.fit_empirical(Gsfl()))
+    monkeypatch.setattr(calibration, "_PIXELS", 4096)
+    again = Empirical(**calibration.fit_empirical(Gsfl()))
     shipped = Empirical()
     photons = np.array([600.0, 700.0, 800.0, 900.0, 1000.0, 1200.0])
     assert again.detection_probability(photons) == pytest.approx(shipped.detection_probability(photons), abs=0.033)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.comparator import NEVER, Bridge, find_crossings_between, mark_watched

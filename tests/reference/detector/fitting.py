@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rso_lidar.detector.ranging.matched import PHASES, ROUNDS, ROUNDS_CLIPPED, Matched
+from rso_lidar.detector.ranging.matched_filter import PHASES, ROUNDS, ROUNDS_CLIPPED, Matched
 
 
 def fit_first_pulses(samples, start, least, matched, clipped):

@@ -10,8 +10,7 @@ import numpy as np
 
 from rso_lidar import pose
 from rso_lidar.records import Rays, Truth
-from rso_lidar.scene.casting.bands import NEAREST_M
-from rso_lidar.scene.casting.first_hits import FirstHits, target_numbers
+from rso_lidar.scene.casting.first_hits import NEAREST_M, FirstHits, target_numbers
 from rso_lidar.scene.surfaces.surface import Surface
 from tests.reference.scene.shadows import find_shadowed
 
@@ -21,7 +20,7 @@ def reference_casting() -> Iterator[None]:
     """Have `scene.cast` find hits and shadows by the reference inside."""
     with (
         mock.patch("rso_lidar.scene.casting.cast.find_first_hits", find_first_hits),
-        mock.patch("rso_lidar.scene.casting.light.find_shadowed", find_shadowed),
+        mock.patch("rso_lidar.scene.casting.illumination.find_shadowed", find_shadowed),
     ):
         yield
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rso_lidar.detector.ranging.matched import CODE, CODES_BEFORE, IS_IN_PULSE, PHASES
+from rso_lidar.detector.ranging.matched_filter import CODE, CODES_BEFORE, IS_IN_PULSE, PHASES
 from rso_lidar.kernels import kernel
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar.detector import detect
 from rso_lidar.detector.chain.full import store_waveforms
-from rso_lidar.detector.chain.measure import measure
+from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.ranging import location, report
 from rso_lidar.detector.settings.gsfl import Gsfl

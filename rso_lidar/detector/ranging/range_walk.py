@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar.detector.ranging.location import locate
-from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.algorithm import Ranging
 

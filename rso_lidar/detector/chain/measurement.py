@@ -11,13 +11,13 @@ from rso_lidar import units
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.location import locate, locate_all
-from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.ranging.range_walk import correct_walk, tabulate_walk
 from rso_lidar.detector.ranging.report import report_returns
-from rso_lidar.detector.ranging.walk import correct_walk, tabulate_walk
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.array_effects import draw_shift_m, latch_share
-from rso_lidar.detector.stages.camera import CameraPixels
+from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.records import Reading, Waveforms
 
 _LOOKED_FOR = 8  # returns in a trace: more do not fit between its ends

@@ -1,4 +1,4 @@
-"""What the full chain is asked about size, noise and its array: functions of `Gsfl`, beside its words and closed forms."""
+"""Size, false alarms, noise growth and crosstalk of the full chain, from its settings."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from rso_lidar.detector import Gsfl, detect
-from rso_lidar.detector.chain.measure import measure
+from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.records import Waveforms
 from tests.detector.returns_for_tests import nothing, returns

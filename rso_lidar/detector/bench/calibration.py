@@ -1,4 +1,4 @@
-"""Solve the constants of the shipped detectors through the whole chain: `python -m rso_lidar.detector.bench.calibrate`.
+"""Solve the constants of the shipped detectors through the whole chain: `python -m rso_lidar.detector.bench.calibration`.
 
 The reference state is a plate at normal incidence and a Gaussian pulse of 8 ns. 1000 mean photons reach the pixel, after the
 optics and before quantum efficiency. Dark current and threshold spread are on, background is off. There 95 % of flashes are
@@ -175,7 +175,7 @@ def write_presets(path: Path) -> None:
         if noise_electrons is None:
             fitted = fit_empirical(gsfl)
             sys.stdout.write(f"empirical: {fitted}\n")
-    remark = "# Written by `make calibrate` (python -m rso_lidar.detector.bench.calibrate); edit that, not this.\n"
+    remark = "# Written by `make calibrate` (python -m rso_lidar.detector.bench.calibration); edit that, not this.\n"
     path.write_text(
         "\n".join([remark, *(_format_table(*table) for table in [*tables, ("empirical", fitted)])]), encoding="utf-8"
     )

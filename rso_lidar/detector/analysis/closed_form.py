@@ -25,7 +25,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
-from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.apd import cumulants
 from rso_lidar.detector.settings.empirical import Empirical
