@@ -18,7 +18,7 @@ from benchmarks.report import Findings, table
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.layout.datasets import collect_values
 from rso_lidar.export.reader.status import read_status
-from rso_lidar.scene.library.catalogue import model
+from rso_lidar.scene.library.model_index import model
 
 FRAMES = 120_000
 RATE_HZ = 20

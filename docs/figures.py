@@ -40,7 +40,7 @@ from rso_lidar.picture.style.figures import format_thousands, new_figure, style_
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
-from rso_lidar.scenario.mission.surfaces import build_whole_surface
+from rso_lidar.scenario.mission.target_surfaces import build_whole_surface
 from rso_lidar.scene.surfaces.portrait import render_portrait
 from rso_lidar.study.time_history.open_loop import fly_open_loop
 

@@ -365,3 +365,9 @@ def _new(place: Path) -> tuple[Path, IO[bytes]]:
         except FileExistsError:
             continue
     raise AssertionError("counting has no end")
+
+
+def count_bytes(path: Path) -> int:
+    """Return the size of a file, or of all files in a folder."""
+    files_in = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files_in if file.is_file())

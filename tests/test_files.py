@@ -9,7 +9,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import files
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.motion.motions.prescribed import read_table
+from rso_lidar.motion.motions.prescribed_motion import read_table
 from rso_lidar.optics.tables.laser_profiles import read_pattern
 from rso_lidar.optics.tables.zemax import read_huygens_psf
 from rso_lidar.scene import load_mesh

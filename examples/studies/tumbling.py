@@ -19,7 +19,7 @@ import rso_lidar as rl
 from rso_lidar.export import Recording
 from rso_lidar.picture import save_figure
 from rso_lidar.pose import ROOT
-from rso_lidar.scene.library.catalogue import model
+from rso_lidar.scene.library.model_index import model
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 STOPS_M = (2000.0, 1000.0, 500.0, 200.0, 100.0, 50.0)  # behind the stage, on its track

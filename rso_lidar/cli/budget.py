@@ -6,10 +6,8 @@ from typing import Annotated
 
 import typer
 
+from rso_lidar.cli.arguments import Overwrite, Settings, parse_length_m
 from rso_lidar.cli.completion import list_cameras
-from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.quantities import parse_length_m
-from rso_lidar.cli.scenarios import Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable

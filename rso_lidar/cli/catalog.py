@@ -9,9 +9,8 @@ from typing import Annotated
 import typer
 
 from rso_lidar import units
+from rso_lidar.cli.arguments import Overwrite, parse_instant
 from rso_lidar.cli.completion import list_regimes
-from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.quantities import parse_instant
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically

@@ -1,7 +1,7 @@
 """`rso-lidar check`: checks and summary of a scenario."""
 
+from rso_lidar.cli.arguments import ScenarioFile, Settings
 from rso_lidar.cli.progress import announce_compiling
-from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.scenario import Scenario
 

@@ -8,7 +8,7 @@ from rso_lidar.export.registry import FORMATS
 from rso_lidar.orbit.sets.catalog import REGIMES
 from rso_lidar.records.taxonomy import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.scenario.tables.presets import load_presets
-from rso_lidar.scene.library.catalogue import models, own_models
+from rso_lidar.scene.library.model_index import models, own_models
 from rso_lidar.shipped import shipped
 
 

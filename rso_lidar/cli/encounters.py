@@ -9,10 +9,9 @@ import numpy as np
 import typer
 
 from rso_lidar import picture, units
+from rso_lidar.cli.arguments import Overwrite, parse_instant, parse_length_m
 from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.console import make_console
-from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.quantities import parse_instant, parse_length_m
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_text

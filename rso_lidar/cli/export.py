@@ -6,13 +6,13 @@ from typing import Annotated, Any
 import typer
 
 from rso_lidar import export as files
+from rso_lidar.cli.arguments import Overwrite, RecordingFile, select_frames
 from rso_lidar.cli.completion import list_formats
-from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import count_frames
-from rso_lidar.cli.recordings import RecordingFile, count_bytes, select_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.registry import FORMATS, Format, format_for
+from rso_lidar.files import count_bytes
 from rso_lidar.study.recorded_runs.conversion import save
 
 _OF_A_TARGET = ("tum", "kitti")

@@ -6,10 +6,11 @@ import numpy as np
 import typer
 
 from rso_lidar import export
+from rso_lidar.cli.arguments import RecordingFile
 from rso_lidar.cli.info_follow import follow_recording
-from rso_lidar.cli.recordings import RecordingFile, count_bytes
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError
+from rso_lidar.files import count_bytes
 from rso_lidar.records import Frame
 
 _EVERY_S = 2.0

@@ -11,7 +11,7 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError, did_you_mean
 from rso_lidar.records.taxonomy import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.scene.library.adding import Wanted, add_model, remove_model
-from rso_lidar.scene.library.catalogue import own_folder
+from rso_lidar.scene.library.model_index import own_folder
 
 MeshFile = Annotated[Path, typer.Argument(metavar="PATH", help="STL, OBJ, PLY, GLB, glTF or OFF; STEP or IGES.")]
 

@@ -11,7 +11,7 @@ from rso_lidar.errors import MeshError
 from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.scene import Mesh, load_mesh
 from rso_lidar.scene.library.adding import known_meshes
-from rso_lidar.scene.library.catalogue import model
+from rso_lidar.scene.library.model_index import model
 from rso_lidar.scene.meshes.cad import is_cad, tessellate
 from rso_lidar.scene.meshes.mesh import normalize_mesh
 from rso_lidar.scene.surfaces.examination import examine

@@ -6,13 +6,13 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from rso_lidar.cli.arguments import Overwrite
 from rso_lidar.cli.completion import list_models
 from rso_lidar.cli.console import make_console
-from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
-from rso_lidar.scene.library.catalogue import models, own_models
+from rso_lidar.scene.library.model_index import models, own_models
 from rso_lidar.study.model_card import ModelCard, make_model_card
 
 WIDE = 112  # columns that the tables need: no number is cut off

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
+from rso_lidar.cli.arguments import Overwrite
 from rso_lidar.cli.completion import list_examples
-from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_atomically

@@ -6,8 +6,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export, picture
-from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.recordings import RecordingFile
+from rso_lidar.cli.arguments import Overwrite, RecordingFile
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable

@@ -11,10 +11,8 @@ import numpy as np
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.outputs import Overwrite
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, parse_frames
 from rso_lidar.cli.progress import announce_compiling, show_progress
-from rso_lidar.cli.recordings import parse_frames
-from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice

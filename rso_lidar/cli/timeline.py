@@ -6,8 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.scenarios import ScenarioFile, Settings
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
 from rso_lidar.scenario import Scenario

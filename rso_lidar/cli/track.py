@@ -7,9 +7,8 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
-from rso_lidar.cli.outputs import Overwrite
+from rso_lidar.cli.arguments import Overwrite, RecordingFile, select_frames
 from rso_lidar.cli.progress import count_frames
-from rso_lidar.cli.recordings import RecordingFile, select_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable

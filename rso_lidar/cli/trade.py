@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.outputs import Overwrite
+from rso_lidar.cli.arguments import Overwrite
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError

@@ -9,8 +9,7 @@ import numpy as np
 import typer
 
 from rso_lidar import orbit, picture
-from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.scenarios import ScenarioFile, Settings
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.formats.czml import choose_samples, write_czml

@@ -7,9 +7,8 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.outputs import Overwrite
+from rso_lidar.cli.arguments import Overwrite, RecordingFile, select_frames
 from rso_lidar.cli.progress import count_frames
-from rso_lidar.cli.recordings import RecordingFile, select_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.study.recorded_runs.display import COLOURS, TOOLS, ViewerChoice, choose_viewer, show

@@ -17,9 +17,9 @@ from typing import Any
 
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.layout.intermediates import PhotonImage, check_kept
-from rso_lidar.export.reader.arrays import StoredArray
 from rso_lidar.export.reader.hdf5_file import TEMPORARY
 from rso_lidar.export.reader.recording import Frames, Recording
+from rso_lidar.export.reader.stored_array import StoredArray
 from rso_lidar.export.registry import SUFFIXES as WRITTEN
 from rso_lidar.export.registry import format_for, writer_for
 from rso_lidar.export.writer.recorder import SUFFIXES, Recorder, check_output, run_id

@@ -1,13 +1,13 @@
 """Positions and attitudes of all bodies, and the pointing of the lidar."""
 
 from rso_lidar.motion.aim import Aim, add_lidar, compute_demand, lidar_from_ptu, make_demand, simulate_drive
+from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
+from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.attitude_table import AttitudeTable, write_aem, write_attitude_csv
-from rso_lidar.motion.attitudes.constant import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.look_at import LookAt
 from rso_lidar.motion.attitudes.situation import Attitude, Orientation, Situation
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.attitudes.spin import Spin, Tumble
-from rso_lidar.motion.attitudes.state_space import StateSpaceAttitude
 from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Axes, Body
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle
@@ -17,7 +17,7 @@ from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, sense, start, step
 from rso_lidar.motion.motions.motion import Motion, advise, chief_of, summarize
-from rso_lidar.motion.motions.prescribed import Fixed, Table
+from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.mount import Mount
 from rso_lidar.motion.proximity import find_plan

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RsoLidarError, add_place, has_warnings_enabled, suppress_warnings, warn
-from rso_lidar.motion.attitudes.constant import FixedAttitude
+from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude
 from rso_lidar.motion.attitudes.situation import Orientation, Situation, orient
 from rso_lidar.motion.attitudes.sun_pointing import sun_line
 from rso_lidar.motion.bodies.body import Body
@@ -18,7 +18,7 @@ from rso_lidar.motion.bodies.hinge import find_sun_in_body
 from rso_lidar.motion.bodies.order import list_dependencies, sort_bodies
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel, fly_open_loop
 from rso_lidar.motion.motions.motion import chief_of, states_of
-from rso_lidar.motion.motions.placed import Place, PlacedMotion
+from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.motion.sun_vectors import SunVectors
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import differentiate, state_rates, two_body_rates

@@ -3,7 +3,7 @@
 from rso_lidar.scenario.scenario import Scenario, require_scenario
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
-from rso_lidar.scenario.tables.hinges import Joint
+from rso_lidar.scenario.tables.joints import Joint
 from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scenario.tables.schedule import Schedule
 from rso_lidar.scenario.tables.target import Follower, Target

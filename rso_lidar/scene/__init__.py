@@ -3,15 +3,15 @@
 from rso_lidar.scene.casting.cast import cast
 from rso_lidar.scene.casting.extent import extent
 from rso_lidar.scene.labels import label
+from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength, Named, find_material
 from rso_lidar.scene.materials.crinkle import Crinkled
-from rso_lidar.scene.materials.measured import TableBrdf
+from rso_lidar.scene.materials.measured_brdf import TableBrdf
 from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
-from rso_lidar.scene.materials.named import AnyMaterial, ByWavelength, Named, find_material
 from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, warn_of_repairs, warn_of_size
-from rso_lidar.scene.surfaces.articulated import Hinged, split_at_hinges
+from rso_lidar.scene.surfaces.articulation import Hinged, split_at_hinges
 from rso_lidar.scene.surfaces.surface import Surface, build_surface
 
 __all__ = [

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rso_lidar.scene.library.catalogue import materials
+from rso_lidar.scene.library.model_index import materials
 
 WAVELENGTHS_NM = (1064.0, 1570.0)
 

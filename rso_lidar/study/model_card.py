@@ -16,9 +16,9 @@ from rso_lidar.picture.style.output import save_figure
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Target
-from rso_lidar.scenario.mission.surfaces import build_whole_surface, find_taxonomy
+from rso_lidar.scenario.mission.target_surfaces import build_whole_surface, find_taxonomy
 from rso_lidar.scene import Surface
-from rso_lidar.scene.library.catalogue import materials, model
+from rso_lidar.scene.library.model_index import materials, model
 from rso_lidar.scene.surfaces.portrait import render_portrait, viewer_axes
 
 if TYPE_CHECKING:

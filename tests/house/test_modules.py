@@ -18,6 +18,7 @@ NO_ROOM = {"utils", "util", "helpers", "common", "core", "base", "manager", "mis
 MOST_MODULES = 14  # on one level of a room
 LISTS = {"cli", "shapes"}  # flat lists of like things: one file for each command, one for each model
 LONGEST = 400  # lines; past it a module is two
+SHORTEST = 8  # lines; what is shorter belongs into the module that uses it
 
 # What numpy.random offers that keeps no state of its own.
 STATELESS = {"Generator", "default_rng", "SeedSequence", "BitGenerator", "PCG64", "PCG64DXSM", "Philox", "SFC64"}
@@ -38,6 +39,12 @@ def test_modules_are_short():
     lines = {relative(module): len(module.read_text(encoding="utf-8").splitlines()) for module in MODULES}
     long = {name: count for name, count in lines.items() if count > LONGEST}
     assert not long, f"past {LONGEST} lines a module is two"
+
+
+def test_modules_are_worth_a_file():
+    lines = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in MODULES if "__" not in file.stem}
+    assert len(lines) > 300
+    assert not {relative(file): count for file, count in lines.items() if count < SHORTEST}
 
 
 def test_modules_say_what_is_in_them():

@@ -62,6 +62,49 @@ def test_no_two_modules_of_a_room_differ_by_one_letter():
     assert not {place: found for place, found in pairs.items() if found}
 
 
+def modules_of(trees):
+    """Return the places of all modules that are no doors, by room."""
+    found = {}
+    for module in trees:
+        room, *inner = Path(module).with_suffix("").parts[1:]
+        if inner and inner[-1] != "__init__":
+            found.setdefault(room, []).append(inner)
+    return found
+
+
+def test_no_two_modules_of_a_room_share_a_name():
+    """Nor a module and a sub-room; the module that gives a sub-room its name may live in it."""
+    found = modules_of(TREES)
+    assert len(found) > 12
+    shared = {}
+    for room, places in found.items():
+        names = [inner[-1] for inner in places]
+        folders = {inner[0] for inner in places if len(inner) > 1}
+        twice = {name for name in names if names.count(name) > 1}
+        twice |= {inner[-1] for inner in places if inner[-1] in folders and inner[0] != inner[-1]}
+        if twice:
+            shared[room] = sorted(twice)
+    assert not shared
+
+
+def plurals(name):
+    """Return what a plural of a word can look like."""
+    return {f"{name}s", f"{name}es", f"{name.removesuffix('y')}ies"}
+
+
+def test_no_two_modules_are_singular_and_plural_of_a_word():
+    """In the whole package but for the command line, whose modules have the names that a user types."""
+    names = {inner[-1] for room, found in modules_of(TREES).items() if room != "cli" for inner in found}
+    names |= {Path(module).stem for module in TREES if len(Path(module).parts) == 2}
+    assert len(names) > 300
+    assert not {name: plurals(name) & names for name in names if plurals(name) & names}
+
+
+def test_plurals_are_seen():
+    assert "trials" in plurals("trial") and "boxes" in plurals("box") and "bodies" in plurals("body")
+    assert "pulses" in plurals("pulse") and "sun_pass" not in plurals("sun_pa")
+
+
 def test_names_that_differ_by_one_letter_are_seen():
     assert alike("record", "records") and alike("plots", "plot") and alike("trace", "track")
     assert not alike("record", "recorder") and not alike("frame", "motion")

@@ -11,10 +11,10 @@ from scipy import integrate, special
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
+from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength, Named
 from rso_lidar.scene.materials.crinkle import Crinkled
-from rso_lidar.scene.materials.measured import TableBrdf
+from rso_lidar.scene.materials.measured_brdf import TableBrdf
 from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
-from rso_lidar.scene.materials.named import AnyMaterial, ByWavelength, Named
 from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, Scatterer

@@ -9,7 +9,7 @@ import trimesh
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records.taxonomy import classify_size
 from rso_lidar.scene import find_material
-from rso_lidar.scene.library.catalogue import materials, models
+from rso_lidar.scene.library.model_index import materials, models
 from rso_lidar.shapes import MATERIALS, build, builders
 from rso_lidar.shapes.solids import Solid
 from rso_lidar.shapes.write import glb, write

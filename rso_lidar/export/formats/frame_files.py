@@ -13,9 +13,9 @@ import numpy as np
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout.attributes import AXES
 from rso_lidar.export.layout.datasets import compute_lidar_poses
-from rso_lidar.export.layout.targets import tabulate_targets
+from rso_lidar.export.layout.target_table import tabulate_targets
 from rso_lidar.export.writer.folders import check_folder, draft_folder
-from rso_lidar.export.writer.frames import take_first
+from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.records import Frame, Source
 
 

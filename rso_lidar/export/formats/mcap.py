@@ -21,8 +21,8 @@ from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.formats.camera import Camera, fit_camera
 from rso_lidar.export.formats.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
 from rso_lidar.export.formats.trajectory import to_stamp_ns
-from rso_lidar.export.layout.targets import tabulate_targets
-from rso_lidar.export.writer.frames import take_first
+from rso_lidar.export.layout.target_table import tabulate_targets
+from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source

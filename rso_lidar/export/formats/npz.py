@@ -15,7 +15,7 @@ import numpy as np
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout.attributes import get_array_attributes, get_root_attributes
 from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_variables
-from rso_lidar.export.writer.frames import count_frame_bytes, match_entries, take_first, to_json
+from rso_lidar.export.writer.frame_stream import count_frame_bytes, match_entries, take_first, to_json
 from rso_lidar.export.writer.lens_tables import LensNumbers
 from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.records import Frame, Observation, specs

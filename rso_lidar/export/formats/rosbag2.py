@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rso_lidar.export.formats.mcap import TOPICS, MessageSpan, check_mcap, write_messages
 from rso_lidar.export.writer.folders import MARK, check_folder, draft_folder
-from rso_lidar.export.writer.frames import take_first
+from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.records import Frame
 
 METADATA = "metadata.yaml"

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.export.layout.datasets import INERTIAL, POINTING
 from rso_lidar.export.reader.recording import Frames, Recording
-from rso_lidar.export.writer.frames import take_first
+from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import BodyState, Frame, PtuAngles, Source, Truth, specs
 

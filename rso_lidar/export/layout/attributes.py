@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.layout.datasets import TIME, Variable
-from rso_lidar.export.layout.targets import tabulate_targets
+from rso_lidar.export.layout.target_table import tabulate_targets
 from rso_lidar.records import SCHEMA_VERSION, Source
 
 AXES = (

@@ -13,8 +13,8 @@ import numpy as np
 from rso_lidar.errors import RecordingError, RsoLidarError
 from rso_lidar.export.layout import intermediates
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, MORE_LABELS, POINTING, READING, RETURNS
-from rso_lidar.export.reader.arrays import StoredArray
 from rso_lidar.export.reader.recording_file import RecordingFile
+from rso_lidar.export.reader.stored_array import StoredArray
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import BodyState, Frame, Labels, Observation, PtuAngles, Reading, Record, Truth, specs
 

@@ -21,7 +21,7 @@ from rso_lidar.export.layout.attributes import SCALES, get_array_attributes, get
 from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_optional, list_variables
 from rso_lidar.export.reader.zarr_file import add_metadata_crc32, open_zarr
 from rso_lidar.export.writer.folders import check_folder, draft_folder
-from rso_lidar.export.writer.frames import count_frame_bytes, match_entries, take_first, to_json
+from rso_lidar.export.writer.frame_stream import count_frame_bytes, match_entries, take_first, to_json
 from rso_lidar.export.writer.lens_tables import LensNumbers
 from rso_lidar.records import Frame, Observation, specs
 

@@ -4,10 +4,10 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
+from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
 from rso_lidar.motion.attitudes.law import Law, refuse_bare_lvlh
 from rso_lidar.motion.attitudes.situation import Attitude
 from rso_lidar.motion.attitudes.slew import Slew
-from rso_lidar.motion.attitudes.state_space import StateSpaceAttitude
 from rso_lidar.part import Seam
 
 DescribedAttitude = Annotated[

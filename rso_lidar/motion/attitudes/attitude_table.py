@@ -18,11 +18,10 @@ from pydantic import Field
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.files import write_text
-from rso_lidar.motion.attitudes.constant import rtn_from_lvlh_ccsds
+from rso_lidar.motion.attitudes.attitude_hold import rtn_from_lvlh_ccsds
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, elapsed_from_ps, elapsed_s, read_csv_table
 from rso_lidar.orbit.ccsds.ephemeris import EDGE_S
-from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000, parse_frame
 from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
 from rso_lidar.orbit.ccsds.message import (
     Message,
@@ -33,6 +32,7 @@ from rso_lidar.orbit.ccsds.message import (
     usable_span_s,
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
+from rso_lidar.orbit.ccsds.reference_frames import gcrs_from_eme2000, parse_frame
 from rso_lidar.orbit.epochs import Epochs, format_epochs, format_utc, parse_epoch_ps
 from rso_lidar.part import Part, Text
 from rso_lidar.pose import quaternion_xyzw

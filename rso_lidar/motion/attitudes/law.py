@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
+from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
-from rso_lidar.motion.attitudes.constant import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.look_at import LookAt
 from rso_lidar.motion.attitudes.situation import Attitude
 from rso_lidar.motion.attitudes.spin import Spin, Tumble

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitudes.constant import rtn_from_lvlh_ccsds
+from rso_lidar.motion.attitudes.attitude_hold import rtn_from_lvlh_ccsds
 from rso_lidar.motion.attitudes.look_at import PARALLEL_RAD, aim_axes
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.orbit.epochs import format_utc

@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.motions.placed import PlacedMotion
-from rso_lidar.motion.motions.prescribed import Fixed, Table
+from rso_lidar.motion.motions.placement import PlacedMotion
+from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.orbit import J2, Ephemeris, Kepler, Numerical, Omm, State, Tle
 from rso_lidar.orbit.epochs import Epochs

@@ -16,7 +16,7 @@ from rso_lidar.motion.dynamics.attitude_state import (
     count_entries,
 )
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
-from rso_lidar.motion.motions.placed import Place, PlacedMotion
+from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Name
 from rso_lidar.pose import rotate_vectors

@@ -4,6 +4,7 @@ It acts on the light of single rays, before that is summed to pixels. It acts in
 depths that meet in a pixel stay two returns. No light is lost but what falls beside the focal plane.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -12,7 +13,6 @@ from rso_lidar.kernels import packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.lens.psf import FieldDependentPsf, find_reach, pixel_shares
 from rso_lidar.optics.receiver import Receiver
-from rso_lidar.optics.returns.light import Light
 from rso_lidar.optics.returns.spread import find_subcells, gather_returns, group_by_delay, spread_groups
 from rso_lidar.records import Hits
 from rso_lidar.ties import find_first_greatest
@@ -25,6 +25,22 @@ _MISSED = 1e-3  # share of the light beyond the reach of a kernel; it is shared 
 _MISSED_OF_HALO = 1e-6  # a halo is faint and wide, and it matters beside a bright glint
 _MOST_SUBCELLS = 8  # along each side of a pixel: how well the place of a ray in its pixel is resolved
 _CORE = 2  # pixels to each side within which the place of a ray counts; farther, the pixel's middle stands for it
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """Light on the focal plane, ordered by pixel (return): the fields that `Photons` takes over."""
+
+    pixel: np.ndarray
+    delay_s: np.ndarray
+    photons: np.ndarray
+    depth_spread_s: np.ndarray
+    coherence_cells: np.ndarray
+    hit: np.ndarray
+
+    def only(self, some: np.ndarray) -> "Light":
+        """Return a selection of the returns."""
+        return Light(*(getattr(self, name)[some] for name in Light.__dataclass_fields__))
 
 
 def blur_light(hits: Hits, light: Light, receiver: Receiver, wavelength_m: float, pulse_fwhm_s: float) -> Light:

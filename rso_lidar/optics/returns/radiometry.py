@@ -8,9 +8,8 @@ from rso_lidar import units
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
-from rso_lidar.optics.returns.blur import blur_light
+from rso_lidar.optics.returns.blur import Light, blur_light
 from rso_lidar.optics.returns.clusters import find_clusters
-from rso_lidar.optics.returns.light import Light
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.records import Hits, Photons
 

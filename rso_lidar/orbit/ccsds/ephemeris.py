@@ -21,7 +21,6 @@ from pydantic import Field
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, elapsed_s, read_csv_table
-from rso_lidar.orbit.ccsds.frames import gcrs_from_frame, parse_frame
 from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE, interpolate_hermite, interpolate_lagrange
 from rso_lidar.orbit.ccsds.message import (
     Message,
@@ -32,6 +31,7 @@ from rso_lidar.orbit.ccsds.message import (
     usable_span_s,
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
+from rso_lidar.orbit.ccsds.reference_frames import gcrs_from_frame, parse_frame
 from rso_lidar.orbit.epochs import Epochs, format_utc, parse_epoch_ps
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.pose import rotate_vectors

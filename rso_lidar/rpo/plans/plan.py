@@ -16,7 +16,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.rpo.limits import check_horizon
-from rso_lidar.rpo.plans.closest_approach import find_closest_approach
+from rso_lidar.rpo.plans.minimum_distance import find_closest_approach
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]

@@ -13,11 +13,11 @@ from rso_lidar.optics.tables import zemax
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.scenario.assessment.compliance import list_violations
 from rso_lidar.scenario.assessment.environment import advise_on_environment
-from rso_lidar.scenario.assessment.separations import advise_on_separations
+from rso_lidar.scenario.assessment.multiple_returns import advise_on_separations
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, boresight_light_fraction, preview_mission
+from rso_lidar.scenario.preview.monte_carlo import try_pixels
 from rso_lidar.scenario.preview.returns import cast_attitudes
-from rso_lidar.scenario.preview.trials import try_pixels
 from rso_lidar.ties import find_first_least
 
 _LIGHT_TIME_M = 0.01

@@ -14,11 +14,11 @@ from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.part import kind_of
 from rso_lidar.scenario.assessment.advice import advise
 from rso_lidar.scenario.assessment.environment import describe_environment
-from rso_lidar.scenario.assessment.separations import describe_separations
+from rso_lidar.scenario.assessment.multiple_returns import describe_separations
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, preview_mission
+from rso_lidar.scenario.preview.monte_carlo import try_pixels
 from rso_lidar.scenario.preview.returns import TargetReturns, cast_attitudes
-from rso_lidar.scenario.preview.trials import try_pixels
 from rso_lidar.ties import find_first_least
 
 _FEWEST_REPORTS = 100  # the standard error of a noise from quartiles is then 12 % (1.17 / sqrt n)

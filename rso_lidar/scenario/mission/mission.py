@@ -11,14 +11,15 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
+from rso_lidar import detector
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.files import convert_path
 from rso_lidar.motion import Body, Ptu, TrackPoint, sort_bodies
+from rso_lidar.optics import read_files
 from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects
-from rso_lidar.scenario.mission.instrument import check_instrument
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics
-from rso_lidar.scenario.mission.surfaces import build_surfaces
+from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
 from rso_lidar.scenario.tables.lidar import Lidar
@@ -214,7 +215,7 @@ class Mission(Part):
         """Lidar with the paths of the files that it names, all of them read."""
         with self.locate_errors("lidar"):
             found: Lidar = find_named_files(self.lidar, self.file)
-            check_instrument(found)
+            _check_instrument(found)
         return found
 
     @property
@@ -230,3 +231,14 @@ class Mission(Part):
     def rng(self, frame: int, stage: int = 0) -> np.random.Generator:
         """Return the generator of one frame's noise: it depends on seed, frame and stage only."""
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
+
+
+def _check_instrument(lidar: Lidar) -> None:
+    """Read the files of an instrument, which must have been found, and refuse a detector that is too large."""
+    lenses = {lidar.receiver}
+    if lidar.schedule is not None and lidar.schedule.focal_length_mm is not None:
+        ends = min(lidar.schedule.focal_length_mm), max(lidar.schedule.focal_length_mm)
+        lenses |= {lidar.with_settings({"focal_length_mm": end}).receiver for end in ends}
+    for receiver in lenses:
+        read_files(lidar.laser, receiver)
+    detector.check_size(lidar.detector, lidar.laser.pulse_fwhm_s, lidar.receiver.n_rows * lidar.receiver.n_cols)

@@ -18,12 +18,12 @@ from rso_lidar.part import Part, dump_part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.named_files import list_named_files
-from rso_lidar.scenario.mission.surfaces import find_taxonomy, place_mesh
+from rso_lidar.scenario.mission.target_surfaces import find_taxonomy, place_mesh
 from rso_lidar.scenario.tables.library_model import describe_library_model
 from rso_lidar.scenario.tables.target import Target
 from rso_lidar.scene import Lambertian, Material, Named, Surface
 from rso_lidar.scene.embree.engine import engine
-from rso_lidar.scene.library.catalogue import model
+from rso_lidar.scene.library.model_index import model
 
 _LIBRARIES = ("numpy", "scipy", "skyfield", "sgp4", "trimesh", "embreex", "h5py")
 

@@ -12,7 +12,7 @@ from rso_lidar import optics, scene
 from rso_lidar.optics import Receiver
 from rso_lidar.records import Hits, Photons, Truth
 from rso_lidar.scenario.mission.mission import Mission
-from rso_lidar.scenario.preview.attitudes import collect_attitudes
+from rso_lidar.scenario.preview.aspects import collect_attitudes
 from rso_lidar.scenario.preview.geometry import Preview
 
 _MOST_RAYS = 4_000_000  # in all casts of one line of a description, so that a large, near target takes seconds

@@ -7,7 +7,7 @@ import numpy as np
 from rso_lidar import optics, scene, units
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scenario.mission.mission import Mission
-from rso_lidar.scenario.preview.attitudes import build_truth, link_surfaces, rotation_between
+from rso_lidar.scenario.preview.aspects import build_truth, link_surfaces, rotation_between
 from rso_lidar.scenario.preview.geometry import Preview
 
 _MOST_ATTITUDES = 24

@@ -13,11 +13,11 @@ from rso_lidar.motion.bodies.hinge import HingeAxes
 from rso_lidar.part import Positive, Text, Vector
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
-from rso_lidar.scenario.tables.hinges import Joint, ModelPlacement, complete_joint
+from rso_lidar.scenario.tables.joints import Joint, ModelPlacement, complete_joint
 from rso_lidar.scenario.tables.library_model import LibraryModel
 from rso_lidar.scenario.tables.terrain import Terrain, name_terrain
 from rso_lidar.scene import AnyMaterial
-from rso_lidar.scene.library.catalogue import model
+from rso_lidar.scene.library.model_index import model
 
 Colour = Annotated[str, Strict(), Field(pattern=r"^#[0-9A-Fa-f]{6}$")]
 

@@ -1,5 +1,5 @@
 """Models and materials by name: the shipped catalogue and the user's own."""
 
-from rso_lidar.scene.library.catalogue import ModelEntry, materials, model, models, own_folder, own_models
+from rso_lidar.scene.library.model_index import ModelEntry, materials, model, models, own_folder, own_models
 
 __all__ = ["ModelEntry", "materials", "model", "models", "own_folder", "own_models"]

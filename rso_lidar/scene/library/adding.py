@@ -18,7 +18,8 @@ import numpy as np
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.files import hold_lock, write_atomically
 from rso_lidar.records.taxonomy import Taxonomy, classify_size
-from rso_lidar.scene.library.catalogue import (
+from rso_lidar.scene.library.group_materials import materials_of
+from rso_lidar.scene.library.model_index import (
     ModelEntry,
     materials,
     model,
@@ -29,7 +30,6 @@ from rso_lidar.scene.library.catalogue import (
     read_own_index,
     read_table,
 )
-from rso_lidar.scene.library.material_names import materials_of
 from rso_lidar.scene.meshes.cad import CHORD_MM, is_cad, tessellate
 from rso_lidar.scene.meshes.components import find_helper_cube, format_count
 from rso_lidar.scene.meshes.mesh import FARTHEST_M, Mesh, guess_units, is_plausible_size, load_mesh, normalize_mesh

@@ -21,7 +21,7 @@ from rso_lidar.scenario.preview.geometry import preview_mission
 from rso_lidar.scenario.preview.silhouettes import cast_silhouettes
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete, find_material
-from rso_lidar.scene.library.catalogue import materials
+from rso_lidar.scene.library.model_index import materials
 
 _RANGES = 121
 _SPAN = 50.0  # default of the greatest range over the least

@@ -20,7 +20,7 @@ from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.files import advise_on_write, hold_lock
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
-from rso_lidar.scene.library.catalogue import own_models
+from rso_lidar.scene.library.model_index import own_models
 from rso_lidar.study.trades.definition import Axis, Study, write_toml_value
 from rso_lidar.study.trades.plan import Row, TradePlan, make_plan
 from rso_lidar.study.trades.report import save_trade

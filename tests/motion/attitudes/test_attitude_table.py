@@ -7,13 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
+from rso_lidar.motion.attitudes.attitude_hold import LvlhCcsds
 from rso_lidar.motion.attitudes.attitude_table import AttitudeTable, write_aem, write_attitude_csv
-from rso_lidar.motion.attitudes.constant import LvlhCcsds
 from rso_lidar.motion.attitudes.spin import Tumble
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.motions.prescribed import Fixed
+from rso_lidar.motion.motions.prescribed_motion import Fixed
 from rso_lidar.motion.truth import truth
-from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000
+from rso_lidar.orbit.ccsds.reference_frames import gcrs_from_eme2000
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import Kepler
 

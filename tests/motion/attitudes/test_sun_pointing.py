@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.motions.prescribed import Fixed
+from rso_lidar.motion.motions.prescribed_motion import Fixed
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.sun import sun_position_m

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar import motion, orbit, units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitudes.state_space import StateSpaceAttitude
+from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
 from rso_lidar.motion.dynamics.flight import Flight
 from rso_lidar.motion.gimbal.drive import SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.ptu import Ptu, start, step

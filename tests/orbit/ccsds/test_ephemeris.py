@@ -7,8 +7,8 @@ import pytest
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
-from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000
 from rso_lidar.orbit.ccsds.interpolation import interpolate_hermite, interpolate_lagrange
+from rso_lidar.orbit.ccsds.reference_frames import gcrs_from_eme2000
 from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.teme import gcrs_from_teme

@@ -13,12 +13,12 @@ from rso_lidar.optics.returns.blur import (
     LEAST_PHOTONS,
     SLAB_FWHM,
     ZONES,
+    Light,
     count_subcells,
     split_core_and_far,
     spread_far_light,
     zone_shares,
 )
-from rso_lidar.optics.returns.light import Light
 from tests.reference.ties import find_first_greatest_of_each
 
 

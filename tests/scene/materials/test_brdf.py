@@ -5,9 +5,9 @@ import pytest
 from pydantic import TypeAdapter
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene.materials.measured import TableBrdf
+from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength
+from rso_lidar.scene.materials.measured_brdf import TableBrdf
 from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
-from rso_lidar.scene.materials.named import AnyMaterial, ByWavelength
 from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 

@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar.errors import MeshError
 from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library.catalogue import model
+from rso_lidar.scene.library.model_index import model
 from rso_lidar.scene.meshes.components import find_helper_cube, format_count
 from rso_lidar.scene.meshes.mesh import normalize_mesh
 from rso_lidar.scene.surfaces.examination import examine

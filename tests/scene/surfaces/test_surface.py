@@ -5,7 +5,7 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scene import Hinged, Lambertian, Phong, split_at_hinges
-from rso_lidar.scene.materials.named import ByWavelength
+from rso_lidar.scene.materials.choice import ByWavelength
 from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import box, plate, sphere, surface
 

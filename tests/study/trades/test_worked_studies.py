@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
-from rso_lidar.scene.library.catalogue import models
+from rso_lidar.scene.library.model_index import models
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.plan import make_plan
 

@@ -22,7 +22,7 @@ from rso_lidar.scene import (
     warn_of_repairs,
     warn_of_size,
 )
-from rso_lidar.scene.library.catalogue import ModelEntry, model
+from rso_lidar.scene.library.model_index import ModelEntry, model
 
 
 def build_surfaces(

@@ -8,9 +8,9 @@ from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError, model
 from rso_lidar import units
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.part import Positive, Seam, Text
-from rso_lidar.scene.library import catalogue
+from rso_lidar.scene.library import model_index
 from rso_lidar.scene.materials.crinkle import Crinkled
-from rso_lidar.scene.materials.measured import TableBrdf
+from rso_lidar.scene.materials.measured_brdf import TableBrdf
 from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
 from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
@@ -80,7 +80,7 @@ class Named(MaterialPart):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        known = catalogue.materials()
+        known = model_index.materials()
         if self.name not in known:
             guess = did_you_mean(self.name, known)
             raise ValueError(f"no material '{self.name}'{guess or ';'} (known: {', '.join(known)})")
@@ -118,7 +118,7 @@ def find_material(name: str, wavelength_m: float) -> Scatterer:
     ------
     MeshError : the catalogue has no material of that name, or its entry is wrong.
     """
-    fields = catalogue.materials().get(name)
+    fields = model_index.materials().get(name)
     if fields is None:
         raise MeshError(f"models/materials.toml: no material '{name}'; add it, or name another in models/index.toml")
     if wavelength_m > _BETWEEN_M:

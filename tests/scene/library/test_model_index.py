@@ -7,7 +7,7 @@ import pytest
 import tomli_w
 
 from rso_lidar.errors import MeshError, ScenarioError
-from rso_lidar.scene.library.catalogue import ModelEntry, materials, model, models, read_materials, read_models
+from rso_lidar.scene.library.model_index import ModelEntry, materials, model, models, read_materials, read_models
 
 
 def test_catalogue_lists_models_with_files_and_materials():

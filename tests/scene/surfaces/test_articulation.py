@@ -9,7 +9,7 @@ import rso_lidar as rl
 from rso_lidar import optics, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun
-from rso_lidar.scenario.tables.hinges import Joint
+from rso_lidar.scenario.tables.joints import Joint
 from rso_lidar.scene import Hinged, split_at_hinges
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from rso_lidar.errors import MeshError, did_you_mean
-from rso_lidar.scene.library.catalogue import materials, own_folder, read_table
+from rso_lidar.scene.library.model_index import materials, own_folder, read_table
 from rso_lidar.shipped import shipped
 
 TABLE = "material_names.toml"

@@ -14,7 +14,7 @@ from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.motion.dynamics.flight import Flight
-from rso_lidar.motion.motions.placed import Place, PlacedMotion
+from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, read_csv_table
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Name, Text, Vector

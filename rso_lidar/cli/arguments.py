@@ -1,0 +1,80 @@
+"""Arguments and options that several commands share: files, settings, frames, lengths and instants."""
+
+import datetime
+import re
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from rso_lidar import export, units
+from rso_lidar.errors import RecordingError, ScenarioError
+
+ScenarioFile = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
+RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PLACE=VALUE", help="Set a field, as lidar.laser.energy_mj=20.")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
+
+_LENGTHS_M = {"m": 1.0, "km": units.KM}
+
+
+def parse_length_m(option: str, text: str) -> float:
+    """Parse a length with its unit, such as ``50km``, and return it in metres."""
+    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([A-Za-z]*)\s*", text)
+    try:
+        number = float(found[1]) if found else float("nan")
+    except ValueError:
+        number = float("nan")
+    if not found or not np.isfinite(number):
+        raise ScenarioError(f"{option} {text}: is not a length; write for example 50km or 500m")
+    if not found[2]:
+        raise ScenarioError(f"{option} {text}: has no unit; write {text.strip()}km or {text.strip()}m")
+    if found[2] not in _LENGTHS_M:
+        raise ScenarioError(f"{option} {text}: unknown unit '{found[2]}' (known: {', '.join(_LENGTHS_M)})")
+    return number * _LENGTHS_M[found[2]]
+
+
+def parse_instant(option: str, text: str) -> datetime.datetime:
+    """Parse a time with its UTC offset, in a year that element sets can have."""
+    try:
+        at = datetime.datetime.fromisoformat(text.strip())
+    except ValueError:
+        raise ScenarioError(f"{option} {text}: is no time; write for example 2026-05-07T00:00:00Z") from None
+    if at.tzinfo is None:
+        raise ScenarioError(f"{option} {text}: a time without an offset is ambiguous; end it with Z or +00:00")
+    if not 1957 <= at.year <= 2056:
+        raise ScenarioError(f"{option} {text}: element sets are of 1957 to 2056; correct the year")
+    return at.astimezone(datetime.UTC)
+
+
+def parse_frames(text: str | None) -> slice | None:
+    """Parse ``A:B`` or ``A:B:C`` as a slice."""
+    if text is None:
+        return None
+    try:
+        ends = [int(word) if word else None for word in text.split(":")]
+        if len(ends) == 1 and ends[0] is not None:
+            return slice(ends[0], ends[0] + 1)
+        if len(ends) in (2, 3) and (len(ends) == 2 or ends[2] is None or ends[2] > 0):
+            return slice(*ends)
+    except ValueError:
+        pass
+    raise ScenarioError(f"--frames {text}: is not A:B or A:B:STEP; write for example 0:100")
+
+
+def select_frames(read: export.Recording, frames: str | None) -> list[int]:
+    """Select frames of a recording by their numbers."""
+    numbers = read.frame_index[:]
+    if not numbers.size:
+        raise RecordingError(f"{read.path}: holds no frames yet; run the scenario again")
+    wanted = parse_frames(frames)
+    if wanted is None:
+        return list(range(numbers.size))
+    places = np.flatnonzero(np.isin(numbers, np.arange(int(numbers.max()) + 1)[wanted])).tolist()
+    if not places:
+        held = f"{numbers.size} from {numbers.min()} to {numbers.max()}"
+        raise RecordingError(f"--frames {frames}: {read.path.name} holds none of them, but {held}")
+    return list(places)
