@@ -153,10 +153,20 @@ def parts_of(annotation):
     return set().union(*map(parts_of, get_args(annotation)))
 
 
-KINDS = {  # what a user may bring as an object of their own, and the rooms that may ask which one it is
-    "detector": (parts_of(rl.Lidar.model_fields["detector"].annotation), {"detector"}),
-    "motion": (parts_of(rl.motion.Body.model_fields["motion"].annotation), {"motion", "orbit", "rpo"}),
-    "attitude": (parts_of(rl.motion.Body.model_fields["attitude"].annotation), {"motion"}),
+def parts_at(part, field):
+    return parts_of(part.model_fields[field].annotation)
+
+
+KINDS = {  # parts of which a scenario chooses one, and the rooms that may ask which one it is
+    "detector": (parts_at(rl.Lidar, "detector"), {"detector"}),
+    "motion": (parts_at(rl.motion.Body, "motion"), {"motion", "orbit", "rpo"}),
+    "attitude": (parts_at(rl.motion.Body, "attitude"), {"motion"}),
+    "angle": (parts_at(rl.motion.HingeAxes, "angle"), {"motion"}),
+    "point": (parts_at(rl.Ptu, "point"), {"motion"}),
+    "response": (parts_at(rl.Ptu, "response"), {"motion"}),
+    "material": (parts_at(rl.Target, "material"), {"scene"}),
+    "psf": (parts_at(rl.Receiver, "psf"), {"optics"}),
+    "distortion": (parts_at(rl.Receiver, "distortion"), {"optics"}),
 }
 
 
@@ -165,7 +175,7 @@ def names_in(node):
 
 
 def questions(tree, kind, names):
-    """Return the lines that ask which detector, motion or attitude a part is."""
+    """Return the lines that ask which of its kind a part is."""
     lines = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):

@@ -16,7 +16,15 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
-class FixedAngle(Part):
+class _AngleLaw(Part):
+    """Base of all laws of a hinge angle."""
+
+    def complete(self, normal: Vector | None) -> Self:
+        """Complete the law by the normal of the model's hinge [body axes], if the law needs one and has none."""
+        return self
+
+
+class FixedAngle(_AngleLaw):
     """A hinge at a fixed angle, or one that turns from it at a constant rate."""
 
     type: Literal["fixed"] = "fixed"
@@ -24,7 +32,7 @@ class FixedAngle(Part):
     rate_deg_s: Number = Field(default=0.0, description="Constant rate of the hinge angle [deg/s].")
 
 
-class FollowSun(Part):
+class FollowSun(_AngleLaw):
     """A hinge that turns `normal` (body axes, at angle zero) as close to the Sun as its axis allows, also in eclipse.
 
     If the Sun is along the axis, the angle is undetermined and the hinge is at zero. `normal` may be left out if the
@@ -40,8 +48,12 @@ class FollowSun(Part):
         ),
     )
 
+    def complete(self, normal: Vector | None) -> Self:
+        """Take the normal of the model's hinge [body axes] unless there is one already."""
+        return self if normal is None or self.normal is not None else self.replace(normal=normal)
 
-class PlannedAngle(Part):
+
+class PlannedAngle(_AngleLaw):
     """A hinge that interpolates planned angles linearly, and does not move before the first or after the last."""
 
     type: Literal["planned"] = "planned"

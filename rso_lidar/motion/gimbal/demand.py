@@ -19,7 +19,16 @@ from rso_lidar.part import NotNegative, Number, Part, Positive, Text
 Demand = Callable[[np.ndarray], np.ndarray]
 
 
-class FixedPoint(Part):
+class _Point(Part):
+    """Base of all laws of pointing."""
+
+    @property
+    def tracked_name(self) -> str | None:
+        """Name of the body or axes that the PTU tracks; None if it tracks nothing."""
+        return None
+
+
+class FixedPoint(_Point):
     """Point in a fixed direction in the axes of the mount."""
 
     type: Literal["fixed"] = "fixed"
@@ -31,7 +40,7 @@ class FixedPoint(Part):
         return np.tile(np.array([self.pan_deg, self.tilt_deg]) * units.DEG, (len(time_s), 1))
 
 
-class TrackPoint(Part):
+class TrackPoint(_Point):
     """Point the PTU's +x at the true position of a body, or of axes that a body declares, like a perfect tracker.
 
     If `[lidar] mount` rotates the lidar away from the PTU's +x, the lidar points beside the target.
@@ -42,8 +51,13 @@ class TrackPoint(Part):
         description="Name of the body to track, or of axes that a body declares. Its true position is tracked."
     )
 
+    @property
+    def tracked_name(self) -> str:
+        """Name of the body or axes that the PTU tracks."""
+        return self.at
 
-class ScanPoint(Part):
+
+class ScanPoint(_Point):
     """Scan about a centre at a constant rate in pan and tilt, forward and backward, without end.
 
     A `raster` has lines along pan, at most `step_deg` apart, and runs from the upper left down and back the same way. A

@@ -31,6 +31,10 @@ class DistortionPart(Part):
     def coefficients(self) -> Coefficients:
         """Coefficients k1, k2, k3, p1, p2, in powers of the tangent of the field angle."""
 
+    def read_bands(self) -> tuple[zemax.FileBand, ...]:
+        """Read for which wavelengths the file of the distortion was computed; empty where none says so."""
+        return ()
+
     def distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the image points (xd, yd) of directions (x, y) (Brown 1966, Conrady 1919).
 
@@ -159,6 +163,11 @@ class ZemaxDistortion(DistortionPart):
     def coefficients(self) -> Coefficients:
         """Coefficients k1, k2, k3, p1, p2 of the fit."""
         return self.fit.coefficients
+
+    def read_bands(self) -> tuple[zemax.FileBand, ...]:
+        """Read the wavelength of the listing."""
+        wavelength_m = zemax.read_grid_distortion(self.file).wavelength_m
+        return ((self.file, wavelength_m, wavelength_m),) if wavelength_m else ()
 
     @property
     def fit(self) -> "Fit":

@@ -49,6 +49,10 @@ class PsfPart(Part):
     def read(self) -> None:
         """Read the kernel's file, if it has one, and raise what is wrong with it."""
 
+    def read_bands(self) -> tuple[zemax.FileBand, ...]:
+        """Read for which wavelengths the kernel's file was computed; empty where none says so."""
+        return ()
+
     @abstractmethod
     def core(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col) of the kernel without its halo."""
@@ -116,6 +120,11 @@ class ZemaxPsf(PsfPart):
         """Read the listing."""
         zemax.read_huygens_psf(self.file)
 
+    def read_bands(self) -> tuple[zemax.FileBand, ...]:
+        """Read the wavelengths of the listing."""
+        band_m = zemax.read_huygens_psf(self.file).wavelength_m
+        return () if band_m is None else ((self.file, *band_m),)
+
     def core(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col) of the listing."""
         listing = zemax.read_huygens_psf(self.file)
@@ -151,6 +160,10 @@ class FieldDependentPsf(Part):
         if any(b <= a for a, b in itertools.pairwise(angles)):
             raise ValueError("the field_deg of fields do not grow; sort them, one kernel for each angle")
         return self
+
+    def read_bands(self) -> tuple[zemax.FileBand, ...]:
+        """Read for which wavelengths the kernels' files were computed."""
+        return tuple(band for entry in self.fields for band in entry.psf.read_bands())
 
 
 Psf = Annotated[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf | FieldDependentPsf, Field(discriminator="type")]

@@ -35,6 +35,8 @@ _METRES = {
     "inches": 25.4 * units.MM,  # the international inch, exact
 }
 
+FileBand = tuple[str, float, float]  # a file, and the shortest and longest wavelength [m] that it was computed for
+
 
 @dataclass(frozen=True)
 class HuygensPsf:

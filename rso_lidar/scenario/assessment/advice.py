@@ -7,9 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import detector, motion, units
-from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
-from rso_lidar.optics.tables import zemax
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.scenario.assessment.compliance import list_violations
 from rso_lidar.scenario.assessment.environment import advise_on_environment
@@ -196,16 +194,12 @@ def _advise_on_sunlight(mission: Mission) -> list[str]:
 def _advise_on_lens(mission: Mission) -> list[str]:
     """Warn of lens files that were exported for another wavelength than the laser's."""
     laser, receiver = mission.instrument.laser, mission.instrument.receiver
-    psfs = [one.psf for one in receiver.psf.fields] if isinstance(receiver.psf, FieldDependentPsf) else [receiver.psf]
-    bands = [(psf.file, zemax.read_huygens_psf(psf.file).wavelength_m) for psf in psfs if isinstance(psf, ZemaxPsf)]
-    if isinstance(receiver.distortion, ZemaxDistortion):
-        one_m = zemax.read_grid_distortion(receiver.distortion.file).wavelength_m
-        bands.append((receiver.distortion.file, (one_m, one_m) if one_m else None))
+    bands = [band for part in (receiver.psf, receiver.distortion) if part is not None for band in part.read_bands()]
     return [
-        f"lidar.receiver: {Path(file).name} is for {band[0] / units.NM:.0f} to {band[1] / units.NM:.0f} nm and the laser "
-        f"is at {laser.wavelength_nm:g} nm; export the lens at the laser's wavelength"
-        for file, band in bands
-        if band is not None and not 0.95 * band[0] <= laser.wavelength_m <= 1.05 * band[1]
+        f"lidar.receiver: {Path(file).name} is for {shortest_m / units.NM:.0f} to {longest_m / units.NM:.0f} nm and the "
+        f"laser is at {laser.wavelength_nm:g} nm; export the lens at the laser's wavelength"
+        for file, shortest_m, longest_m in bands
+        if not 0.95 * shortest_m <= laser.wavelength_m <= 1.05 * longest_m
     ]
 
 

@@ -106,7 +106,7 @@ def _describe_instrument(mission: Mission, preview: Preview) -> list[str]:
     ptu = "none, the lidar looks along the follower's +x"
     if mission.ptu:
         point = mission.ptu.point
-        ptu = f"{point.type}{' ' + point.at if point.type == 'track' else ''}, response {mission.ptu.response.type}"
+        ptu = f"{' '.join(filter(None, (point.type, point.tracked_name)))}, response {mission.ptu.response.type}"
     return [
         f"ptu         {ptu}{_describe_pointing_lag(preview)}",
         f"laser       {laser.wavelength_nm:g} nm, {laser.energy_mj:g} mJ ({laser.photons:.3g} photons), "

@@ -14,7 +14,7 @@ from pydantic import Field, PrivateAttr, model_validator
 from rso_lidar import detector
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.files import convert_path
-from rso_lidar.motion import Body, Ptu, TrackPoint, sort_bodies
+from rso_lidar.motion import Body, Ptu, sort_bodies
 from rso_lidar.optics import read_files
 from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects
@@ -128,13 +128,14 @@ class Mission(Part):
         if self.constraints is not None:
             sun = not self.is_local or self.world.sun_direction is not None
             self.constraints.check(self.target, local=self.is_local, sun=sun)
-        if self.ptu is not None and isinstance(self.ptu.point, TrackPoint):
+        tracked = None if self.ptu is None else self.ptu.point.tracked_name
+        if tracked is not None:
             known = [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]
             known.remove("follower")
-            if self.ptu.point.at not in known:
-                guess = did_you_mean(self.ptu.point.at, known)
+            if tracked not in known:
+                guess = did_you_mean(tracked, known)
                 raise ValueError(
-                    f"ptu.point.at: nothing is named '{self.ptu.point.at}'{guess} (known: {', '.join(known) or 'none'})"
+                    f"ptu.point.at: nothing is named '{tracked}'{guess} (known: {', '.join(known) or 'none'})"
                 )
         return self
 

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError, add_place
-from rso_lidar.motion.bodies.hinge import Angle, FollowSun, HingeAxes
+from rso_lidar.motion.bodies.hinge import Angle, HingeAxes
 from rso_lidar.part import Direction, Name, Part, Text, Vector
 from rso_lidar.records.taxonomy import Hinge
 from rso_lidar.scene.meshes.mesh import body_from_mesh
@@ -89,8 +89,7 @@ def complete_joint(
         parts = parts or hinge.parts
         position_m = position_m or placement.point(hinge.position_m)
         axis = axis or placement.direction(hinge.axis)
-        if isinstance(angle, FollowSun) and angle.normal is None and hinge.normal is not None:
-            angle = FollowSun(normal=placement.direction(hinge.normal))
+        angle = angle.complete(None if hinge.normal is None else placement.direction(hinge.normal))
     with add_place(f"joint {joint.name}"):
         if parts is None or axis is None:
             what = " and ".join(name for name, value in (("parts", parts), ("axis", axis)) if value is None)
