@@ -11,7 +11,7 @@ import numpy as np
 
 import rso_lidar as rl
 from rso_lidar.picture.style.figures import new_figure, style_axes
-from rso_lidar.study.elevation import (
+from rso_lidar.study import (
     HAZARD,
     SAFE,
     UNKNOWN,

@@ -2,6 +2,17 @@
 
 from rso_lidar.study.budgets.range_budget import Budget, budget
 from rso_lidar.study.budgets.range_curve import BudgetCurve
+from rso_lidar.study.elevation import (
+    HAZARD,
+    SAFE,
+    UNKNOWN,
+    ElevationMap,
+    MapAgreement,
+    build_elevation_map,
+    build_true_elevation,
+    compare_maps,
+    find_hazards,
+)
 from rso_lidar.study.passes.pass_geometry import Encounter, reach_m
 from rso_lidar.study.passes.pass_table import Encounters
 from rso_lidar.study.passes.scenario_text import scenario_text
@@ -14,16 +25,25 @@ from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import Trade, trade
 
 __all__ = [
+    "HAZARD",
+    "SAFE",
+    "UNKNOWN",
     "Budget",
     "BudgetCurve",
+    "ElevationMap",
     "Encounter",
     "Encounters",
+    "MapAgreement",
     "Study",
     "Timeline",
     "Tracking",
     "Trade",
     "budget",
+    "build_elevation_map",
+    "build_true_elevation",
+    "compare_maps",
     "encounters",
+    "find_hazards",
     "reach_m",
     "save",
     "scenario_text",

@@ -92,6 +92,10 @@ def build_elevation_map(
     cell_m : side of a cell [m].
     navigated : function that returns the pose as navigated, from a frame and the true pose (None: the true pose).
 
+    Returns
+    -------
+    The map; cells without a point are NaN.
+
     Raises
     ------
     ValueError
@@ -99,7 +103,7 @@ def build_elevation_map(
     """
     n = round(size_m / cell_m)
     if n < 1:
-        raise ValueError(f"elevation_map: no cell of {cell_m:g} m in {size_m:g} m; make cell_m smaller")
+        raise ValueError(f"build_elevation_map: no cell of {cell_m:g} m in {size_m:g} m; make cell_m smaller")
     found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     for frame in frames:
         pose = frame.truth.poses.place(site, "lidar")
@@ -144,7 +148,17 @@ def _reject_outliers(cell: np.ndarray, height: np.ndarray, n: int, coarse: int) 
 
 
 def build_true_elevation(surface: Surface, like: ElevationMap) -> ElevationMap:
-    """Build the true map of a surface's topmost facets, averaged over the cells of another map."""
+    """Build the true map of a surface's topmost facets, averaged over the cells of another map.
+
+    Parameters
+    ----------
+    surface : the ground.
+    like : the map that gives the grid.
+
+    Returns
+    -------
+    The map; its `points` count the heights that were averaged in each cell.
+    """
     part = ((np.arange(_SUB) + 0.5) / _SUB - 0.5) * like.cell_m
     east = (like.east_m[:, None] + part).ravel()
     north = (like.north_m[:, None] - part).ravel()
@@ -155,7 +169,7 @@ def build_true_elevation(surface: Surface, like: ElevationMap) -> ElevationMap:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class MapAgreement:
     """Agreement of a map with the truth where the slope of the ground is `from_deg` to `to_deg`.
 
     `coverage` is the share of those cells with a known height. `bias_m` and `rms_m` are those of map minus truth. `worst_m`
@@ -173,7 +187,7 @@ class Agreement:
 
 def compare_maps(
     found: ElevationMap, truth: ElevationMap, slopes_deg: tuple[float, ...] = (0, 5, 10, 15, 20, 90)
-) -> list[Agreement]:
+) -> list[MapAgreement]:
     """Compare a map with the truth, over all slopes first, then in classes of slope.
 
     Parameters
@@ -181,6 +195,10 @@ def compare_maps(
     found : the map.
     truth : the true map on the same grid.
     slopes_deg : limits of the classes [deg].
+
+    Returns
+    -------
+    One row for all slopes, then one for each class.
     """
     slope, apart = truth.slope_deg, found.height_m - truth.height_m
     known = np.isfinite(slope)
@@ -193,7 +211,7 @@ def compare_maps(
         if len(errors):
             figures = float(errors.mean()), float(np.sqrt((errors**2).mean())), float(np.quantile(np.abs(errors), 0.95))
         cells = int(of.sum())
-        rows.append(Agreement(low, high, cells, len(errors) / cells if cells else 0.0, *figures))
+        rows.append(MapAgreement(low, high, cells, len(errors) / cells if cells else 0.0, *figures))
     return rows
 
 
@@ -209,6 +227,10 @@ def find_hazards(ground: ElevationMap, footprint_m: float, slope_deg: float, rou
     footprint_m : side of the lander's footprint [m].
     slope_deg : greatest safe slope [deg].
     roughness_m : greatest safe distance of a cell from the plane [m].
+
+    Returns
+    -------
+    (row, col) i1: `SAFE`, `HAZARD` or `UNKNOWN`.
     """
     width = max(3, 2 * round(0.5 * (footprint_m / ground.cell_m - 1.0)) + 1)
     state = np.full(ground.height_m.shape, UNKNOWN, dtype=np.int8)

@@ -8,13 +8,13 @@ import pytest
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.fleet import Fleet
 from rso_lidar.orbit.sets.formats import parse_lines
 from rso_lidar.orbit.sets.teme import (
     REASONS,
     describe_failure,
     find_failures,
     propagate_in_teme,
-    propagate_many_in_teme,
     propagate_sgp4,
 )
 
@@ -62,8 +62,8 @@ def test_every_case(validation, cases):
         assert not error.any()
         off_m.append(position_m - rows[:, 1:4] * 1e3)
         off_m_s.append(velocity_m_s - rows[:, 4:7] * 1e3)
-        # all of a case's epochs in one call of many, too
-        many = propagate_many_in_teme([elements.satrec()], Epochs(elements.epoch_utc, rows[:, 0] * 60.0))
+        # all of a case's epochs in one call of a fleet, too
+        many = Fleet([elements], elements.epoch_utc).grid(np.zeros(1, int), rows[:, 0] * 60.0)
         np.testing.assert_array_equal(many[0][0], position_m)
     compared = sum(map(len, off_m))
     assert (len(off_m), compared > 600) == (len(cases) - 1, True)

@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar.scene.meshes.height_field import build_height_field
 from rso_lidar.scene.surfaces.surface import build_surface
-from rso_lidar.study.elevation import (
+from rso_lidar.study import (
     HAZARD,
     SAFE,
     UNKNOWN,

@@ -174,10 +174,6 @@ class ZemaxDistortion(DistortionPart):
         """The fit, made once for each state of the file."""
         return _fit(*file_stamp(self.file))
 
-    def residual_pixels(self, pixel_tangent: float) -> float:
-        """Return the rms distance between the listing and the fit [pixels], for a pixel of pitch / focal length."""
-        return self.fit.rms_tangent / pixel_tangent
-
     def check(self, half_x: float, half_y: float) -> None:
         """Raise `ScenarioError` if the listing ends inside the focal plane's corner, or its fit folds within it."""
         corner = math.hypot(half_x, half_y)

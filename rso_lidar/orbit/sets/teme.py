@@ -9,10 +9,7 @@ the axes turn by 1e-11 rad/s.
 
 from __future__ import annotations
 
-import datetime
 import functools
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -151,70 +148,6 @@ def propagate_in_teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray,
     )
     error = np.where(np.abs(epochs.since(elements.epoch_utc)) > MOST_AGE_S, TOO_OLD, error)
     return position_km * units.KM, velocity_km_s * units.KM, error
-
-
-def propagate_many_in_teme(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Propagate many sgp4 Satrecs to states in TEME axes.
-
-    Leap seconds are counted as at the epoch of each satellite.
-
-    Parameters
-    ----------
-    satrecs : sgp4 models
-    epochs : instants
-
-    Returns
-    -------
-    position_m, velocity_m_s : (satellite, time, 3) [m], [m/s]
-    error : (satellite, time) SGP4's codes, 0 for none, `TOO_OLD` beyond `MOST_YEARS` from the epoch
-    """
-    from sgp4.api import SatrecArray
-
-    shape = (len(satrecs), len(epochs))
-    position, velocity = np.empty((*shape, 3)), np.empty((*shape, 3))
-    error = np.empty(shape, dtype=np.uint8)
-    for rows, (whole, fraction) in _group_by_leap_seconds(satrecs, epochs):
-        chosen = satrecs if len(rows) == len(satrecs) else [satrecs[row] for row in rows]
-        error_of, position_of, velocity_of = SatrecArray(chosen).sgp4(whole, fraction)
-        days = np.array([[model.jdsatepoch, model.jdsatepochF] for model in chosen])
-        age_days = (whole - days[:, :1]) + (fraction - days[:, 1:])
-        error_of[np.abs(age_days) * units.DAY_S > MOST_AGE_S] = TOO_OLD
-        position_of *= units.KM
-        velocity_of *= units.KM
-        if len(rows) == len(satrecs):
-            return position_of, velocity_of, error_of
-        error[rows], position[rows], velocity[rows] = error_of, position_of, velocity_of
-    return position, velocity, error
-
-
-def _group_by_leap_seconds(
-    satrecs: Sequence[Any], epochs: Epochs
-) -> list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]]:
-    """Group satellites whose epochs have the same leap seconds, with the Julian dates to hand to each group."""
-    if not satrecs or not len(epochs):
-        return []
-    noon = datetime.datetime(2000, 1, 1, 12, tzinfo=datetime.UTC)
-    # To the minute, because no element set has an epoch within half a minute of a leap second.
-    minutes = np.array([round((model.jdsatepoch - 2_451_545.0 + model.jdsatepochF) * 1440.0) for model in satrecs])
-    one = epochs.at(0)
-
-    def leap_fraction(minute: int) -> float:
-        instant = noon + datetime.timedelta(minutes=minute)
-        return float(one.utc_julian(leap_seconds_at=instant)[1][0])
-
-    def dates(minute: int) -> tuple[np.ndarray, np.ndarray]:
-        return epochs.utc_julian(leap_seconds_at=noon + datetime.timedelta(minutes=minute))
-
-    distinct, which = np.unique(minutes, return_inverse=True)
-    first, last = int(distinct[0]), int(distinct[-1])
-    if leap_fraction(first) == leap_fraction(last):  # so far, leap seconds have only been inserted
-        return [(np.arange(len(satrecs)), dates(first))]
-    counts = np.array([leap_fraction(int(minute)) for minute in distinct])
-    groups = []
-    for count in np.unique(counts):
-        members = np.flatnonzero(counts == count)
-        groups.append((np.flatnonzero(np.isin(which, members)), dates(int(distinct[members[0]]))))
-    return groups
 
 
 def gcrs_from_teme(at: Epochs) -> np.ndarray:

@@ -59,13 +59,6 @@ def moon_position_m(epochs: Epochs) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def moon_direction(epochs: Epochs) -> np.ndarray:
-    """Return unit vectors (time, 3) from the Earth's centre to the Moon in GCRS axes."""
-    position = moon_position_m(epochs)
-    direction: np.ndarray = position / np.linalg.norm(position, axis=1, keepdims=True)
-    return direction
-
-
 def _gcrs(t: np.ndarray) -> np.ndarray:
     longitude, latitude, distance = ecliptic_of_date(t)
     obliquity = (23.439_291 - 0.013_004_2 * t) * units.DEG

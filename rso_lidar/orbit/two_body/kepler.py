@@ -196,45 +196,6 @@ def propagate_two_body(
     return positions, velocities
 
 
-def propagate_each_two_body(
-    position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray | float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Propagate many states by two-body motion, each by its own time.
-
-    Each result has the same bits as that of `propagate_two_body`.
-
-    Parameters
-    ----------
-    position_m, velocity_m_s : (n, 3) states [m], [m/s]
-    dt_s : (n,) time since each state, or one for all [s]
-
-    Returns
-    -------
-    position_m, velocity_m_s : (n, 3) [m], [m/s]
-
-    Raises
-    ------
-    PropagationError
-        if Kepler's equation did not converge for some states; its `bad` masks them
-    """
-    r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
-    dt = np.broadcast_to(np.asarray(dt_s, dtype=float), len(r))
-    positions, velocities, bad = np.empty_like(r), np.empty_like(v), np.zeros(len(r), dtype=bool)
-    alpha = 2.0 / _length(r) - dot(v, v) / GM
-    closed = (alpha > 0.0) & (alpha * _perigee_distance(r, v) > _NEAR_PARABOLA)
-    rows = np.flatnonzero(closed)
-    for k in range(0, len(rows), _BLOCK):
-        some = rows[k : k + _BLOCK]
-        x, u = np.empty((len(some), 3)), np.empty((len(some), 3))
-        bad[some] = _Ellipse(r[some], v[some]).propagate_into(dt[some], x, u)
-        positions[some], velocities[some] = x, u
-    for row in np.flatnonzero(bad | ~closed):
-        positions[row], velocities[row], bad[row] = _propagate_one(r[row], v[row], dt[row])
-    if bad.any():
-        raise _convergence_error(bad, dt)
-    return positions, velocities
-
-
 def _convergence_error(bad: np.ndarray, dt_s: np.ndarray) -> PropagationError:
     """Make the error for times at which Kepler's equation did not converge."""
     first = float(dt_s[np.argmax(bad)])
@@ -246,7 +207,7 @@ def _convergence_error(bad: np.ndarray, dt_s: np.ndarray) -> PropagationError:
 
 
 class _Ellipse:
-    """Ellipses of states (1 or n, 3): Kepler's equation solved for the change x of eccentric anomaly.
+    """The ellipse of a state (1, 3): Kepler's equation solved for the change x of eccentric anomaly.
 
     n dt = x - e cos E0 sin x + e sin E0 (1 - cos x) (Battin eq. 4.43) has no singularity at e = 0. Markley's starting value
     (1995) is within 1e-3 of the root; one step of fifth order and one of Newton's method follow, without a loop.

@@ -154,7 +154,7 @@ def test_a_listing_gives_its_coefficients_back(tmp_path):
     x, y = field(HALF)
     for a, b in zip(lens.distort(x, y), truth.distort(x, y), strict=True):
         assert np.abs(a - b).max() / PIXEL < 1e-4
-    assert lens.residual_pixels(PIXEL) < 1e-4
+    assert lens.fit.rms_tangent / PIXEL < 1e-4
     lens.check(HALF, HALF)
     with pytest.raises(ScenarioError, match="wider field"):
         lens.check(0.05, 0.05)
@@ -166,7 +166,7 @@ def test_the_residual_of_a_fit_is_measured(tmp_path):
     lens = listing(tmp_path / "grid.txt", BrownConrady(k1=5.2), noise=lambda i, j: points[i + 6, j + 6])
     # 338 numbers less 7 fitted: their rms is known to 1 / sqrt(2 * 331) = 3.9 %; four of these sigmas.
     expected = math.sqrt(2) * 0.01 / 293.3 / PIXEL
-    assert lens.residual_pixels(PIXEL) == pytest.approx(expected * math.sqrt(331 / 338), rel=0.16)
+    assert lens.fit.rms_tangent / PIXEL == pytest.approx(expected * math.sqrt(331 / 338), rel=0.16)
 
 
 def test_a_lens_that_is_not_brown_conrady_is_refused(tmp_path):

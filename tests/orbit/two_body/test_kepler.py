@@ -14,7 +14,6 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import (
     Kepler,
     State,
-    propagate_each_two_body,
     propagate_two_body,
     semi_major_axis_m,
 )
@@ -175,17 +174,6 @@ def test_a_state_is_the_same_bits_in_any_company():
             alone = propagate_two_body(r0, v0, dt[k : k + 1])
             np.testing.assert_array_equal(alone[0][0], together[0][k])
             np.testing.assert_array_equal(alone[1][0], together[1][k])
-
-
-def test_many_orbits_at_once_are_each_alone():
-    orbits = [at_perigee(7e6, e) for e in (0.0, 0.5, 0.99, 1 - 1e-8, 1.0, 1.5)]
-    r, v = (np.array(column) for column in zip(*orbits, strict=True))
-    dt = np.linspace(-9e3, 5e4, len(orbits))
-    position, velocity = propagate_each_two_body(r, v, dt)
-    for k in range(len(orbits)):
-        alone = propagate_two_body(r[k], v[k], dt[k : k + 1])
-        np.testing.assert_array_equal(alone[0][0], position[k])
-        np.testing.assert_array_equal(alone[1][0], velocity[k])
 
 
 @given(
