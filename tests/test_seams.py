@@ -124,7 +124,7 @@ def test_a_slew_leads_between_attitudes_of_the_users_own():
 def test_an_attitude_that_looks_at_nobody_is_told():
     scenario = load("own_attitude.py")["scenario"]
     lost = type(scenario.follower.attitude)(at="stag", amplitude_rad=0.1, period_s=60.0)
-    with pytest.raises(ScenarioError, match=r"attitude\.at: nothing is named 'stag'; did you mean 'stage'"):
+    with pytest.raises(ScenarioError, match=r"attitude\.at: unknown name 'stag'; did you mean 'stage'"):
         scenario.replace(follower=scenario.follower.replace(attitude=lost))
 
 

@@ -14,7 +14,7 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.formats.czml import choose_samples, write_czml
 from rso_lidar.files import check_writable, write_columns
-from rso_lidar.motion.attitudes.attitude_table import write_aem
+from rso_lidar.motion.attitudes.attitude_file import write_aem
 from rso_lidar.orbit.ccsds.writer import write_oem
 from rso_lidar.picture.plots.angles import angles_figure, ptu_figure
 from rso_lidar.picture.plots.orbit import inertial_figure

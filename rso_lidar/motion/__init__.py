@@ -2,8 +2,9 @@
 
 from rso_lidar.motion.aim import Aim, add_lidar, compute_demand, lidar_from_ptu, make_demand, simulate_drive
 from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
+from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
 from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
-from rso_lidar.motion.attitudes.attitude_table import AttitudeTable, write_aem, write_attitude_csv
+from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
 from rso_lidar.motion.attitudes.look_at import LookAt
 from rso_lidar.motion.attitudes.situation import Attitude, Orientation, Situation
 from rso_lidar.motion.attitudes.slew import Slew

@@ -26,7 +26,12 @@ if TYPE_CHECKING:
 
 @cache
 def lidar_from_ptu() -> Rotation:
-    """Return the rotation from PTU axes (x forward, y left, z up) to lidar axes (x right, y down, z ahead)."""
+    """Return the rotation from PTU axes (x forward, y left, z up) to lidar axes (x right, y down, z ahead).
+
+    Returns
+    -------
+    the constant rotation lidar_from_ptu.
+    """
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_quat([0.5, -0.5, 0.5, 0.5])  # [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
@@ -55,6 +60,10 @@ def make_demand(
     local : whether the world is local, without an Earth.
     sun_direction : direction to the Sun of a local world; None for none.
     flights : of commanded state-space models; None for none.
+
+    Returns
+    -------
+    demand ``(time,) -> (time, 2)``: pan and tilt [rad] at times since `start_utc` [s].
     """
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand
@@ -83,13 +92,17 @@ def _make_following_demand(directions: Callable[[np.ndarray], np.ndarray]) -> De
 
 
 def compute_demand(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
-    """Compute the demanded pan and tilt (time, 2) [rad] of a scenario at the epochs of a truth.
+    """Compute the demanded pan and tilt of a scenario at the epochs of a truth.
 
     Parameters
     ----------
     ptu : the pan-tilt unit.
     bodies : all bodies.
     course : truth of the bodies.
+
+    Returns
+    -------
+    demanded pan and tilt (time, 2) [rad].
     """
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand(course.time_s)
@@ -134,13 +147,17 @@ def simulate_drive(
 
 
 def _find_target_vectors(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
-    """Compute vectors (time, 3) from the PTU to its target, in the axes of its mount [m].
+    """Compute the vectors from the PTU to its target.
 
     Parameters
     ----------
     ptu : the pan-tilt unit, which tracks.
     bodies : all bodies.
     course : truth of the bodies.
+
+    Returns
+    -------
+    vectors (time, 3) in the axes of the mount [m].
     """
     assert isinstance(ptu.point, TrackPoint)
     origins = {body.name: body.origin for body in bodies}
@@ -187,7 +204,11 @@ class Aim:
         ----------
         course : truth of the bodies at the next flash.
         command : given at the previous flash.
-        rng : for jitter and encoder noise.
+        rng : random generator of this flash, for jitter and encoder noise.
+
+        Returns
+        -------
+        the same truth with the axes of PTU and lidar, and the angles of the PTU.
         """
         pointing: PtuAngles | None = None
         actual_rad = rate_rad_s = np.zeros(2)
@@ -214,6 +235,10 @@ def add_lidar(
     pan_tilt_rad : pan and tilt (…, 2) [rad].
     rate_rad_s : their rates (…, 2) [rad/s].
     mount : of the lidar.
+
+    Returns
+    -------
+    tree with the axes of the PTU, if there is one, and of the lidar.
     """
     carrier = "follower"
     if ptu is not None:

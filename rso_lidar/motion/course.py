@@ -47,7 +47,22 @@ class Course:
         self._since_s = 0.0
 
     def at(self, row: int, command: Command | None) -> Truth:
-        """Return the truth at the epoch with the number `row`; `command` was given at the previous flash."""
+        """Return the truth of one flash.
+
+        Parameters
+        ----------
+        row : number of the flash.
+        command : given at the previous flash; None for none. Its inputs hold from that flash on.
+
+        Returns
+        -------
+        truth at the flash, without PTU and lidar.
+
+        Raises
+        ------
+        ScenarioError
+            If the command gives inputs to an unknown model, or inputs of the wrong number.
+        """
         for name, inputs in ((command.inputs if command else None) or {}).items():
             if name not in self.flights:
                 guess = did_you_mean(name, self.flights)
@@ -73,7 +88,7 @@ def _make_flights(bodies: Sequence[Body]) -> dict[str, Flight]:
 
 
 def _check_slews(bodies: Sequence[Body], flights: dict[str, Flight]) -> None:
-    """Refuse slews that depend on a body under command, whose future position no plan can know."""
+    """Refuse slews that depend on a body under command, whose future position is unknown when the slew is planned."""
     for body in bodies:
         if not isinstance(body.attitude, Slew):
             continue

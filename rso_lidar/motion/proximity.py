@@ -11,13 +11,17 @@ from rso_lidar.rpo import Plan, ProximityOperation
 
 
 def find_plan(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> Plan | None:
-    """Find the plan of a body that flies a proximity operation; None for any other motion.
+    """Find the plan of a body that flies a proximity operation.
 
     Parameters
     ----------
     body : the body.
     bodies : all bodies of the scenario.
     start_utc : start of the plan.
+
+    Returns
+    -------
+    the plan; None for any other motion.
     """
     if not isinstance(body.motion, ProximityOperation):
         return None

@@ -36,7 +36,9 @@ class SunVectors:
         if self.given is None:
             return
         if not self.local:
-            raise ScenarioError("sun_direction: with an Earth the Sun is where the date says; leave it out")
+            raise ScenarioError(
+                "sun_direction: in a world with an Earth, the date determines the Sun's position; leave it out"
+            )
         direction = np.asarray(self.given, dtype=float)
         if direction.shape != (3,) or not 0.0 < np.linalg.norm(direction) < math.inf:
             raise ScenarioError("sun_direction: needs a vector of three finite numbers that are not all zero")

@@ -68,14 +68,14 @@ def truth(
         if name in by_origin:
             body = by_origin[name]
             with add_place(f"{body.name}.motion"):
-                tree = _add_origin(tree, body, here)
-            states[body.name] = here.states.get(body.name) or _read_state(tree, name, len(epochs))
+                tree = here.add_origin(tree, body)
+            states[body.name] = here.states.get(body.name) or here.read_state(tree, name)
         else:
             body = here.by_name[name]
             with add_place(f"{name}.attitude"):
-                tree = _add_body_axes(tree, body, here)
+                tree = here.add_body_axes(tree, body)
             with add_place(f"{name}.joint"):
-                tree = _add_hinges(tree, body, here)
+                tree = here.add_hinges(tree, body)
     states = {body.name: states[body.name] for body in bodies}
     lit: dict[str, np.ndarray] = {}
     if here.sun.position_m is not None:
@@ -164,6 +164,163 @@ class _Evaluation:
             )
         return self.chiefs[name]
 
+    def read_state(self, tree: PoseTree, origin: str) -> BodyState:
+        """Read position and velocity of the axes at a body's origin from the tree."""
+        link = tree.link(ROOT, origin)
+        shape = (len(self.epochs), 3)
+        return BodyState(np.broadcast_to(link.translation_m, shape), np.broadcast_to(link.velocity_m_s, shape))
+
+    # Each method below takes the tree with everything on which its result depends, and a body.
+
+    def add_origin(self, tree: PoseTree, body: Body) -> PoseTree:
+        """Add the axes at the origin of a body to a tree, and keep states and rates of an orbit."""
+        place, relative_to = self._place(tree, body), chief_of(body.motion)
+        if not body.orbits:
+            link = Link((place.position_m, np.eye(3)), place.velocity_m_s, np.zeros(3))
+            return tree.with_node(body.origin, relative_to or ROOT, link)
+        if relative_to is not None:
+            return self._add_relative(tree, body, relative_to, place)
+        state = BodyState(place.position_m, place.velocity_m_s)
+        rates = place.rates
+        if rates is None:
+            rates = state_rates(body.motion, self.epochs, state) if self.turns(body) else two_body_rates(state)
+        matrix, turning = rtn_matrix(state.position_m, state.velocity_m_s, rates)
+        self.states[body.name], self.turning[body.name] = state, turning
+        return tree.with_node(body.origin, ROOT, Link((state.position_m, matrix), rates[0], turning))
+
+    def _place(self, tree: PoseTree, body: Body) -> Place:
+        """Compute position and velocity of a body's origin in the axes of its motion, and warn of exceeded model limits."""
+        motion = body.motion
+        if isinstance(motion, PlacedMotion):
+            flight = self.flight_of(body, motion) if isinstance(motion, StateSpaceModel) else None
+            return motion.place(self.epochs, flight)
+        known: tuple[Any, ...] = (self.epochs,)
+        if isinstance(motion, RelativeMotion):
+            known = self.epochs, self.chief(tree, motion.relative_to)
+            place = Place(*motion.relative(*known))
+        else:
+            state = states_of(motion, self.epochs)
+            place = Place(state.position_m, state.velocity_m_s)
+        if has_warnings_enabled() and (validity := getattr(motion, "validity", None)) is not None:
+            for line in validity(*known):
+                warn(f"{body.name}.motion: {line}")
+        return place
+
+    def _add_relative(self, tree: PoseTree, body: Body, chief: str, place: Place) -> PoseTree:
+        """Add the rtn axes of a relative motion to a tree, under those of its chief.
+
+        The velocity of the body is that of the chief plus rho' + omega x rho, where omega includes the rotation of the
+        chief's orbital plane.
+
+        Parameters
+        ----------
+        tree : with the axes of the chief.
+        body : the body that moves relative to the chief.
+        chief : name of the chief.
+        place : position and velocity in the chief's rtn axes.
+
+        Returns
+        -------
+        the tree with the rtn axes of the body.
+        """
+        there, turning, (rho, rho_rate, rates) = tree.link(ROOT, self.by_name[chief].origin), self.turning[chief], place
+        moved_m_s = rho_rate if rates is None else rates[0]
+        position = there.translation_m + rotate_vectors(there.matrix, rho)
+        velocity = self.states[chief].velocity_m_s + rotate_vectors(there.matrix, rho_rate + cross(turning, rho))
+        own, own_turning = rtn_matrix(position, velocity)
+        chief_from_own = np.matmul(np.swapaxes(there.matrix, -1, -2), own)
+        carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), turning)
+        # For a body relative to this one, the rotation of the chief's orbital plane is accurate enough: in free flight
+        # the two differ by about 1e-9 rad/s per kilometre of distance, which is 1 um/s at a kilometre.
+        own_turning[..., 0] = carried[..., 0]
+        self.states[body.name], self.turning[body.name] = BodyState(position, velocity), own_turning
+        if rates is not None:
+            around = there.angular_velocity_rad_s
+            moved = rho, *rates
+            acceleration = inertial_acceleration(self.states[chief], there.matrix, around, moved)
+            changes = there.velocity_m_s + rotate_vectors(there.matrix, moved_m_s + cross(around, rho)), acceleration
+            self.turning[body.name] = own_turning = rtn_matrix(position, velocity, changes)[1]
+            carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), around)
+        relative = own_turning - carried
+        found = self.relative_turning.get(body.name, relative)
+        # Skip a difference quotient that is unknown, or that differs only by the rounding of matrices over its step.
+        link = Link(
+            (rho, chief_from_own), moved_m_s, np.where(np.abs(found - relative) > ROUNDING_RAD_S, found, relative)
+        )
+        return tree.with_node(body.origin, self.by_name[chief].origin, link)
+
+    def add_body_axes(self, tree: PoseTree, body: Body) -> PoseTree:
+        """Add the axes of a body, and the further axes fixed to it, to a tree."""
+        orientation = self._orient(tree, body)
+        matrix, rate = orientation.rotation.as_matrix(), orientation.rate_rad_s
+        if not orientation.in_origin:  # from the root's axes into those of the origin
+            base = tree.link(ROOT, body.origin)
+            matrix = np.matmul(np.swapaxes(base.matrix, -1, -2), matrix)
+            rate = rate - rotate_vectors(np.swapaxes(matrix, -1, -2), base.angular_velocity_rad_s)
+        tree = tree.with_node(body.name, body.origin, Link((np.zeros(3), matrix), np.zeros(3), rate))
+        for extra in body.axes:
+            tree = tree.with_node(extra.name, body.name, extra.link)
+        return tree
+
+    def add_hinges(self, tree: PoseTree, body: Body) -> PoseTree:
+        """Add the axes of a body's hinges to a tree."""
+        if not body.joints:
+            return tree
+        seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
+        if self.sun.position_m is not None:
+            whole = tree.link(ROOT, body.name)
+            line = sun_line(self.situation(tree, body), "joint")
+            seen = find_sun_in_body(whole.rotation, whole.angular_velocity_rad_s, *line)
+        for joint in body.joints:
+            tree = tree.with_node(body.joint_axes(joint), body.name, joint.link(self.epochs.time_s, *seen))
+        return tree
+
+    def _orient(self, tree: PoseTree, body: Body) -> Orientation:
+        """Compute the attitude of a body: from its attitude law, else from its motion, else constant."""
+        situation, attitude = self.situation(tree, body), body.attitude
+        if attitude is None and isinstance(body.motion, PlacedMotion):
+            turned_by_motion = body.motion.orient(situation)
+            if turned_by_motion is not None:
+                return turned_by_motion
+        return orient(attitude or FixedAttitude(), situation)
+
+    def situation(self, tree: PoseTree, body: Body) -> Situation:
+        """Make the situation that the attitude law of a body receives."""
+        base = tree.link(ROOT, body.origin)
+        to_root = base.rotation
+        shape = (len(self.epochs), 3)
+
+        def line(name: str) -> tuple[np.ndarray, np.ndarray]:
+            link = tree.link(body.origin, self.by_name[name].origin if name in self.by_name else name)
+            relative_m = link.translation_m
+            rate = link.velocity_m_s + cross(base.angular_velocity_rad_s, relative_m)
+            toward, moving = rotate_vectors(to_root, relative_m), rotate_vectors(to_root, rate)
+            return np.broadcast_to(toward, shape), np.broadcast_to(moving, shape)
+
+        def at(epochs: Epochs) -> Situation:
+            some = list_dependencies(body, self.bodies)
+            there = _Evaluation(
+                tuple(some), epochs, self.local, SunVectors(epochs, self.local, self.sun.given), self.flights
+            )
+            with suppress_warnings():
+                poses = truth(some, epochs, local=self.local, sun_direction=self.sun.given, flights=self.flights).poses
+            return there.situation(poses, body)
+
+        return Situation(
+            self.epochs,
+            np.broadcast_to(base.translation_m, shape),
+            np.broadcast_to(base.velocity_m_s, shape),
+            body.orbits,
+            to_root,
+            np.broadcast_to(base.angular_velocity_rad_s, shape),
+            self.sun.position_m,
+            self.local,
+            line,
+            at,
+            lambda name: tree.link(ROOT, self.by_name[name].origin),
+            lambda model: self.flight_of(body, model),
+        )
+
 
 class Chief:
     """The trajectory of a body relative to which others move.
@@ -191,7 +348,16 @@ class Chief:
         self._known = [] if known is None else [known]
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Compute position [m] and velocity [m/s] (time, 3) in GCRS axes."""
+        """Compute position and velocity of the body.
+
+        Parameters
+        ----------
+        epochs : instants.
+
+        Returns
+        -------
+        position [m] and velocity [m/s], each (time, 3), in GCRS axes.
+        """
         for at, states in self._known:
             if at.start_utc == epochs.start_utc and np.array_equal(at.time_s, epochs.time_s):
                 return states
@@ -210,189 +376,3 @@ class Chief:
         while (relative_to := chief_of(chain[-1].motion)) is not None:
             chain.append(self._by_name[relative_to])
         return [body.replace(attitude=None, axes=()) for body in chain]
-
-
-def _read_state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
-    link = tree.link(ROOT, origin)
-    shape = (n_epochs, 3)
-    return BodyState(np.broadcast_to(link.translation_m, shape), np.broadcast_to(link.velocity_m_s, shape))
-
-
-# ---------------------------------------------------------------------------------------------------------- places
-# Each function takes the tree with everything on which its result depends, a body, and the evaluation.
-
-
-def _add_origin(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
-    """Add the axes at the origin of a body to a tree, and states and rates of an orbit to the evaluation."""
-    place, relative_to = _place_body(tree, body, here), chief_of(body.motion)
-    if not body.orbits:
-        link = Link((place.position_m, np.eye(3)), place.velocity_m_s, np.zeros(3))
-        return tree.with_node(body.origin, relative_to or ROOT, link)
-    if relative_to is not None:
-        return _add_relative(tree, body, relative_to, place, here)
-    state = BodyState(place.position_m, place.velocity_m_s)
-    rates = place.rates
-    if rates is None:
-        rates = state_rates(body.motion, here.epochs, state) if here.turns(body) else two_body_rates(state)
-    return _add_orbit(tree, body, state, rates, here)
-
-
-def _place_body(tree: PoseTree, body: Body, here: _Evaluation) -> Place:
-    """Compute position and velocity of a body's origin in the axes of its motion, and warn of exceeded model limits."""
-    motion = body.motion
-    if isinstance(motion, PlacedMotion):
-        flight = here.flight_of(body, motion) if isinstance(motion, StateSpaceModel) else None
-        return motion.place(here.epochs, flight)
-    known: tuple[Any, ...] = (here.epochs,)
-    if isinstance(motion, RelativeMotion):
-        known = here.epochs, here.chief(tree, motion.relative_to)
-        place = Place(*motion.relative(*known))
-    else:
-        state = states_of(motion, here.epochs)
-        place = Place(state.position_m, state.velocity_m_s)
-    if has_warnings_enabled() and (validity := getattr(motion, "validity", None)) is not None:
-        for line in validity(*known):
-            warn(f"{body.name}.motion: {line}")
-    return place
-
-
-def _add_orbit(
-    tree: PoseTree, body: Body, state: BodyState, rates: tuple[np.ndarray, np.ndarray], here: _Evaluation
-) -> PoseTree:
-    """Add the rtn axes of an orbit to a tree, under the root.
-
-    Parameters
-    ----------
-    tree : to which the axes are added.
-    body : the body that orbits.
-    state : position and velocity of the body.
-    rates : derivatives (time, 3) of position and velocity [m/s], [m/s2].
-    here : the evaluation; state and rates are added to it.
-    """
-    matrix, turning = rtn_matrix(state.position_m, state.velocity_m_s, rates)
-    here.states[body.name], here.turning[body.name] = state, turning
-    return tree.with_node(body.origin, ROOT, Link((state.position_m, matrix), rates[0], turning))
-
-
-def _add_relative(
-    tree: PoseTree,
-    body: Body,
-    chief: str,
-    place: Place,
-    here: _Evaluation,
-) -> PoseTree:
-    """Add the rtn axes of a relative motion to a tree, under those of its chief.
-
-    The velocity of the body is that of the chief plus rho' + omega x rho, where omega includes the rotation of the
-    chief's orbital plane.
-
-    Parameters
-    ----------
-    tree : with the axes of the chief.
-    body : the body that moves relative to the chief.
-    chief : name of the chief.
-    place : position and velocity in the chief's rtn axes.
-    here : the evaluation; state and rates of the body are added to it.
-    """
-    there, turning, (rho, rho_rate, rates) = tree.link(ROOT, here.by_name[chief].origin), here.turning[chief], place
-    moved_m_s = rho_rate if rates is None else rates[0]
-    position = there.translation_m + rotate_vectors(there.matrix, rho)
-    velocity = here.states[chief].velocity_m_s + rotate_vectors(there.matrix, rho_rate + cross(turning, rho))
-    own, own_turning = rtn_matrix(position, velocity)
-    chief_from_own = np.matmul(np.swapaxes(there.matrix, -1, -2), own)
-    carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), turning)
-    # For a body relative to this one, the rotation of the chief's orbital plane is accurate enough: in free flight the
-    # two differ by about 1e-9 rad/s per kilometre of distance, which is 1 um/s at a kilometre.
-    own_turning[..., 0] = carried[..., 0]
-    here.states[body.name], here.turning[body.name] = BodyState(position, velocity), own_turning
-    if rates is not None:
-        around = there.angular_velocity_rad_s
-        moved = rho, *rates
-        acceleration = inertial_acceleration(here.states[chief], there.matrix, around, moved)
-        changes = there.velocity_m_s + rotate_vectors(there.matrix, moved_m_s + cross(around, rho)), acceleration
-        here.turning[body.name] = own_turning = rtn_matrix(position, velocity, changes)[1]
-        carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), around)
-    relative = own_turning - carried
-    found = here.relative_turning.get(body.name, relative)
-    # Skip a difference quotient that is unknown, or that differs only by the rounding of matrices over its step.
-    link = Link((rho, chief_from_own), moved_m_s, np.where(np.abs(found - relative) > ROUNDING_RAD_S, found, relative))
-    return tree.with_node(body.origin, here.by_name[chief].origin, link)
-
-
-# ----------------------------------------------------------------------------------------------------------- turns
-
-
-def _add_body_axes(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
-    """Add the axes of a body, and the further axes fixed to it, to a tree."""
-    orientation = _orient_body(tree, body, here)
-    matrix, rate = orientation.rotation.as_matrix(), orientation.rate_rad_s
-    if not orientation.in_origin:  # from the root's axes into those of the origin
-        base = tree.link(ROOT, body.origin)
-        matrix = np.matmul(np.swapaxes(base.matrix, -1, -2), matrix)
-        rate = rate - rotate_vectors(np.swapaxes(matrix, -1, -2), base.angular_velocity_rad_s)
-    tree = tree.with_node(body.name, body.origin, Link((np.zeros(3), matrix), np.zeros(3), rate))
-    for extra in body.axes:
-        tree = tree.with_node(extra.name, body.name, extra.link)
-    return tree
-
-
-def _add_hinges(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
-    """Add the axes of a body's hinges to a tree."""
-    if not body.joints:
-        return tree
-    seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
-    if here.sun.position_m is not None:
-        whole = tree.link(ROOT, body.name)
-        line = sun_line(_make_situation(tree, body, here), "joint")
-        seen = find_sun_in_body(whole.rotation, whole.angular_velocity_rad_s, *line)
-    for joint in body.joints:
-        tree = tree.with_node(body.joint_axes(joint), body.name, joint.link(here.epochs.time_s, *seen))
-    return tree
-
-
-def _orient_body(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
-    """Compute the attitude of a body: from its attitude law, else from its motion, else constant."""
-    situation, attitude = _make_situation(tree, body, here), body.attitude
-    if attitude is None and isinstance(body.motion, PlacedMotion):
-        turned_by_motion = body.motion.orient(situation)
-        if turned_by_motion is not None:
-            return turned_by_motion
-    return orient(attitude or FixedAttitude(), situation)
-
-
-def _make_situation(tree: PoseTree, body: Body, here: _Evaluation) -> Situation:
-    """Make the situation that the attitude law of a body receives."""
-    base = tree.link(ROOT, body.origin)
-    to_root = base.rotation
-    shape = (len(here.epochs), 3)
-
-    def line(name: str) -> tuple[np.ndarray, np.ndarray]:
-        link = tree.link(body.origin, here.by_name[name].origin if name in here.by_name else name)
-        relative_m = link.translation_m
-        rate = link.velocity_m_s + cross(base.angular_velocity_rad_s, relative_m)
-        toward, moving = rotate_vectors(to_root, relative_m), rotate_vectors(to_root, rate)
-        return np.broadcast_to(toward, shape), np.broadcast_to(moving, shape)
-
-    def at(epochs: Epochs) -> Situation:
-        some = list_dependencies(body, here.bodies)
-        there = _Evaluation(
-            tuple(some), epochs, here.local, SunVectors(epochs, here.local, here.sun.given), here.flights
-        )
-        with suppress_warnings():
-            poses = truth(some, epochs, local=here.local, sun_direction=here.sun.given, flights=here.flights).poses
-        return _make_situation(poses, body, there)
-
-    return Situation(
-        here.epochs,
-        np.broadcast_to(base.translation_m, shape),
-        np.broadcast_to(base.velocity_m_s, shape),
-        body.orbits,
-        to_root,
-        np.broadcast_to(base.angular_velocity_rad_s, shape),
-        here.sun.position_m,
-        here.local,
-        line,
-        at,
-        lambda name: tree.link(ROOT, here.by_name[name].origin),
-        lambda model: here.flight_of(body, model),
-    )

@@ -71,31 +71,6 @@ NOT_YET = {  # functions that are documented next, by room
     "files": """
         _too_large read_bytes read_text write_text
     """,
-    "motion": """
-        aim.Aim.at aim.add_lidar aim.compute_demand aim.make_demand
-        attitudes.attitude_table.AttitudeTable.orient attitudes.attitude_table._make_rotation
-        attitudes.attitude_table._read_csv attitudes.attitude_table._read_file
-        attitudes.attitude_table._read_segment attitudes.attitude_table.write_aem
-        attitudes.constant.FixedAttitude.orient attitudes.constant.FixedAttitude.orientation
-        attitudes.constant.LvlhCcsds.orient attitudes.constant.Rtn.orient attitudes.look_at.LookAt.orient
-        attitudes.situation.Attitude.orient attitudes.slew.Slew.advise attitudes.slew.Slew.end_s
-        attitudes.slew.Slew.orient attitudes.slew.Slew.plan attitudes.spin.Spin.orient
-        attitudes.spin.Spin.orientation attitudes.spin.Tumble.orient attitudes.spin.Tumble.orientation
-        attitudes.state_space.StateSpaceAttitude.orient attitudes.state_space.StateSpaceAttitude.orientation
-        attitudes.sun_pointing.Nadir.orient attitudes.sun_pointing.SunPointing.orient
-        attitudes.sun_pointing._refuse bodies.body.Body.joint_axes bodies.order._attitude_needs
-        bodies.order._origin_needs bodies.order.sort_bodies course.Course.at dynamics.function._file_module
-        gimbal.demand.FixedPoint.demand gimbal.demand.ScanPoint.demand gimbal.drive.FirstOrder.advance
-        gimbal.drive.SecondOrder.advance gimbal.drive._Drive.limits gimbal.ptu.sense motions.motion.advise
-        motions.motion.chief_of motions.motion.summarize motions.placed.PlacedMotion.orient
-        motions.placed.PlacedMotion.place motions.prescribed.Fixed.place motions.prescribed.Fixed.positions
-        motions.prescribed.Table.orient motions.prescribed.Table.orientations motions.prescribed.Table.place
-        motions.prescribed.Table.positions motions.prescribed._read_file
-        motions.state_space.StateSpace.breaks_s motions.state_space.StateSpace.orient
-        motions.state_space.StateSpace.orientation motions.state_space.StateSpace.place proximity.find_plan
-        truth._add_body_axes truth._add_hinges truth._add_origin truth._make_situation truth._orient_body
-        truth._place_body truth._read_state
-    """,
     "optics": """
         laser.Laser.density laser.Laser.is_lit laser._measured_taps laser._measured_width_s
         lens.distortion.DistortionPart.area lens.distortion.DistortionPart.area_at_direction

@@ -179,7 +179,7 @@ def write_files(folder):
     """Write what the motions and attitudes name: element sets, ephemerides, tables and dynamics."""
     from scipy.spatial.transform import Rotation
 
-    from rso_lidar.motion.attitudes.attitude_table import write_aem, write_attitude_csv
+    from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
 
     first, later = element_set(24261.25, 10.0), element_set(24261.775, 10.0 + 0.525 * 15.05 * 360.0 % 360.0)
     (folder / "low.tle").write_text("\n".join(first) + "\n")

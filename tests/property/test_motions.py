@@ -333,7 +333,7 @@ def test_a_body_that_looks_at_one_that_moves_about_it_is_no_loop(folder):
 
 def test_bodies_may_stand_in_any_order(folder):
     text = scenario_text(RELATIVE["hill"], ATTITUDES["look_at"], MOTIONS["hill"].replace('"chief"', '"station"'))
-    with pytest.raises(ScenarioError, match="no body 'station'"):
+    with pytest.raises(ScenarioError, match="unknown body 'station'"):
         rl.Scenario.loads(text, folder=folder, trust_code=True)
     station = f'[[target]]\nname = "station"\nmodel = "plate"\nmotion = {KEPLER}\n'
     text = scenario_text(

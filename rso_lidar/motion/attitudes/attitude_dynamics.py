@@ -49,9 +49,19 @@ class StateSpaceAttitude(StateSpaceModel):
         return self
 
     def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
-        """Integrate inertial_from_body (time) and the body rates (time, 3) [rad/s]."""
+        """Integrate the attitude.
+
+        Parameters
+        ----------
+        flight : of this model.
+        time_s : instants (time,) [s].
+
+        Returns
+        -------
+        inertial_from_body (time), and the body rates (time, 3) [rad/s].
+        """
         return attitude_from_state(flight(time_s), self.attitude_state, self.label, time_s)
 
-    def orient(self, here: Situation) -> Orientation:
+    def orient(self, situation: Situation) -> Orientation:
         """Return the attitude in root axes."""
-        return Orientation(*self.orientation(here.flight_of(self), here.epochs.time_s))
+        return Orientation(*self.orientation(situation.flight_of(self), situation.epochs.time_s))

@@ -49,7 +49,7 @@ class FixedAttitude(Part):
     @model_validator(mode="after")
     def _one_rotation(self) -> Self:
         if self.quaternion_xyzw is not None and self.euler_zyx_deg is not None:
-            raise ValueError("quaternion_xyzw and euler_zyx_deg both turn the body: keep one")
+            raise ValueError("quaternion_xyzw and euler_zyx_deg both state the rotation: give one")
         return self
 
     @property
@@ -58,12 +58,21 @@ class FixedAttitude(Part):
         return build_rotation(self.quaternion_xyzw, self.euler_zyx_deg)
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
-        """Return axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s] for `time_s` (…) [s]."""
+        """Return the constant attitude for any number of instants.
+
+        Parameters
+        ----------
+        time_s : instants (…) [s].
+
+        Returns
+        -------
+        axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s].
+        """
         return self.rotation, np.zeros((*np.shape(time_s), 3))
 
-    def orient(self, here: Situation) -> Orientation:
+    def orient(self, situation: Situation) -> Orientation:
         """Return the attitude: in root axes for a body that orbits, in host axes for any other."""
-        return Orientation(*self.orientation(here.epochs.time_s), in_origin=not here.orbits)
+        return Orientation(*self.orientation(situation.epochs.time_s), in_origin=not situation.orbits)
 
 
 class Rtn(Part):
@@ -81,12 +90,18 @@ class Rtn(Part):
     def rtn_from_body(self) -> Rotation:
         """Return the constant rotation of the body in its rtn axes.
 
+        Returns
+        -------
+        rotation rtn_from_body.
+
+        Examples
+        --------
         >>> Rtn(euler_zyx_deg=(90, 0, 0)).rtn_from_body().apply([1, 0, 0]).round(12)  # body +x along-track
         array([0., 1., 0.])
         """
         return euler_zyx(self.euler_zyx_deg)
 
-    def orient(self, here: Situation) -> Orientation:
+    def orient(self, situation: Situation) -> Orientation:
         """Return the attitude, constant in orbital axes."""
         return Orientation(self.rtn_from_body(), np.zeros(3), in_origin=True)
 
@@ -103,11 +118,17 @@ class LvlhCcsds(Part):
     def rtn_from_body(self) -> Rotation:
         """Return the constant rotation of the body in its rtn axes.
 
+        Returns
+        -------
+        rotation rtn_from_body.
+
+        Examples
+        --------
         >>> LvlhCcsds().rtn_from_body().apply([0, 0, 1]).round(12) + 0.0  # body +z to nadir
         array([-1.,  0.,  0.])
         """
         return rtn_from_lvlh_ccsds() * euler_zyx(self.euler_zyx_deg)
 
-    def orient(self, here: Situation) -> Orientation:
+    def orient(self, situation: Situation) -> Orientation:
         """Return the attitude, constant in orbital axes."""
         return Orientation(self.rtn_from_body(), np.zeros(3), in_origin=True)

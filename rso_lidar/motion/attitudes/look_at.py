@@ -39,11 +39,11 @@ class LookAt(Part):
         """Names of the bodies or axes that the body looks at."""
         return (self.at,)
 
-    def orient(self, here: Situation) -> Orientation:
+    def orient(self, situation: Situation) -> Orientation:
         """Compute the attitude toward the target."""
-        line, rate = here.line(self.at)
+        line, rate = situation.line(self.at)
         if self.up is None:
-            return Orientation(*aim_axes(line, rate, here.upward, here.upward_rate))
+            return Orientation(*aim_axes(line, rate, situation.upward, situation.upward_rate))
         return Orientation(*aim_axes(line, rate, np.broadcast_to(np.array(self.up, dtype=float), line.shape)))
 
 

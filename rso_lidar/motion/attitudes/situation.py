@@ -50,7 +50,16 @@ class Attitude(Protocol):
     """
 
     def orient(self, situation: Situation) -> Orientation:
-        """Return the attitude of the body at `situation.epochs`."""
+        """Compute the attitude of the body at ``situation.epochs``.
+
+        Parameters
+        ----------
+        situation : epochs, position and velocity of the body, its rtn axes, the Sun, and vectors to other bodies.
+
+        Returns
+        -------
+        attitude axes_from_body, and the angular velocity of the body relative to those axes.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +130,7 @@ def needs_orbit(attitude: Any) -> bool:
 
 
 def orient(attitude: Any, situation: Situation) -> Orientation:
-    """Call an attitude and check its result; raise `ScenarioError` if that is no `Orientation`."""
+    """Call an attitude and check its result; raise `ScenarioError` if it is not an `Orientation`."""
     orientation = attitude.orient(situation)
     if not isinstance(orientation, Orientation):
         raise ScenarioError(
@@ -134,7 +143,8 @@ def orient(attitude: Any, situation: Situation) -> Orientation:
     rotation = np.asarray(orientation.rotation if as_quat is None else as_quat())
     if rotation.shape not in ((4,), (n, 4)) or rate.shape not in ((3,), (n, 3)):
         raise ScenarioError(
-            f"{kind_of(attitude)}: orient() was asked for {n} epochs; return one rotation or {n}, and rates (3) or ({n}, 3)"
+            f"{kind_of(attitude)}: orient() returned the wrong shape for {n} epochs; "
+            f"return one rotation or {n}, and rates (3) or ({n}, 3)"
         )
     if rate.dtype.kind not in "fiu" or not np.isfinite(rate).all():
         raise ScenarioError(f"{kind_of(attitude)}: orient() returned rates that are not finite numbers; correct them")

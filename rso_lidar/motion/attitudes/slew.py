@@ -61,48 +61,80 @@ class Slew(Part):
         return (*laws_of(self.first), *laws_of(self.then))
 
     def advise(self, end_s: float) -> list[str]:
-        """Report a slew that begins after the last frame, at `end_s` [s]."""
+        """Report a slew that begins after the last frame.
+
+        Parameters
+        ----------
+        end_s : time of the last frame [s].
+
+        Returns
+        -------
+        one line of advice; none if the slew begins in time.
+        """
         if self.at_s <= end_s:
             return []
         return [f"its slew begins at {self.at_s:g} s, after the last frame at {end_s:g} s; shift at_s"]
 
-    def orient(self, here: Situation) -> Orientation:
+    def orient(self, situation: Situation) -> Orientation:
         """Compute the attitude in root axes; before and after the slew it is that of `first` or `then`, to rounding."""
         from scipy.spatial.transform import Rotation
 
-        time_s = here.epochs.time_s
+        time_s = situation.epochs.time_s
         begun = time_s > self.at_s
         over = begun.copy()
         quaternion, rate = np.empty((len(time_s), 4)), np.empty((len(time_s), 3))
         if begun.any():
-            profile = self.plan(here)
+            profile = self.plan(situation)
             over &= time_s >= profile.end_s
             during = begun & ~over
             if during.any():
-                there = select_epochs(here, during)
+                there = select_epochs(situation, during)
                 rotation, rate[during] = profile.orient(time_s[during], *self._evaluate_laws(there))
                 quaternion[during] = rotation.as_quat()
         for law, which in ((self.first, ~begun), (self.then, over)):  # a law may be undefined outside its own time
             if which.any():
-                there = select_epochs(here, which)
+                there = select_epochs(situation, which)
                 evaluated = _EvaluatedLaw.of(orient(law, there), there)
                 quaternion[which], rate[which] = evaluated.rotation.as_quat(), evaluated.rate_rad_s
         return Orientation(Rotation.from_quat(quaternion), rate)
 
-    def end_s(self, here: Situation) -> float:
-        """Return the end of the slew [s]."""
-        return self.plan(here).end_s
+    def end_s(self, situation: Situation) -> float:
+        """Compute the end of the slew.
 
-    def plan(self, here: Situation) -> SlewProfile:
-        """Plan the slew; the result does not depend on the epochs of `here`."""
+        Parameters
+        ----------
+        situation : of the body, at any epochs.
+
+        Returns
+        -------
+        end of the slew [s].
+        """
+        return self.plan(situation).end_s
+
+    def plan(self, situation: Situation) -> SlewProfile:
+        """Plan the slew. The result does not depend on the epochs of the situation.
+
+        Parameters
+        ----------
+        situation : of the body, at any epochs.
+
+        Returns
+        -------
+        timing of the slew, which meets the limits.
+
+        Raises
+        ------
+        ScenarioError
+            If one of the two laws alone exceeds a limit, or if no duration meets the limits.
+        """
         limit = np.array([self.max_rate_deg_s, self.max_acceleration_deg_s2]) * units.DEG
-        start = self._evaluate_laws(self._situation_at(here, np.array([self.at_s])))
+        start = self._evaluate_laws(self._situation_at(situation, np.array([self.at_s])))
         theta = _initial_rotvec(start[0].rotation, start[1].rotation)
         angle = float(np.linalg.norm(theta))
         profile = SlewProfile.fastest(self.at_s, angle, *limit)
         for _ in range(_TRIALS):
             grid_s = profile.grid_s()
-            laws = self._evaluate_laws(self._situation_at(here, grid_s))
+            laws = self._evaluate_laws(self._situation_at(situation, grid_s))
             profile = profile.with_way(_unwrap(_relative_rotvec(*laws), theta))
             demand = _peak_demand(grid_s, profile.orient(grid_s, *laws)[1])
             if np.all(demand <= limit * (1.0 + _SLACK)):
@@ -119,15 +151,17 @@ class Slew(Part):
             more = np.maximum(demand - own, 0.0) / (limit - own)
             profile = profile.stretch(max(1.005, min(float(more[0]), 4.0), min(math.sqrt(more[1]), 4.0)))
         raise ScenarioError(
-            "slew: no duration keeps its limits, because its two laws almost reach them: raise max_rate_deg_s or "
+            "slew: no duration meets its limits, because its two laws almost reach them: raise max_rate_deg_s or "
             "max_acceleration_deg_s2"
         )
 
-    def _situation_at(self, here: Situation, grid_s: np.ndarray) -> Situation:
-        return here.at(Epochs(here.epochs.start_utc, grid_s))
+    def _situation_at(self, situation: Situation, grid_s: np.ndarray) -> Situation:
+        return situation.at(Epochs(situation.epochs.start_utc, grid_s))
 
-    def _evaluate_laws(self, here: Situation) -> tuple[_EvaluatedLaw, _EvaluatedLaw]:
-        return _EvaluatedLaw.of(orient(self.first, here), here), _EvaluatedLaw.of(orient(self.then, here), here)
+    def _evaluate_laws(self, situation: Situation) -> tuple[_EvaluatedLaw, _EvaluatedLaw]:
+        return _EvaluatedLaw.of(orient(self.first, situation), situation), _EvaluatedLaw.of(
+            orient(self.then, situation), situation
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,35 +172,37 @@ class _EvaluatedLaw:
     rate_rad_s: np.ndarray
 
     @staticmethod
-    def of(turn: Orientation, here: Situation) -> _EvaluatedLaw:
+    def of(turn: Orientation, situation: Situation) -> _EvaluatedLaw:
         """Convert an orientation to root axes, with one entry for each epoch."""
         from scipy.spatial.transform import Rotation
 
-        rotation, rate, n = turn.rotation, turn.rate_rad_s, len(here.epochs)
+        rotation, rate, n = turn.rotation, turn.rate_rad_s, len(situation.epochs)
         if turn.in_origin:
-            rate = rate + rotate_vectors(rotation.inv(), here.origin_rate_rad_s)
-            rotation = here.root_from_origin * rotation
+            rate = rate + rotate_vectors(rotation.inv(), situation.origin_rate_rad_s)
+            rotation = situation.root_from_origin * rotation
         quaternion = np.broadcast_to(rotation.as_quat(), (n, 4))
         return _EvaluatedLaw(Rotation.from_quat(quaternion), np.array(np.broadcast_to(rate, (n, 3))))
 
 
-def select_epochs(here: Situation, which: np.ndarray) -> Situation:
+def select_epochs(situation: Situation, which: np.ndarray) -> Situation:
     """Restrict a situation to the epochs that a mask (time) selects."""
     if which.all():
-        return here
+        return situation
 
     def line(name: str) -> tuple[np.ndarray, np.ndarray]:
-        toward, moving = here.line(name)
+        toward, moving = situation.line(name)
         return toward[which], moving[which]
 
     return replace(
-        here,
-        epochs=here.epochs.at(which),
-        position_m=here.position_m[which],
-        velocity_m_s=here.velocity_m_s[which],
-        root_from_origin=here.root_from_origin if here.root_from_origin.single else here.root_from_origin[which],
-        origin_rate_rad_s=here.origin_rate_rad_s[which],
-        sun_m=None if here.sun_m is None else here.sun_m[which],
+        situation,
+        epochs=situation.epochs.at(which),
+        position_m=situation.position_m[which],
+        velocity_m_s=situation.velocity_m_s[which],
+        root_from_origin=situation.root_from_origin
+        if situation.root_from_origin.single
+        else situation.root_from_origin[which],
+        origin_rate_rad_s=situation.origin_rate_rad_s[which],
+        sun_m=None if situation.sun_m is None else situation.sun_m[which],
         line=line,
     )
 
@@ -199,6 +235,10 @@ class SlewProfile:
         angle_rad : angle of rotation [rad].
         rate_rad_s : rate limit [rad/s].
         acceleration_rad_s2 : acceleration limit [rad/s2].
+
+        Returns
+        -------
+        the profile, with a ramp of at least 1 ms.
         """
         ramp_s = min(rate_rad_s / acceleration_rad_s2, math.sqrt(angle_rad / acceleration_rad_s2))
         ramp_s = max(ramp_s, _LEAST_RAMP_S)

@@ -37,8 +37,18 @@ class Spin(Part):
         return rate
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
-        """Compute inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s].
+        """Compute the attitude by Rodrigues' formula.
 
+        Parameters
+        ----------
+        time_s : instants (…) [s].
+
+        Returns
+        -------
+        inertial_from_body (…), and the body rates (…, 3) [rad/s].
+
+        Examples
+        --------
         >>> rotation, _ = Spin(axis=(0, 0, 1), rate_deg_s=90.0).orientation(1.0)
         >>> rotation.apply([1, 0, 0]).round(12)
         array([0., 1., 0.])
@@ -61,9 +71,9 @@ class Spin(Part):
         out = np.matmul(start, np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
         return along, start - along, out, self.body_rate_rad_s
 
-    def orient(self, here: Situation) -> Orientation:
+    def orient(self, situation: Situation) -> Orientation:
         """Return the attitude and body rates in root axes."""
-        return Orientation(*self.orientation(here.epochs.time_s))
+        return Orientation(*self.orientation(situation.epochs.time_s))
 
 
 def _check_inertia(inertia: Any) -> Any:
@@ -121,7 +131,16 @@ class Tumble(Part):
         return np.diag(given) if given.ndim == 1 else given
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
-        """Compute inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s]."""
+        """Compute the attitude in closed form (Landau & Lifshitz, Mechanics, section 37).
+
+        Parameters
+        ----------
+        time_s : instants, a number or (time,) [s].
+
+        Returns
+        -------
+        inertial_from_body, and the body rates (…, 3) [rad/s].
+        """
         from scipy.spatial.transform import Rotation
 
         time = np.atleast_1d(np.ascontiguousarray(time_s, dtype=float))
@@ -130,6 +149,6 @@ class Tumble(Part):
         rotation = Rotation.from_quat(self.quaternion_xyzw) * turned
         return (rotation[0], rates[0]) if np.ndim(time_s) == 0 else (rotation, rates)
 
-    def orient(self, here: Situation) -> Orientation:
+    def orient(self, situation: Situation) -> Orientation:
         """Return the attitude and body rates in root axes."""
-        return Orientation(*self.orientation(here.epochs.time_s))
+        return Orientation(*self.orientation(situation.epochs.time_s))

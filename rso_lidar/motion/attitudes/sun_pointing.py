@@ -45,7 +45,9 @@ class SunPointing(Part):
     def _two_directions(self) -> Self:
         a, b = np.array(self.axis), np.array(self.up_axis)
         if np.linalg.norm(np.cross(a, b)) <= PARALLEL_RAD * np.linalg.norm(a) * np.linalg.norm(b):
-            raise ValueError("axis and up_axis are parallel, which leaves the roll open: give an up_axis across axis")
+            raise ValueError(
+                "axis and up_axis are parallel, which leaves roll undetermined: give an up_axis across axis"
+            )
         return self
 
     @property
@@ -53,17 +55,33 @@ class SunPointing(Part):
         """Rotation to body axes from axes with x along `axis` and z as close to `up_axis` as possible."""
         return aim_axes(np.array(self.axis), np.zeros(3), np.array(self.up_axis))[0]
 
-    def orient(self, here: Situation) -> Orientation:
-        """Compute the attitude in root axes; a Sun within 1e-6 rad of `up` raises `PropagationError`."""
-        line, line_rate = sun_line(here, "sun_pointing")
-        up = here.upward if self.up is None else np.broadcast_to(np.array(self.up, dtype=float), line.shape)
+    def orient(self, situation: Situation) -> Orientation:
+        """Compute the attitude in root axes.
+
+        Parameters
+        ----------
+        situation : of the body, with the direction to the Sun.
+
+        Returns
+        -------
+        attitude and body rates in root axes.
+
+        Raises
+        ------
+        PropagationError
+            If the Sun is within 1e-6 rad of `up`.
+        ScenarioError
+            If a local world has no Sun.
+        """
+        line, line_rate = sun_line(situation, "sun_pointing")
+        up = situation.upward if self.up is None else np.broadcast_to(np.array(self.up, dtype=float), line.shape)
         _refuse(
-            here,
+            situation,
             _sine(line, up) <= PARALLEL_RAD,
             f"sun_pointing: the Sun is within {PARALLEL_RAD:g} rad of `up`",
             "give an `up` (root axes) across it",
         )
-        rotation, rate = aim_axes(line, line_rate, up, here.upward_rate if self.up is None else None)
+        rotation, rate = aim_axes(line, line_rate, up, situation.upward_rate if self.up is None else None)
         body_from_triad = self._body_from_triad
         return Orientation(rotation * body_from_triad.inv(), rotate_vectors(body_from_triad, rate))
 
@@ -93,23 +111,39 @@ class Nadir(Part):
         default=(0.0, 0.0, 0.0), description="Further intrinsic rotations about z, new y, new x [deg]."
     )
 
-    def orient(self, here: Situation) -> Orientation:
-        """Compute the attitude in rtn axes."""
+    def orient(self, situation: Situation) -> Orientation:
+        """Compute the attitude in rtn axes.
+
+        Parameters
+        ----------
+        situation : of the body, with its rtn axes and the direction to the Sun.
+
+        Returns
+        -------
+        attitude and body rates in rtn axes.
+
+        Raises
+        ------
+        ScenarioError
+            If the body has no orbit.
+        PropagationError
+            If the Sun is within 1e-6 rad of zenith or nadir under yaw steering.
+        """
         from scipy.spatial.transform import Rotation
 
-        if not here.orbits:
+        if not situation.orbits:
             raise ScenarioError("nadir: needs a body that orbits: use 'fixed', 'spin' or 'look_at'")
         after, rtn_from_lvlh = euler_zyx(self.euler_zyx_deg), rtn_from_lvlh_ccsds()
         if not self.yaw_steering:
             return Orientation(rtn_from_lvlh * after, np.zeros(3), in_origin=True)
-        line, line_rate = sun_line(here, "nadir")
-        lvlh_from_root = (here.root_from_origin * rtn_from_lvlh).inv()
-        spin = rotate_vectors(rtn_from_lvlh.inv(), here.origin_rate_rad_s)
+        line, line_rate = sun_line(situation, "nadir")
+        lvlh_from_root = (situation.root_from_origin * rtn_from_lvlh).inv()
+        spin = rotate_vectors(rtn_from_lvlh.inv(), situation.origin_rate_rad_s)
         s = rotate_vectors(lvlh_from_root, line)
         s_rate = rotate_vectors(lvlh_from_root, line_rate) - np.cross(spin, s)
         across = s[:, 0] ** 2 + s[:, 1] ** 2
         _refuse(
-            here,
+            situation,
             np.sqrt(across) <= PARALLEL_RAD * np.linalg.norm(s, axis=1),
             f"nadir: the Sun is within {PARALLEL_RAD:g} rad of zenith or nadir, where yaw steering is undetermined",
             "shift the run, or leave out yaw_steering",
@@ -124,17 +158,17 @@ class Nadir(Part):
         )
 
 
-def sun_line(here: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:
+def sun_line(situation: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:
     """Compute vectors (time, 3) [m] from a body to the Sun and their rates [m/s] in root axes.
 
     In a local world the Sun is a constant direction, the same for every body.
     """
-    if here.sun_m is None:
+    if situation.sun_m is None:
         raise ScenarioError(f"{law}: this local world has no Sun: give [world] sun_direction, or use another attitude")
-    if here.local:
-        return here.sun_m, np.zeros_like(here.sun_m)
-    after, before = (sun_position_m(here.epochs.shift(step)) for step in (_STEP_S, -_STEP_S))
-    return here.sun_m - here.position_m, (after - before) / (2.0 * _STEP_S) - here.velocity_m_s
+    if situation.local:
+        return situation.sun_m, np.zeros_like(situation.sun_m)
+    after, before = (sun_position_m(situation.epochs.shift(step)) for step in (_STEP_S, -_STEP_S))
+    return situation.sun_m - situation.position_m, (after - before) / (2.0 * _STEP_S) - situation.velocity_m_s
 
 
 def _sine(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -144,11 +178,25 @@ def _sine(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return sine
 
 
-def _refuse(here: Situation, bad: np.ndarray, what: str, cure: str) -> None:
+def _refuse(situation: Situation, bad: np.ndarray, what: str, cure: str) -> None:
+    """Raise an error if a law is undetermined at some epochs.
+
+    Parameters
+    ----------
+    situation : of the body.
+    bad : mask (time) of these epochs.
+    what : what is undetermined, for the message.
+    cure : what to do, for the message.
+
+    Raises
+    ------
+    PropagationError
+        If `bad` is true anywhere.
+    """
     if bad.any():
-        at = here.epochs.time_s[np.argmax(bad)]
+        at = situation.epochs.time_s[np.argmax(bad)]
         raise PropagationError(
             f"{what} at {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g} "
-            f"({format_utc(here.epochs.start_utc, at)}): {cure}",
+            f"({format_utc(situation.epochs.start_utc, at)}): {cure}",
             bad,
         )

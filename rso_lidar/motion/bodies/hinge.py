@@ -65,9 +65,11 @@ class PlannedAngle(_AngleLaw):
     @model_validator(mode="after")
     def _check_pairs(self) -> Self:
         if len(self.time_s) != len(self.angle_deg) or not self.time_s:
-            raise ValueError("time_s and angle_deg: need as many entries as one another, at least one: add the missing")
+            raise ValueError(
+                "time_s and angle_deg: must have the same number of entries, at least one: add those missing"
+            )
         if any(after <= before for before, after in zip(self.time_s, self.time_s[1:], strict=False)):
-            raise ValueError("time_s: must rise from entry to entry: sort it")
+            raise ValueError("time_s: must ascend: sort it")
         return self
 
 
@@ -101,11 +103,11 @@ class HingeAxes(Part):
         if isinstance(self.angle, FollowSun):
             if self.angle.normal is None:
                 raise ValueError(
-                    "angle.normal: is missing; give the direction, body axes at angle zero, that seeks the Sun"
+                    "angle.normal: is missing; give the direction, body axes at angle zero, that follows the Sun"
                 )
             across = np.cross(self.axis, self.angle.normal)
             if np.linalg.norm(across) < 1e-6 * np.linalg.norm(self.axis) * np.linalg.norm(self.angle.normal):
-                raise ValueError("angle.normal: is along the hinge's axis, so that no angle turns it; give another")
+                raise ValueError("angle.normal: is parallel to the hinge's axis; give another")
         return self
 
     def link(self, time_s: np.ndarray, to_sun: np.ndarray | None, sun_rate: np.ndarray | None) -> Link:
@@ -116,6 +118,10 @@ class HingeAxes(Part):
         time_s : instants (time,) [s].
         to_sun : unit vectors (time, 3) to the Sun in body axes; None without a Sun.
         sun_rate : rates (time, 3) of these vectors in body axes [1/s]; None without a Sun.
+
+        Returns
+        -------
+        link of the hinge's axes in body axes (time), with the rate of the hinge [rad/s].
 
         Raises
         ------
@@ -143,6 +149,11 @@ class HingeAxes(Part):
         Returns
         -------
         angle [rad] and rate [rad/s] (time,).
+
+        Raises
+        ------
+        ScenarioError
+            If the hinge follows the Sun and there is none.
         """
         law = self.angle
         if isinstance(law, FixedAngle):
@@ -153,7 +164,9 @@ class HingeAxes(Part):
             slopes = np.concatenate([[0.0], np.diff(angles) / np.diff(times), [0.0]])
             return np.interp(time_s, times, angles), slopes[np.searchsorted(times, time_s, side="right")]
         if to_sun is None or sun_rate is None:
-            raise ScenarioError(f"joint {self.name}: follows the Sun, and there is none; set world.sun_direction")
+            raise ScenarioError(
+                f"joint {self.name}: follows the Sun, which this world does not have; set world.sun_direction"
+            )
         assert law.normal is not None  # checked by `_check_name_and_normal`
         x = np.array(law.normal) - axis * (axis @ np.array(law.normal))
         x /= np.linalg.norm(x)
@@ -170,7 +183,7 @@ def find_sun_in_body(
     line_m: np.ndarray,
     line_rate_m_s: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the unit vector (time, 3) to the Sun and its rate (time, 3) [1/s], both in body axes.
+    """Compute the direction to the Sun in body axes.
 
     Parameters
     ----------
@@ -178,6 +191,10 @@ def find_sun_in_body(
     body_rate_rad_s : angular velocity (…, 3) of the body in the root, in body axes [rad/s].
     line_m : vector (…, 3) from the body to the Sun, root axes [m].
     line_rate_m_s : rate (…, 3) of that vector, root axes [m/s]; None if the Sun does not move.
+
+    Returns
+    -------
+    unit vector (time, 3) to the Sun, and its rate (time, 3) [1/s], both in body axes.
     """
     line_rate_m_s = np.zeros_like(line_m) if line_rate_m_s is None else line_rate_m_s
     distance = np.sqrt(dot(line_m, line_m))[..., None]

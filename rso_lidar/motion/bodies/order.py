@@ -18,6 +18,10 @@ def sort_bodies(bodies: Sequence[Body], *, local: bool) -> list[str]:
     bodies : all bodies.
     local : whether the world is local, without an Earth.
 
+    Returns
+    -------
+    names of the axes at each body's origin and of each body, in the order of evaluation.
+
     Raises
     ------
     ScenarioError
@@ -36,7 +40,7 @@ def sort_bodies(bodies: Sequence[Body], *, local: bool) -> list[str]:
         names = [name.partition(".")[0] for name in error.args[1]]
         chain = " -> ".join(name for name, before in zip(names, [None, *names], strict=False) if name != before)
         raise ScenarioError(
-            f"{names[0]}: relative_to and look_at go round in a loop ({chain}); break it: relate one to something else"
+            f"{names[0]}: relative_to and look_at form a loop ({chain}); break it: relate one to another body or to the root"
         ) from None
 
 
@@ -79,6 +83,23 @@ def _by_name(bodies: Sequence[Body]) -> dict[str, Body]:
 
 
 def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str]:
+    """List the axes that must be known before the origin of a body is placed.
+
+    Parameters
+    ----------
+    body : the body.
+    by_name : all bodies.
+    local : whether the world is local, without an Earth.
+
+    Returns
+    -------
+    name of the axes of the chief or host; empty for a motion in root axes.
+
+    Raises
+    ------
+    ScenarioError
+        If the motion does not suit the world, or if its chief is unknown or does not orbit.
+    """
     motion = body.motion
     if local and body.orbits:
         raise ScenarioError(
@@ -95,7 +116,7 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
     if relative_to not in by_name:
         guess = did_you_mean(relative_to, by_name)
         raise ScenarioError(
-            f"{body.name}.motion.relative_to: no body '{relative_to}'{guess} (bodies: {', '.join(by_name)})"
+            f"{body.name}.motion.relative_to: unknown body '{relative_to}'{guess} (bodies: {', '.join(by_name)})"
         )
     chief = by_name[relative_to]
     if is_attached(motion):
@@ -109,6 +130,24 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
 
 
 def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body], local: bool) -> list[str]:
+    """List the axes that must be known before the attitude of a body is computed.
+
+    Parameters
+    ----------
+    body : the body.
+    by_name : all bodies.
+    hosts : body of each name of declared axes.
+    local : whether the world is local, without an Earth.
+
+    Returns
+    -------
+    names of the axes at which the attitude looks.
+
+    Raises
+    ------
+    ScenarioError
+        If the attitude needs an orbit that the body lacks, or if the motion already turns the body.
+    """
     needs = []
     for law in laws_of(body.attitude):
         if needs_orbit(law) and (local or not body.orbits):
@@ -117,7 +156,9 @@ def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body]
             )
         needs += [_find_target_axes(at, body, by_name, hosts) for at in looks_at(law)]
     if getattr(body.motion, "turns", False) and body.attitude is not None:
-        raise ScenarioError(f"{body.name}.attitude: its motion is a rigid body and turns it already; leave one out")
+        raise ScenarioError(
+            f"{body.name}.attitude: its motion is a rigid body, which already determines the attitude; leave one out"
+        )
     return needs
 
 
@@ -130,6 +171,15 @@ def _find_target_axes(at: str, body: Body, by_name: dict[str, Body], hosts: dict
     body : the one that looks.
     by_name : all bodies.
     hosts : body of each name of declared axes.
+
+    Returns
+    -------
+    name of those axes.
+
+    Raises
+    ------
+    ScenarioError
+        If the body looks at itself or at an unknown name.
     """
     if at in by_name:
         if at == body.name:
@@ -139,4 +189,4 @@ def _find_target_axes(at: str, body: Body, by_name: dict[str, Body], hosts: dict
         return hosts[at].name
     known = [*by_name, *hosts]
     guess = did_you_mean(at, known)
-    raise ScenarioError(f"{body.name}.attitude.at: nothing is named '{at}'{guess} (known: {', '.join(known)})")
+    raise ScenarioError(f"{body.name}.attitude.at: unknown name '{at}'{guess} (known: {', '.join(known)})")

@@ -43,7 +43,7 @@ def count_entries(attitude_state: str) -> int:
 def attitude_from_state(
     state: np.ndarray, attitude_state: str, label: str, time_s: np.ndarray
 ) -> tuple[Rotation, np.ndarray]:
-    """Read axes_from_body (time) and the body rates (time, 3) [rad/s] from states.
+    """Read attitudes and body rates from states.
 
     Parameters
     ----------
@@ -51,6 +51,10 @@ def attitude_from_state(
     attitude_state : representation of the attitude.
     label : of the dynamics, for messages.
     time_s : instants (time) of the rows [s], for messages.
+
+    Returns
+    -------
+    axes_from_body (time), and the body rates (time, 3) [rad/s].
 
     Raises
     ------

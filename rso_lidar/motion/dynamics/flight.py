@@ -103,8 +103,8 @@ class Flight:
         inputs = np.array(inputs, dtype=float, ndmin=1)
         if inputs.shape != self._inputs.shape or not np.all(np.isfinite(inputs)):
             raise ScenarioError(
-                f"command: inputs of {self.model.label} are {inputs.tolist()!s:.60}: it takes {len(self._inputs)} finite "
-                "numbers, as many as its `inputs`"
+                f"command: inputs of {self.model.label} are {inputs.tolist()!s:.60}: give {len(self._inputs)} finite "
+                "numbers, one for each of its `inputs`"
             )
         if np.array_equal(inputs, self._inputs):
             return
@@ -124,8 +124,8 @@ class Flight:
         lost = (times > self._lost_s[0]) & (times < self._lost_s[1])
         if lost.any():
             raise PropagationError(
-                f"{self.model.label}: the states from {self._lost_s[0]:g} to {self._lost_s[1]:g} s are no longer kept, as "
-                f"more than {_KEPT} commands followed: ask for later instants",
+                f"{self.model.label}: the states from {self._lost_s[0]:g} to {self._lost_s[1]:g} s are no longer kept, "
+                f"because more than {_KEPT} commands followed: request later instants",
                 lost,
             )
         states = np.empty((len(times), len(self.model.initial_state)))

@@ -32,7 +32,7 @@ def _check_dynamics(value: Any) -> Any:
 
 
 def name_function(value: Any) -> str:
-    """Return the name under which a function can be found."""
+    """Return the name of a function, such as `package.module:name`, by which it can be found again."""
     if isinstance(value, str):
         return value
     return f"{getattr(value, '__module__', '?')}:{getattr(value, '__qualname__', type(value).__qualname__)}"
@@ -77,6 +77,23 @@ def wrap_dynamics(function: Function, label: str, n: int) -> Function:
     """
 
     def call_checked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Call the function of the dynamics and check its result.
+
+        Parameters
+        ----------
+        t : time since `start_utc` [s].
+        x : state (n,).
+        u : inputs (m,).
+
+        Returns
+        -------
+        derivatives (n,).
+
+        Raises
+        ------
+        ScenarioError
+            If the function fails, or if its result is not (n,) finite numbers.
+        """
         x, u = np.array(x), np.array(u)
         x.flags.writeable = u.flags.writeable = False  # f must not change the state by writing into its arguments
         try:
@@ -85,12 +102,17 @@ def wrap_dynamics(function: Function, label: str, n: int) -> Function:
             raise
         except (Exception, SystemExit, GeneratorExit) as error:
             raise ScenarioError(
-                f"{label}: failed at t = {t:g} s with {type(error).__name__}{_format_error(error)}; mend the dynamics"
+                f"{label}: failed at t = {t:g} s with {type(error).__name__}{_format_error(error)}; correct the dynamics"
             ) from error
         if rates.shape != (n,):
-            raise ScenarioError(f"{label}: gave a shape of {rates.shape} at t = {t:g} s; the state has {n} entries")
+            raise ScenarioError(
+                f"{label}: returned the shape {rates.shape} at t = {t:g} s; return one derivative for each of the {n} "
+                "entries of the state"
+            )
         if not np.all(np.isfinite(rates)):
-            raise ScenarioError(f"{label}: gave {rates.tolist()!s:.60} at t = {t:g} s; the state has left what f knows")
+            raise ScenarioError(
+                f"{label}: returned {rates.tolist()!s:.60} at t = {t:g} s; return finite numbers for this state"
+            )
         return rates
 
     return call_checked
@@ -134,14 +156,14 @@ def _import_module(place: str) -> Any:
 
 
 class _SourceLoader(importlib.machinery.SourceFileLoader):
-    """A loader that writes no compiled file next to a user's file or an installed example."""
+    """A loader that does not write a compiled file next to a user's file or an installed example."""
 
     def path_stats(self, path: Any) -> Any:
         """Ignore compiled files: their time stamps have whole seconds, too coarse while a user edits the source."""
         raise OSError
 
     def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
-        """Write no compiled file.
+        """Do not write a compiled file.
 
         Parameters
         ----------
@@ -151,6 +173,22 @@ class _SourceLoader(importlib.machinery.SourceFileLoader):
 
 @functools.lru_cache(maxsize=32)
 def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
+    """Run a Python file as a module, cached until its modification time or size changes.
+
+    Parameters
+    ----------
+    path : of the file.
+    _modified_ns, _size : modification time and size of the file, the key of the cache.
+
+    Returns
+    -------
+    the module.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be imported.
+    """
     name = f"rso_lidar_dynamics_{path.stem}"
     loader = _SourceLoader(name, str(path))
     spec = importlib.util.spec_from_loader(name, loader)
@@ -162,6 +200,6 @@ def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
         line = getattr(error, "lineno", None)
         where = f"line {line}: " if line else ""
         raise ScenarioError(
-            f"{path.name}: {where}cannot be imported ({type(error).__name__}{_format_error(error)}); mend it"
+            f"{path.name}: {where}cannot be imported ({type(error).__name__}{_format_error(error)}); correct it"
         ) from None
     return module

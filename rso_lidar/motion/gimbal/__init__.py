@@ -1,1 +1,1 @@
-"""The pan-tilt unit: what it is asked to point at, its drive, and its encoders."""
+"""The pan-tilt unit: its demanded pointing, its drive, and its encoders."""

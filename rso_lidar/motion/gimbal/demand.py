@@ -36,7 +36,16 @@ class FixedPoint(_Point):
     tilt_deg: Number = Field(default=0.0, description="Tilt angle, positive upward [deg].")
 
     def demand(self, time_s: np.ndarray) -> np.ndarray:
-        """Return pan and tilt (time, 2) [rad] at `time_s` (time,) [s]."""
+        """Return the demand, which is constant.
+
+        Parameters
+        ----------
+        time_s : instants (time,) [s].
+
+        Returns
+        -------
+        pan and tilt (time, 2) [rad].
+        """
         return np.tile(np.array([self.pan_deg, self.tilt_deg]) * units.DEG, (len(time_s), 1))
 
 
@@ -90,7 +99,16 @@ class ScanPoint(_Point):
         return self
 
     def demand(self, time_s: np.ndarray) -> np.ndarray:
-        """Return pan and tilt (time, 2) [rad] at `time_s` (time,) [s]."""
+        """Compute the demand along the pattern.
+
+        Parameters
+        ----------
+        time_s : instants (time,) [s].
+
+        Returns
+        -------
+        pan and tilt (time, 2) [rad].
+        """
         way = np.abs(np.asarray(time_s, dtype=float)) * self.rate_deg_s
         offset = self._trace_raster(way) if self.pattern == "raster" else self._trace_spiral(way)
         angles: np.ndarray = (np.array([self.pan_deg, self.tilt_deg]) + offset) * units.DEG

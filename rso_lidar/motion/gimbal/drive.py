@@ -50,7 +50,7 @@ class _Travel(Part):
         for name in ("pan_limits_deg", "tilt_limits_deg"):
             limits = getattr(self, name)
             if limits is not None and not limits[0] < limits[1]:
-                raise ValueError(f"{name}: needs the lower end first, then the upper")
+                raise ValueError(f"{name}: give the lower limit first, then the upper")
         return self
 
     @property
@@ -112,12 +112,16 @@ class FirstOrder(_Drive):
         ----------
         begin_s, dt, axes, held : as for `StateSpaceDrive.advance`.
         further : returned as it is, because this drive has no further entries.
+
+        Returns
+        -------
+        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`.
         """
         law = self.time_constant_s, math.exp(-dt / self.time_constant_s)
         limits = self.limits(dt)
-        (pan_ends, tilt_ends), asked = self.travel_rad, packed(held.T, float)
-        pan = advance_first_order(dt, law, limits, pan_ends, axes[0], asked[0])
-        return (pan, advance_first_order(dt, law, limits, tilt_ends, axes[1], asked[1])), further
+        (pan_ends, tilt_ends), demanded = self.travel_rad, packed(held.T, float)
+        pan = advance_first_order(dt, law, limits, pan_ends, axes[0], demanded[0])
+        return (pan, advance_first_order(dt, law, limits, tilt_ends, axes[1], demanded[1])), further
 
 
 class SecondOrder(_Drive):
@@ -138,12 +142,16 @@ class SecondOrder(_Drive):
         ----------
         begin_s, dt, axes, held : as for `StateSpaceDrive.advance`.
         further : returned as it is, because this drive has no further entries.
+
+        Returns
+        -------
+        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`.
         """
         law = second_order_transition(2.0 * math.pi * self.natural_hz, self.damping, dt)
         limits = self.limits(dt)
-        (pan_ends, tilt_ends), asked = self.travel_rad, packed(held.T, float)
-        pan = advance_second_order(dt, law, limits, pan_ends, axes[0], asked[0])
-        return (pan, advance_second_order(dt, law, limits, tilt_ends, axes[1], asked[1])), further
+        (pan_ends, tilt_ends), demanded = self.travel_rad, packed(held.T, float)
+        pan = advance_second_order(dt, law, limits, pan_ends, axes[0], demanded[0])
+        return (pan, advance_second_order(dt, law, limits, tilt_ends, axes[1], demanded[1])), further
 
 
 class StateSpaceDrive(_Travel):
@@ -183,7 +191,7 @@ class StateSpaceDrive(_Travel):
 
         Returns
         -------
-        (angle, rate) of pan and of tilt after the last row, and the further entries of the state.
+        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and the further entries of the state.
         """
         f = _function(self, stamp_file(self.dynamics))
         (pan, pan_rate), (tilt, tilt_rate) = axes
@@ -207,7 +215,7 @@ def _function(drive: StateSpaceDrive, _stamp: tuple[int, int]) -> Function:
 
 
 @kernel
-def advance_first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: Pair, asked: np.ndarray) -> Pair:
+def advance_first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: Pair, demanded: np.ndarray) -> Pair:
     """Advance one axis of a first-order drive through demands that are held one after the other.
 
     Parameters
@@ -217,7 +225,7 @@ def advance_first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: 
     limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s].
     travel : lower and upper end of the axis [rad].
     axis : angle [rad] and rate [rad/s] at the start.
-    asked : demands (tick) f8 [rad].
+    demanded : demands (tick) f8 [rad].
 
     Returns
     -------
@@ -225,7 +233,7 @@ def advance_first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: 
     """
     (x, v), (low, high), (most, change), (tau, decay) = axis, travel, limits, law
     step = most * dt
-    for d in asked:
+    for d in demanded:
         new = d + decay * (x - d)
         rate = (d - new) / tau
         if -change <= rate - v <= change and -step <= new - x <= step:
@@ -245,7 +253,7 @@ def advance_second_order(
     limits: Pair,
     travel: Pair,
     axis: Pair,
-    asked: np.ndarray,
+    demanded: np.ndarray,
 ) -> Pair:
     """Advance one axis of a second-order drive through demands that are held one after the other.
 
@@ -256,14 +264,14 @@ def advance_second_order(
     limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s].
     travel : lower and upper end of the axis [rad].
     axis : angle [rad] and rate [rad/s] at the start.
-    asked : demands (tick) f8 [rad].
+    demanded : demands (tick) f8 [rad].
 
     Returns
     -------
     angle [rad] and rate [rad/s] after the last demand.
     """
     (x, v), (low, high), (most, change), (xx, xv, vx, vv) = axis, travel, limits, law
-    for d in asked:
+    for d in demanded:
         error = x - d
         new = vx * error + vv * v
         if -change <= new - v <= change and -most <= new <= most:
@@ -285,6 +293,10 @@ def second_order_transition(natural: float, damping: float, dt: float) -> tuple[
     natural : undamped natural angular frequency w [rad/s].
     damping : damping ratio zeta.
     dt : time step [s].
+
+    Returns
+    -------
+    matrix by rows: new angle from angle and rate [s], then new rate from angle [1/s] and rate.
     """
     sigma = damping * natural
     phase = natural * natural * (1.0 - damping) * (1.0 + damping)

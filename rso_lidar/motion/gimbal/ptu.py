@@ -85,6 +85,10 @@ def ptu_link(
     pan_rad, tilt_rad : angles (…) [rad].
     pan_rate_rad_s, tilt_rate_rad_s : their rates (…) [rad/s].
 
+    Returns
+    -------
+    link follower_from_ptu (…), with the angular velocity of the PTU in its own axes [rad/s].
+
     Examples
     --------
     >>> ptu_link(Mount(), 0.0, 0.5).pose.apply([1, 0, 0]).round(3)  # the boresight looks up
@@ -126,17 +130,25 @@ class PtuState:
 
 
 def start(ptu: Ptu, demand: Demand) -> PtuState:
-    """Return the state at t = 0: at rest on the demand, within the travel. An `Ideal` drive has the rate of the demand.
+    """Return the state at t = 0: at rest on the demand, within the travel.
+
+    An `Ideal` drive has the rate of the demand.
 
     Parameters
     ----------
     ptu : the pan-tilt unit.
     demand : of the scenario.
+
+    Returns
+    -------
+    state at t = 0.
     """
-    asked = _pair(demand(np.zeros(1))[0])
-    pan, tilt = (min(max(angle, low), high) for angle, (low, high) in zip(asked, ptu.response.travel_rad, strict=True))
+    demanded = _pair(demand(np.zeros(1))[0])
+    pan, tilt = (
+        min(max(angle, low), high) for angle, (low, high) in zip(demanded, ptu.response.travel_rad, strict=True)
+    )
     further = getattr(ptu.response, "further_state", ())
-    state = PtuState(0.0, (pan, tilt), (0.0, 0.0), asked, 0, ((pan, 0.0), (tilt, 0.0)), further=further)
+    state = PtuState(0.0, (pan, tilt), (0.0, 0.0), demanded, 0, ((pan, 0.0), (tilt, 0.0)), further=further)
     return step(ptu, state, demand, 0.0)
 
 
@@ -155,20 +167,27 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
     Returns
     -------
     state at `until_s`.
+
+    Raises
+    ------
+    ValueError
+        If `until_s` is before `state.time_s`.
+    ScenarioError
+        If the command is not an angle.
     """
     if until_s < state.time_s:
-        raise ValueError(f"ptu: time runs forward, from {state.time_s:g} s to {until_s:g} s: start afresh to go back")
+        raise ValueError(f"ptu: cannot step back from {state.time_s:g} s to {until_s:g} s: start from t = 0 to go back")
     command = _check_command(command or Command())
     latency = round(ptu.errors.command_latency_s * TICKS_PER_S)
     commands = _select_commands(state, command, latency)
     tick, rest_s = _split_time(until_s)
     travel = ptu.response.travel_rad
     scenario = demand(np.array([until_s]))[0]
-    asked = _pair(_apply_command(scenario, command))
+    demanded = _pair(_apply_command(scenario, command))
 
     if isinstance(ptu.response, Ideal):
         angle, rate = _follow_demand(ptu.response, demand, commands, until_s, latency)
-        return PtuState(until_s, angle, rate, asked, tick, ((angle[0], 0.0), (angle[1], 0.0)), commands)
+        return PtuState(until_s, angle, rate, demanded, tick, ((angle[0], 0.0), (angle[1], 0.0)), commands)
 
     grid, further = state.grid, state.further
     for first in range(state.tick, tick, CHUNK):
@@ -179,7 +198,7 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
         held = _sample_demand(demand, commands, tick, tick + 1, latency, travel)
         here, _ = ptu.response.advance(tick / TICKS_PER_S, rest_s, grid, further, held)
     (pan, pan_rate), (tilt, tilt_rate) = here
-    return PtuState(until_s, (pan, tilt), (pan_rate, tilt_rate), asked, tick, grid, commands, further)
+    return PtuState(until_s, (pan, tilt), (pan_rate, tilt_rate), demanded, tick, grid, commands, further)
 
 
 def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> PtuAngles:
@@ -190,6 +209,10 @@ def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> PtuAngles:
     ptu : the pan-tilt unit.
     state : at the flash.
     rng : always gives four numbers, so that its sequence does not depend on settings.
+
+    Returns
+    -------
+    demanded, actual and measured angles, and the rates of the drive.
     """
     errors = ptu.errors
     draws = rng.standard_normal(4)
@@ -207,7 +230,7 @@ def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> PtuAngles:
     )
 
 
-# ---------------------------------------------------------------------------------------------------- what is asked
+# ---------------------------------------------------------------------------------------------------- demands and commands
 
 
 def _pair(angles: np.ndarray) -> Pair:
@@ -246,6 +269,10 @@ def _select_commands(state: PtuState, command: Command, latency: int) -> tuple[t
     state : at the instant of the new command.
     command : the new one.
     latency : ticks until the drive obeys a command.
+
+    Returns
+    -------
+    commands, each with the first tick at which the drive obeys it.
     """
     past = sum(1 for tick, _ in state.commands if tick <= state.tick)
     commands = state.commands[max(0, past - 1) :]
@@ -277,15 +304,15 @@ def _sample_demand(
     -------
     demanded pan and tilt (tick, 2) [rad].
     """
-    asked = np.array(demand(np.maximum(np.arange(first, end) - latency, 0) / TICKS_PER_S), dtype=float)
+    demanded = np.array(demand(np.maximum(np.arange(first, end) - latency, 0) / TICKS_PER_S), dtype=float)
     ends = [tick for tick, _ in commands[1:]] + [end]
     for (begin, command), finish in zip(commands, ends, strict=True) if commands else ():
         rows = slice(max(begin - first, 0), max(finish - first, 0))
         for axis, angle in enumerate((command.pan_rad, command.tilt_rad)):
             if angle is not None:
-                asked[rows, axis] = angle
+                demanded[rows, axis] = angle
     (pan_low, pan_high), (tilt_low, tilt_high) = travel
-    within: np.ndarray = np.minimum(np.maximum(asked, (pan_low, tilt_low)), (pan_high, tilt_high))
+    within: np.ndarray = np.minimum(np.maximum(demanded, (pan_low, tilt_low)), (pan_high, tilt_high))
     return within
 
 
@@ -311,12 +338,12 @@ def _follow_demand(
     """
     now = time_s - latency / TICKS_PER_S
     around = np.maximum([now, now - TICK_S / 2, now + TICK_S / 2], 0.0)
-    asked = demand(around)
-    rates = (asked[2] - asked[1]) / (around[2] - around[1] or TICK_S)
+    demanded = demand(around)
+    rates = (demanded[2] - demanded[1]) / (around[2] - around[1] or TICK_S)
     obeyed = [command for tick, command in commands if tick <= _split_time(time_s)[0]]
     command = obeyed[-1] if obeyed else Command()
     low, high = np.transpose(response.travel_rad)
-    angles = _apply_command(asked[0], command)
+    angles = _apply_command(demanded[0], command)
     commanded = np.array([command.pan_rad is not None, command.tilt_rad is not None])
     rates = np.where(commanded | (angles < low) | (angles > high), 0.0, rates)
     return _pair(np.clip(angles, low, high)), _pair(rates)

@@ -1,1 +1,1 @@
-"""Motions that are given or integrated, and what a motion of any kind answers."""
+"""Motions that are prescribed or integrated, and the protocol of all motions."""

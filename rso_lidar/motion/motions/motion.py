@@ -44,8 +44,8 @@ class Motion(Protocol):
     orbital axes are finite differences. Its result at one epoch must not depend on the others, and the object must not
     change. An epoch without a state raises `PropagationError`. These optional members are recognised:
 
-    - ``orbits``: False if the states are no orbit about the Earth. The body then has no rtn axes, and its states are in
-      root axes, also in a local world. The default is True.
+    - ``orbits``: False if the states are not an orbit about the Earth. The body then has no rtn axes, and its states are
+      in root axes, also in a local world. The default is True.
     - ``breaks_s(epochs)``: instants [s since `start_utc`] at which the state has a jump or a corner, or begins or ends.
       No finite difference reaches across one.
     - ``validity(epochs)``: a sentence for each limit of the model that is exceeded; it becomes a warning.
@@ -55,7 +55,16 @@ class Motion(Protocol):
     """
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s], each (time, 3), in GCRS axes at `epochs`."""
+        """Compute position and velocity of the body's origin.
+
+        Parameters
+        ----------
+        epochs : instants.
+
+        Returns
+        -------
+        position [m] and velocity [m/s], each (time, 3), in GCRS axes.
+        """
 
 
 DescribedMotion = Annotated[
@@ -96,7 +105,16 @@ def has_orbit(motion: Any) -> bool:
 
 
 def chief_of(motion: Any) -> str | None:
-    """Return the name of the body to which a motion is relative; None for the root."""
+    """Return the name of the body to which a motion is relative.
+
+    Parameters
+    ----------
+    motion : any motion.
+
+    Returns
+    -------
+    name of that body; None if the motion is relative to the root.
+    """
     name: str | None = getattr(motion, "relative_to", None)
     return name
 
@@ -107,14 +125,14 @@ def is_attached(motion: Any) -> bool:
 
 
 def states_of(motion: Any, epochs: Epochs) -> BodyState:
-    """Call a motion and check its result; raise `ScenarioError` if that is no `BodyState` of these epochs."""
+    """Call a motion and check its result; raise `ScenarioError` if it is not a `BodyState` of these epochs."""
     state = motion.states(epochs)
     if isinstance(motion, Part):
         return state  # type: ignore[no-any-return]
     shape = (len(epochs), 3)
     if not isinstance(state, BodyState) or np.shape(state.position_m) != shape or np.shape(state.velocity_m_s) != shape:
         raise ScenarioError(
-            f"{kind_of(motion)}: states() returned a {type(state).__name__} that is no BodyState of {shape[0]} epochs; "
+            f"{kind_of(motion)}: states() returned a {type(state).__name__} that is not a BodyState of {shape[0]} epochs; "
             f"return BodyState(position_m, velocity_m_s), each {shape}"
         )
     if not (np.isfinite(state.position_m).all() and np.isfinite(state.velocity_m_s).all()):
@@ -123,13 +141,33 @@ def states_of(motion: Any, epochs: Epochs) -> BodyState:
 
 
 def summarize(motion: Any, start_utc: datetime.datetime) -> str:
-    """Describe a motion in a few words, such as ``hill relative to tdrs``."""
+    """Describe a motion in a few words, such as ``hill relative to tdrs``.
+
+    Parameters
+    ----------
+    motion : any motion.
+    start_utc : start of the run.
+
+    Returns
+    -------
+    a few words.
+    """
     own = getattr(motion, "summarize", None)
     text = str(own(start_utc)) if own is not None else kind_of(motion)
     return text if chief_of(motion) is None else f"{text} relative to {chief_of(motion)}"
 
 
 def advise(part: Any, end_s: float) -> list[str]:
-    """Report what in a motion or an attitude is probably a mistake for a run until `end_s` [s], one line each."""
+    """Report what in a motion or an attitude is probably a mistake.
+
+    Parameters
+    ----------
+    part : the motion or attitude.
+    end_s : end of the run [s].
+
+    Returns
+    -------
+    one line for each mistake.
+    """
     own = getattr(part, "advise", None)
     return [] if own is None else list(own(end_s))

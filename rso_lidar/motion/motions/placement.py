@@ -39,8 +39,27 @@ class PlacedMotion(Part):
 
     @abstractmethod
     def place(self, epochs: Epochs, flight: Flight | None) -> Place:
-        """Compute position and velocity of the body's origin; `flight` is that of a state-space model."""
+        """Compute position and velocity of the body's origin.
 
-    def orient(self, here: Situation) -> Orientation | None:
-        """Return the attitude that the motion prescribes; None without one."""
+        Parameters
+        ----------
+        epochs : instants.
+        flight : of a state-space model; None for any other motion.
+
+        Returns
+        -------
+        position [m] and velocity [m/s] (time, 3) in the axes of the motion.
+        """
+
+    def orient(self, situation: Situation) -> Orientation | None:
+        """Compute the attitude that the motion prescribes.
+
+        Parameters
+        ----------
+        situation : of the body.
+
+        Returns
+        -------
+        attitude and body rates; None if the motion prescribes no attitude.
+        """
         return None

@@ -38,11 +38,20 @@ class Fixed(PlacedMotion):
     )
 
     def place(self, epochs: Epochs, flight: Flight | None) -> Place:
-        """Return position and velocity of the body's origin in the parent's axes."""
+        """Return the constant position in the parent's axes."""
         return Place(*self.positions(epochs.time_s))
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the constant position [m] and zero velocity [m/s] (time, 3) in the parent's axes."""
+        """Return the constant position in the parent's axes.
+
+        Parameters
+        ----------
+        time_s : instants (time,) [s].
+
+        Returns
+        -------
+        position [m] and zero velocity [m/s], each (time, 3).
+        """
         shape = (len(time_s), 3)
         return np.broadcast_to(np.array(self.position_m), shape), np.zeros(shape)
 
@@ -53,7 +62,7 @@ class Table(PlacedMotion):
     The header names the columns time_s, x_m, y_m, z_m and, for attitudes, qx, qy, qz, qw (parent_from_body), in any
     order. Positions follow the not-a-knot cubic spline through all rows, which is twice continuously differentiable,
     and velocities its derivative. Attitudes and body rates follow scipy's RotationSpline. Two rows give uniform motion.
-    Outside the span of the rows there is no motion.
+    An epoch outside the rows is an error.
     """
 
     is_attached: ClassVar[bool] = True
@@ -66,11 +75,27 @@ class Table(PlacedMotion):
     )
 
     def place(self, epochs: Epochs, flight: Flight | None) -> Place:
-        """Return position and velocity of the body's origin in the parent's axes."""
+        """Interpolate position and velocity in the parent's axes."""
         return Place(*self.positions(epochs.time_s))
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Interpolate position [m] and velocity [m/s] (time, 3) in the parent's axes."""
+        """Interpolate position and velocity in the parent's axes.
+
+        Parameters
+        ----------
+        time_s : instants (time,) [s].
+
+        Returns
+        -------
+        position [m] and velocity [m/s], each (time, 3).
+
+        Raises
+        ------
+        PropagationError
+            If an instant is outside the table.
+        ScenarioError
+            If the file is invalid.
+        """
         from scipy.interpolate import CubicSpline
 
         rows = self._rows()
@@ -78,13 +103,27 @@ class Table(PlacedMotion):
         spline = CubicSpline(rows.time_s, rows.position_m)
         return spline(times), spline(times, 1)
 
-    def orient(self, here: Situation) -> Orientation | None:
-        """Interpolate the attitude in the parent's axes; None without quaternions."""
-        turning = self.orientations(here.epochs.time_s)
+    def orient(self, situation: Situation) -> Orientation | None:
+        """Interpolate the attitude in the parent's axes."""
+        turning = self.orientations(situation.epochs.time_s)
         return None if turning is None else Orientation(*turning, in_origin=True)
 
     def orientations(self, time_s: np.ndarray) -> tuple[Rotation, np.ndarray] | None:
-        """Interpolate parent_from_body (time) and the body rates (time, 3) [rad/s]; None without quaternions."""
+        """Interpolate the attitude in the parent's axes.
+
+        Parameters
+        ----------
+        time_s : instants (time,) [s].
+
+        Returns
+        -------
+        parent_from_body (time), and the body rates (time, 3) [rad/s]; None for a table without quaternions.
+
+        Raises
+        ------
+        PropagationError
+            If an instant is outside the table.
+        """
         from scipy.spatial.transform import Rotation, RotationSpline
 
         rows = self._rows()
@@ -105,7 +144,7 @@ class Table(PlacedMotion):
         bad = ~((times >= rows.time_s[0]) & (times <= rows.time_s[-1]))
         if bad.any():
             raise PropagationError(
-                f"{self.file}: has no row around {int(bad.sum())} of {len(bad)} epochs, first at time_s = "
+                f"{self.file}: does not cover {int(bad.sum())} of {len(bad)} epochs, first at time_s = "
                 f"{times[np.argmax(bad)]:g}: it spans {rows.time_s[0]:g} to {rows.time_s[-1]:g} s; lengthen the table or "
                 "shorten the run",
                 bad,
@@ -143,6 +182,22 @@ def read_table(path: str | Path) -> TableRows:
 
 @functools.lru_cache(maxsize=16)
 def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
+    """Read a table, cached until its modification time or size changes.
+
+    Parameters
+    ----------
+    path : of the file.
+    _modified_ns, _size : modification time and size of the file, the key of the cache.
+
+    Returns
+    -------
+    rows of the table.
+
+    Raises
+    ------
+    ScenarioError
+        If the file is invalid.
+    """
     text = read_text(path, MOST_BYTES, ScenarioError, "CSV file")
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")
@@ -150,9 +205,7 @@ def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
         raise ScenarioError(f"{path}: is empty: give a header line and at least two rows")
     table = read_csv_table(text, str(path), (PLACE, TURN), (PLACE,))
     if table.start_utc is not None:
-        raise ScenarioError(
-            f"{path}: line 1: a table of places counts its rows in time_s: give that column, in seconds"
-        )
+        raise ScenarioError(f"{path}: line 1: a table of positions needs the column time_s: give it, in seconds")
     position_m, quaternion = table.stack(PLACE), table.stack(TURN)
     assert position_m is not None
     if quaternion is not None:

@@ -93,7 +93,7 @@ class StateSpace(StateSpaceModel, PlacedMotion):
         return self.axes != "local"
 
     def place(self, epochs: Epochs, flight: Flight | None) -> Place:
-        """Compute position and velocity in `axes`; for an orbit also their rates, which f gives."""
+        """Integrate position and velocity in `axes`. For an orbit the result includes their rates, which f gives."""
         assert flight is not None
         state = flight(epochs.time_s)
         rates = flight.rates(epochs.time_s) if self.orbits else None
@@ -101,21 +101,40 @@ class StateSpace(StateSpaceModel, PlacedMotion):
         return Place(state[:, :3], state[:, 3:PLACE], known)
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instant [s] before which there may be no state: user-defined dynamics begin at `start_utc`."""
+        """Return the start of the run, because user-defined dynamics have no state before it.
+
+        Parameters
+        ----------
+        epochs : not used.
+
+        Returns
+        -------
+        the instant 0 (1,) [s].
+        """
         return np.zeros(1)
 
-    def orient(self, here: Situation) -> Orientation | None:
-        """Return the attitude of a rigid body in root axes; None for a translation."""
+    def orient(self, situation: Situation) -> Orientation | None:
+        """Return the attitude of a rigid body in root axes; a translation has none."""
         if not self.turns:
             return None
-        rotation, rate = self.orientation(here.flight_of(self), here.epochs.time_s)
+        rotation, rate = self.orientation(situation.flight_of(self), situation.epochs.time_s)
         if self.relative_to is None:
             return Orientation(rotation, rate)
-        chief = here.origin_of(self.relative_to)
+        chief = situation.origin_of(self.relative_to)
         return Orientation(
             chief.rotation * rotation, rate + rotate_vectors(rotation.inv(), chief.angular_velocity_rad_s)
         )
 
     def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
-        """Integrate axes_from_body (time) and the body rates (time, 3) [rad/s] of a rigid body."""
+        """Integrate the attitude of a rigid body.
+
+        Parameters
+        ----------
+        flight : of this model.
+        time_s : instants (time,) [s].
+
+        Returns
+        -------
+        axes_from_body (time), and the body rates (time, 3) [rad/s].
+        """
         return attitude_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)

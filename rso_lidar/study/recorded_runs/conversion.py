@@ -17,7 +17,7 @@ from rso_lidar.export.formats.truth_batches import TruthBatch, join_batches, pee
 from rso_lidar.export.reader.recording import Frames, Recording
 from rso_lidar.export.registry import format_for, writer_for
 from rso_lidar.files import check_writable, convert_path
-from rso_lidar.motion.attitudes.attitude_table import write_aem
+from rso_lidar.motion.attitudes.attitude_file import write_aem
 from rso_lidar.orbit.ccsds.writer import write_oem
 from rso_lidar.pose import ROOT
 from rso_lidar.records import BodyState, Frame, Source

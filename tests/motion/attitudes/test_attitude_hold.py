@@ -49,7 +49,7 @@ def test_fixed_is_the_identity_by_default_and_takes_either_form():
 
 
 def test_fixed_refuses_two_rotations():
-    with pytest.raises(ScenarioError, match="keep one"):
+    with pytest.raises(ScenarioError, match="give one"):
         FixedAttitude(quaternion_xyzw=(0, 0, 0, 1), euler_zyx_deg=(0, 0, 0))
 
 

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
+from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
 from rso_lidar.motion.attitudes.attitude_hold import LvlhCcsds
-from rso_lidar.motion.attitudes.attitude_table import AttitudeTable, write_aem, write_attitude_csv
+from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
 from rso_lidar.motion.attitudes.spin import Tumble
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.motions.prescribed_motion import Fixed
@@ -210,7 +211,7 @@ def test_xml(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (HEAD + segment(rows(QUARTER), ATTITUDE_TYPE="SPIN"), "line 12: ATTITUDE_TYPE SPIN is not known"),
+        (HEAD + segment(rows(QUARTER), ATTITUDE_TYPE="SPIN"), "line 12: ATTITUDE_TYPE SPIN is not supported"),
         (HEAD + segment(rows(QUARTER), QUATERNION_TYPE=None), "line 4: the metadata lack QUATERNION_TYPE"),
         (
             HEAD + segment(rows(QUARTER), QUATERNION_TYPE="MIDDLE"),
@@ -249,5 +250,5 @@ def test_writing_and_reading_agree_to_the_printed_digits(tmp_path):
     path = write_attitude_csv(tmp_path / "a.csv", epochs, rotation)
     back, _ = flown(AttitudeTable(file=str(path)), epochs.time_s)
     np.testing.assert_allclose((back.inv() * rotation).magnitude(), 0.0, atol=1e-11)
-    with pytest.raises(RecordingError, match="two or more that grow"):
+    with pytest.raises(RecordingError, match="two or more, at least 1 ns apart"):
         write_aem(tmp_path / "c", "SAT", "1", epochs.at(slice(0, 1)), rotation[:1])

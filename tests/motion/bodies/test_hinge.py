@@ -63,9 +63,9 @@ def test_the_sun_along_the_axis_leaves_the_array_at_zero():
         ({"axis": (0.0, 0.0, 0.0)}, "zero vector"),
         ({"name": "rtn"}, "body's own axes"),
         ({"parts": ()}, "at least 1"),
-        ({"angle": {"type": "follow_sun", "normal": (0.0, -1.0, 0.0)}}, "along the hinge's axis"),
-        ({"angle": {"type": "planned", "time_s": (0.0, 1.0), "angle_deg": (0.0,)}}, "as many entries"),
-        ({"angle": {"type": "planned", "time_s": (1.0, 1.0), "angle_deg": (0.0, 1.0)}}, "must rise"),
+        ({"angle": {"type": "follow_sun", "normal": (0.0, -1.0, 0.0)}}, "parallel to the hinge's axis"),
+        ({"angle": {"type": "planned", "time_s": (0.0, 1.0), "angle_deg": (0.0,)}}, "same number of entries"),
+        ({"angle": {"type": "planned", "time_s": (1.0, 1.0), "angle_deg": (0.0, 1.0)}}, "must ascend"),
         ({"angle": {"type": "sun"}}, "unknown type 'sun'"),
     ],
 )
@@ -77,6 +77,6 @@ def test_bad_hinges(changes, words):
 def test_following_the_sun_without_one_is_an_error():
     joint = HingeAxes(**HINGE, angle=FollowSun(normal=(0.0, 0.0, 1.0)))
     with pytest.raises(
-        ScenarioError, match=r"joint array: follows the Sun, and there is none; set world.sun_direction"
+        ScenarioError, match=r"joint array: follows the Sun, which this world does not have; set world.sun_direction"
     ):
         joint.link(np.zeros(1), None, None)

@@ -137,7 +137,7 @@ def test_held_inputs_are_what_a_cart_feels():
     flight.hold(2.0, [0.0, 0.0, 0.0])
     flight.hold(4.0, [-1.0, 0.0, 0.0])
     np.testing.assert_allclose(flight(np.array([1.0, 2.0, 4.0, 6.0]))[:, 0], [0.5, 2.0, 6.0, 8.0], atol=1e-9)
-    with pytest.raises(ScenarioError, match="takes 3 finite numbers"):
+    with pytest.raises(ScenarioError, match="give 3 finite numbers"):
         flight.hold(7.0, [1.0, 2.0])
 
 
@@ -195,9 +195,9 @@ def test_without_a_controller_the_inputs_of_the_scenario_hold():
     ("inputs", "words"),
     [
         ({"follwer": (0.0, 0.0, 0.0)}, "no state-space model; did you mean 'follower'?"),
-        ({"follower": (0.0,)}, "takes 3 finite numbers"),
+        ({"follower": (0.0,)}, "give 3 finite numbers"),
         ({"follower": "left"}, "give a row of numbers"),
-        ({"follower": (np.nan, 0.0, 0.0)}, "takes 3 finite numbers"),
+        ({"follower": (np.nan, 0.0, 0.0)}, "give 3 finite numbers"),
     ],
 )
 def test_bad_inputs_of_a_command(inputs, words):
@@ -252,9 +252,9 @@ def test_dynamics_in_a_file(file):
     [
         ("pull", "nothing is named 'pull' there; did you mean 'push'?"),
         ("number", "no function is named 'number' there"),
-        ("wide", "gave a shape of (7,) at t = 0 s; the state has 6 entries"),
+        ("wide", "returned the shape (7,) at t = 0 s; return one derivative for each of the 6 entries"),
         ("broken", "failed at t = 0 s with ZeroDivisionError"),
-        ("lost", "the state has left what f knows"),
+        ("lost", "return finite numbers for this state"),
     ],
 )
 def test_bad_dynamics_say_where(file, name, words):

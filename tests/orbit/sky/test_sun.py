@@ -240,6 +240,7 @@ def test_a_local_world_may_name_its_sun():
     with pytest.raises(ScenarioError, match=r"sun_direction: needs a vector"):
         truth(bodies, epochs, local=True, sun_direction=(0.0, 0.0, 0.0))
     with pytest.raises(
-        ScenarioError, match=r"sun_direction: with an Earth the Sun is where the date says; leave it out"
+        ScenarioError,
+        match=r"sun_direction: in a world with an Earth, the date determines the Sun's position; leave it out",
     ):
         truth(bodies, epochs, sun_direction=(0.0, 0.0, 1.0))

@@ -153,7 +153,7 @@ def test_what_is_wrong_inside_is_named_to_its_place(motion, attitude, old, new, 
 def test_relative_to_nothing_to_itself_and_round(name, load):
     motion = MOTIONS[name]
     line = refusal(load, scenario_text(motion.replace('"chief"', '"cheif"')))
-    assert "follower.motion.relative_to: no body 'cheif'; did you mean 'chief'?" in line
+    assert "follower.motion.relative_to: unknown body 'cheif'; did you mean 'chief'?" in line
     assert "loop" in refusal(load, scenario_text(motion.replace('"chief"', '"follower"')))
     orbits = name not in PLACES
     line = refusal(load, scenario_text(motion, None, (HILL if orbits else motion).replace('"chief"', '"follower"')))
