@@ -25,24 +25,23 @@ NOT_YET = {  # functions that are documented next, by room
         progress._Lines.__init__ run._is_complete
     """,
     "detector": """
-        bench.prediction.predict bench.separation._simulate_listed chain.analog.draw_speckle_factors
-        chain.curves._draw_first_false_s chain.curves._quantise chain.full._store chain.measure._draw_normal
-        chain.timing._shape_pulse detect._call detect.advise detect.array_load detect.describe
-        detect.describe_storage detect.describe_window detect.detect_with_taps detect.detection_probability
-        detect.draw_crosstalk_m detect.false_alarm_probability detect.frame_jitter_s detect.isolate
-        detect.list_neglected_effects geiger.array.GeigerArray.false_peak_probability
+        analysis.full_chain._wait bench.prediction.predict bench.range_resolution._simulate_listed
+        chain.analog.draw_speckle_factors chain.curves._draw_first_false_s chain.curves._quantise chain.full._store
+        chain.measurement._draw_normal chain.timing._shape_pulse detect._call detect.advise detect.array_load
+        detect.describe detect.describe_storage detect.describe_window detect.detect_with_taps
+        detect.detection_probability detect.draw_crosstalk_m detect.false_alarm_probability detect.frame_jitter_s
+        detect.isolate detect.list_neglected_effects geiger.array.GeigerArray.false_peak_probability
         geiger.array.GeigerArray.find_least_counts geiger.array.GeigerArray.noise_per_s
-        questions.full_chain._wait ranging.gate_threshold._solve_threshold ranging.matched.Matched.__init__
-        ranging.matched._make_filter ranging.pulse.crlb_s settings.amplifier.Amplifier.correlation
+        ranging.gate_threshold._solve_threshold ranging.matched_filter.Matched.__init__
+        ranging.matched_filter._make_filter ranging.pulse.crlb_s settings.amplifier.Amplifier.correlation
         settings.amplifier.Amplifier.response settings.empirical.Empirical.counts
         settings.empirical.Empirical.detection_probability settings.empirical.Empirical.noise_photons
         settings.empirical.Empirical.range_noise_m settings.gate.Gate.n_samples settings.gsfl.Gsfl.alone
         settings.gsfl.Gsfl.counts settings.gsfl.Gsfl.noise_in_light settings.gsfl.Gsfl.replace
-        settings.gsfl.Gsfl.with_gate_delay stages.amplification.Filters.__init__
-        stages.comparator.Bridge.__init__ stages.comparator.find_crossings_between stages.false_alarms._pulses
-        stages.false_triggers._rates stages.false_triggers.draw_crossings
-        stages.false_triggers.draw_first_crossings stages.overlap.copy_shared stages.row_noise.fill_words
-        stages.time_axis.find_rows
+        settings.gsfl.Gsfl.with_gate_delay stages.amplification.Filters.__init__ stages.comparator.Bridge.__init__
+        stages.comparator.find_crossings_between stages.crossing_rate._pulses stages.false_triggers._rates
+        stages.false_triggers.draw_crossings stages.false_triggers.draw_first_crossings stages.overlap.copy_shared
+        stages.row_noise.fill_words stages.time_axis.find_rows
     """,
     "errors": """
         PropagationError.__init__
@@ -50,23 +49,21 @@ NOT_YET = {  # functions that are documented next, by room
     "export": """
         formats.bop._describe_camera formats.bop._describe_objects formats.bop._write_camera
         formats.bop._write_entry formats.bop._write_images formats.czml._check_document formats.czml._line
-        formats.czml._orientation formats.czml._position formats.czml._samples
-        formats.frame_files.write_new_file formats.frame_files.write_source formats.mcap._check_file
-        formats.mcap._image formats.mcap._messages formats.mcap._stamp formats.npz._check_archive
-        formats.npz._describe_arrays formats.trajectory._compute_poses formats.trajectory._open_text
-        formats.trajectory._resolve_axes layout.intermediates.check_kept open
-        reader.arrays.StoredArray.__init__ reader.recording.Frames.__init__
-        reader.recording.Recording.__init__ reader.recording.Recording.dataset
-        reader.recording_file.RecordingFile.__init__ reader.recording_file.RecordingFile.handle
-        reader.recording_file.RecordingFile.place reader.recording_file.RecordingFile.read
-        reader.recording_file.RecordingFile.watched reader.recording_file._extract_between
-        reader.status._read_file_status reader.zarr_file._check_chunks registry.format_for registry.writer_for
-        save writer.chunks.ChunkWriter._append writer.deflate._end_run writer.hdf5_layout._attach_scales
-        writer.hdf5_layout._lay_out_line_of_sight writer.hdf5_layout._make_dataset
-        writer.hdf5_layout._make_own_scales writer.hdf5_layout._make_scale
-        writer.recorder.Recorder._has_other_lens writer.recorder.Recorder.write writer.recorder.check_output
-        writer.temporary_file.InterferenceError.__init__ writer.zarr_store.ZarrWriter.__init__
-        writer.zarr_store.ZarrWriter._create
+        formats.czml._orientation formats.czml._position formats.czml._samples formats.frame_files.write_new_file
+        formats.frame_files.write_source formats.mcap._check_file formats.mcap._image formats.mcap._messages
+        formats.mcap._stamp formats.npz._check_archive formats.npz._describe_arrays
+        formats.trajectory._compute_poses formats.trajectory._open_text formats.trajectory._resolve_axes
+        layout.intermediates.check_kept open reader.recording.Frames.__init__ reader.recording.Recording.__init__
+        reader.recording.Recording.dataset reader.recording_file.RecordingFile.__init__
+        reader.recording_file.RecordingFile.handle reader.recording_file.RecordingFile.place
+        reader.recording_file.RecordingFile.read reader.recording_file.RecordingFile.watched
+        reader.recording_file._extract_between reader.status._read_file_status
+        reader.stored_array.StoredArray.__init__ reader.zarr_file._check_chunks registry.format_for
+        registry.writer_for save writer.chunks.ChunkWriter._append writer.deflate._end_run
+        writer.hdf5_layout._attach_scales writer.hdf5_layout._lay_out_line_of_sight writer.hdf5_layout._make_dataset
+        writer.hdf5_layout._make_own_scales writer.hdf5_layout._make_scale writer.recorder.Recorder._has_other_lens
+        writer.recorder.Recorder.write writer.recorder.check_output writer.temporary_file.InterferenceError.__init__
+        writer.zarr_store.ZarrWriter.__init__ writer.zarr_store.ZarrWriter._create
     """,
     "files": """
         _too_large read_bytes read_text write_text
@@ -83,23 +80,20 @@ NOT_YET = {  # functions that are documented next, by room
         tables.zemax._huygens
     """,
     "orbit": """
-        ccsds.ephemeris.Ephemeris.breaks_s ccsds.ephemeris.Ephemeris.span_utc
-        ccsds.ephemeris.Ephemeris.validity ccsds.ephemeris._read ccsds.ephemeris._read_segment
-        ccsds.writer.write_oem epochs.Epochs.shift epochs.Epochs.since
-        propagation.integrator.OdeSolution.__init__ propagation.integrator._Direction.__init__
-        propagation.j2.J2.validity propagation.numerical.Numerical.advise
+        ccsds.ephemeris.Ephemeris.breaks_s ccsds.ephemeris.Ephemeris.span_utc ccsds.ephemeris.Ephemeris.validity
+        ccsds.ephemeris._read ccsds.ephemeris._read_segment epochs.Epochs.shift epochs.Epochs.since
+        propagation.integrator._Direction.__init__ propagation.j2.J2.validity propagation.numerical.Numerical.advise
         propagation.numerical.Numerical.breaks_s propagation.numerical.Numerical.summarize
         propagation.numerical._set_entry sets.catalog.Catalog._of sets.catalog.Catalog.from_file
         sets.catalog.Catalog.from_text sets.catalog.Catalog.trajectory sets.catalog.Catalog.write
-        sets.formats._object sets.formats._read sets.omm_text._make_broken
-        sets.set_sequence.SetSequence.ages_days sets.set_sequence.SetSequence.breaks_s
-        sets.set_sequence.SetSequence.jumps sets.set_sequence.SetSequence.which
-        sets.sgp4_motion.Omm.epoch_age_days sets.sgp4_motion.Omm.of sets.sgp4_motion.Omm.summarize
-        sets.sgp4_motion.Tle.breaks_s sets.sgp4_motion.Tle.check sets.sgp4_motion.Tle.elements
-        sets.sgp4_motion.Tle.epoch_age_days sets.sgp4_motion.Tle.inline sets.sgp4_motion.Tle.jumps
-        sets.sgp4_motion.Tle.summarize sets.sgp4_motion.Tle.trajectory sets.sgp4_motion._summarize
-        two_body.kepler.Kepler.state_rates two_body.kepler.State.state_rates two_body.kepler._propagate_one
-        two_body.lambert._Geometry.from_positions
+        sets.formats._object sets.formats._read sets.omm_text._make_broken sets.set_sequence.SetSequence.ages_days
+        sets.set_sequence.SetSequence.breaks_s sets.set_sequence.SetSequence.jumps
+        sets.set_sequence.SetSequence.which sets.sgp4_motion.Omm.epoch_age_days sets.sgp4_motion.Omm.of
+        sets.sgp4_motion.Omm.summarize sets.sgp4_motion.Tle.breaks_s sets.sgp4_motion.Tle.check
+        sets.sgp4_motion.Tle.elements sets.sgp4_motion.Tle.epoch_age_days sets.sgp4_motion.Tle.inline
+        sets.sgp4_motion.Tle.jumps sets.sgp4_motion.Tle.summarize sets.sgp4_motion.Tle.trajectory
+        sets.sgp4_motion._summarize two_body.kepler.Kepler.state_rates two_body.kepler.State.state_rates
+        two_body.kepler._propagate_one two_body.lambert._Geometry.from_positions
     """,
     "part": """
         Part.replace Seam._serialize _place explain
@@ -108,12 +102,11 @@ NOT_YET = {  # functions that are documented next, by room
         _block _turn
     """,
     "picture": """
-        frames.animation._write_gif frames.animation._write_mp4 frames.frame._draw_bar
-        frames.frame._draw_error frames.frame._draw_parts frames.frame._write_heading
-        frames.frame.frame_figure frames.frame.save_frame frames.raster._draw_bar plots.angles._choose_target
-        plots.angles.angles_figure plots.angles.ptu_figure plots.budget._mark plots.budget._prepare_axes
-        plots.curves.curve_figure plots.encounters.encounter_figure plots.model_card._names
-        plots.model_card._shade plots.orbit.inertial_figure plots.timeline._draw_angles
+        frames.animation._write_gif frames.animation._write_mp4 frames.frame._draw_bar frames.frame._draw_error
+        frames.frame._draw_parts frames.frame._write_heading frames.frame.frame_figure frames.frame.save_frame
+        frames.raster._draw_bar plots.angles._choose_target plots.angles.angles_figure plots.angles.ptu_figure
+        plots.budget._mark plots.budget._prepare_axes plots.curves.curve_figure plots.encounters.encounter_figure
+        plots.model_card._names plots.model_card._shade plots.orbit.inertial_figure plots.timeline._draw_angles
         plots.timeline._draw_drive plots.timeline._draw_field plots.timeline.timeline_figure
         plots.tracking._draw_errors plots.tracking._draw_nis plots.tracking._draw_on_log
         plots.tracking.tracking_figure plots.trade._draw_effect plots.trajectory._choose_target
@@ -128,14 +121,13 @@ NOT_YET = {  # functions that are documented next, by room
     "rpo": """
         plans.approach.CoElliptic.make_plan plans.approach.StationKeeping.make_plan
         plans.approach._AlongAnAxis._plan_hops plans.approach._AlongAnAxis.make_plan
-        plans.circumnavigation.Circumnavigation.make_plan
-        plans.circumnavigation.ForcedCircumnavigation.make_plan plans.circumnavigation.SafetyEllipse.make_plan
-        plans.circumnavigation.Teardrop.loop_s plans.circumnavigation.Teardrop.make_plan
-        plans.operation.ProximityOperation.breaks_s plans.operation.ProximityOperation.describe_flattening
-        plans.operation.ProximityOperation.make_plan plans.operation._keep_out_error
-        plans.plan.Plan._find_nearest_adrift plans.plan.Plan.control_m_s2 plans.plan.Plan.free_s
-        plans.plan.Plan.passive_safety_m plans.plan.Plan.relative plans.transfers.Hop.make_plan
-        plans.transfers.Lambert.make_plan plans.transfers.Rendezvous.make_plan
+        plans.circumnavigation.Circumnavigation.make_plan plans.circumnavigation.ForcedCircumnavigation.make_plan
+        plans.circumnavigation.SafetyEllipse.make_plan plans.circumnavigation.Teardrop.loop_s
+        plans.circumnavigation.Teardrop.make_plan plans.operation.ProximityOperation.breaks_s
+        plans.operation.ProximityOperation.describe_flattening plans.operation.ProximityOperation.make_plan
+        plans.operation._keep_out_error plans.plan.Plan._find_nearest_adrift plans.plan.Plan.control_m_s2
+        plans.plan.Plan.free_s plans.plan.Plan.passive_safety_m plans.plan.Plan.relative
+        plans.transfers.Hop.make_plan plans.transfers.Lambert.make_plan plans.transfers.Rendezvous.make_plan
         plans.transfers.Waypoints.make_plan relative.nonlinear.Nonlinear._rates
         relative.relative_motion.RelativeMotion.breaks_s
     """,
@@ -154,21 +146,21 @@ NOT_YET = {  # functions that are documented next, by room
         tables.lidar.Lidar.with_settings tables.schedule.Schedule.at tables.world.Time.seconds
     """,
     "scene": """
-        casting.cast._average_over_lens casting.cast._relight casting.cast.cast casting.extent.extent
-        casting.extent.sort_points casting.first_hits.bound_rays casting.first_hits.may_touch
-        casting.first_hits.place_targets embree.ray_by_ray._find_any embree.ray_by_ray._find_first
-        labels.label library.catalogue._entry library.catalogue.model
-        materials.crinkle.Crinkled.mean_brdf_per_sr materials.crinkle.Crinkled.tilt_normals
-        materials.diffraction._mean materials.named.ByWavelength.at materials.named.Named.at
-        materials.named.find_material materials.retro.RetroReflector._around materials.retro.RetroReflector.at
-        materials.retro.RetroReflector.sunlight_brdf_per_sr materials.scatterer.Scatterer.at
-        materials.scatterer.Scatterer.mean_brdf_per_sr materials.scatterer.Scatterer.sunlight_brdf_per_sr
-        materials.scatterer.Scatterer.tilt_normals materials.scatterer.complete meshes.gltf._check_tree
-        meshes.gltf._corners meshes.gltf._entry meshes.gltf._list meshes.gltf._whole
-        meshes.height_field._load_cached meshes.mesh._check_count meshes.mesh.load_mesh
-        meshes.mesh.warn_of_repairs meshes.mesh.warn_of_size surfaces.articulated.split_at_hinges
-        surfaces.examination._first surfaces.pieces.bin_of surfaces.surface.Surface.evaluate_by_material
-        surfaces.surface.Surface.scene surfaces.surface.Surface.shading_normals surfaces.surface.build_surface
+        casting.cast._average_over_lens casting.cast._relight casting.extent.extent casting.extent.sort_points
+        casting.first_hits.bound_rays casting.first_hits.may_touch casting.first_hits.place_targets
+        embree.ray_by_ray._find_any embree.ray_by_ray._find_first labels.label library.model_index._entry
+        library.model_index.model materials.choice.ByWavelength.at materials.choice.Named.at
+        materials.choice.find_material materials.crinkle.Crinkled.mean_brdf_per_sr
+        materials.crinkle.Crinkled.tilt_normals materials.diffraction._mean materials.retro.RetroReflector._around
+        materials.retro.RetroReflector.at materials.retro.RetroReflector.sunlight_brdf_per_sr
+        materials.scatterer.Scatterer.at materials.scatterer.Scatterer.mean_brdf_per_sr
+        materials.scatterer.Scatterer.sunlight_brdf_per_sr materials.scatterer.Scatterer.tilt_normals
+        materials.scatterer.complete meshes.gltf._check_tree meshes.gltf._corners meshes.gltf._entry
+        meshes.gltf._list meshes.gltf._whole meshes.height_field._load_cached meshes.mesh._check_count
+        meshes.mesh.load_mesh meshes.mesh.warn_of_repairs meshes.mesh.warn_of_size
+        surfaces.articulation.split_at_hinges surfaces.examination._first surfaces.pieces.bin_of
+        surfaces.surface.Surface.evaluate_by_material surfaces.surface.Surface.scene
+        surfaces.surface.Surface.shading_normals surfaces.surface.build_surface
     """,
     "shapes": """
         boulders.rock_diameters build.build capsule._on_cone craters._within craters.add_craters
@@ -185,13 +177,13 @@ NOT_YET = {  # functions that are documented next, by room
     "study": """
         budgets.range_budget.Budget.range_of_pixels budgets.range_budget.Budget.save model_card._simulate_side
         passes.pass_geometry._build_batch passes.pass_geometry._state_in_gcrs passes.pass_table.Encounters.csv
-        passes.search._check_number recorded_runs.conversion.save time_history.open_loop._pointing
-        time_history.opportunities._evaluate_flash time_history.timeline.Timeline.save
-        track_quality.evaluation.Tracking.save track_quality.evaluation._evaluate_frame
-        track_quality.evaluation._vector_columns trades.definition.Study.load trades.definition.Study.loads
-        trades.definition.Study.number trades.definition.Study.numbers trades.definition.Study.replace
-        trades.execution.Trade.save trades.merits._CountedFrames.__init__ trades.plan._check_field
-        trades.results.TradeTable.of_points trades.results.TradeTable.ranked
+        passes.search._check_number time_history.open_loop._pointing time_history.opportunities._evaluate_flash
+        time_history.timeline.Timeline.save track_quality.evaluation.Tracking.save
+        track_quality.evaluation._evaluate_frame track_quality.evaluation._vector_columns
+        trades.definition.Study.load trades.definition.Study.loads trades.definition.Study.number
+        trades.definition.Study.numbers trades.definition.Study.replace trades.execution.Trade.save
+        trades.merits._CountedFrames.__init__ trades.plan._check_field trades.results.TradeTable.of_points
+        trades.results.TradeTable.ranked
     """,
     "track": """
         icp._angle_between_rad icp.align icp.sample_mesh kalman.filter_positions kalman.nis_bounds
@@ -279,7 +271,7 @@ def sections(text):
 def described(text):
     """Return the names that a docstring describes as parameters."""
     found = sections(text)
-    entries = NAMES.findall(found.get("Parameters", "") + found.get("Other parameters", ""))
+    entries = NAMES.findall(found.get("Parameters", "") + found.get("Other Parameters", ""))
     return {name.lstrip("*") for entry in entries for name in entry.split(", ")}
 
 

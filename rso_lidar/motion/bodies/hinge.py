@@ -20,7 +20,16 @@ class _AngleLaw(Part):
     """Base of all laws of a hinge angle."""
 
     def complete(self, normal: Vector | None) -> Self:
-        """Complete the law by the normal of the model's hinge [body axes], if the law needs one and has none."""
+        """Complete the law by what the model's index declares for the hinge.
+
+        Parameters
+        ----------
+        normal : normal of the model's hinge in body axes; None if the model has none.
+
+        Returns
+        -------
+        the law with this normal, if it needs one and has none; otherwise itself.
+        """
         return self
 
 

@@ -86,7 +86,16 @@ class _Drive(_Travel):
         return math.inf if self.max_acceleration_deg_s2 is None else self.max_acceleration_deg_s2 * units.DEG
 
     def limits(self, dt: float) -> Pair:
-        """Return the greatest rate [rad/s], and its greatest change in `dt` [s]."""
+        """Return the greatest rate, and its greatest change in a time step.
+
+        Parameters
+        ----------
+        dt : time step [s].
+
+        Returns
+        -------
+        rate [rad/s] and change of rate [rad/s].
+        """
         return self.max_rate_rad_s, self.max_acceleration_rad_s2 * dt
 
 
