@@ -77,10 +77,15 @@ class Kernel:
                 self._dispatcher = _dispatcher(self.function, _folder_of(self))
             return self._dispatcher
 
+    @cached_property
+    def _callee(self) -> Any:
+        """What numba makes of this loop for other kernels; their machine code holds it, so it is not kept itself."""
+        return _compiler(no_cpython_wrapper=True)(self.function)
+
     @property
     def _numba_type_(self) -> Any:
         """What numba takes this object for where another kernel calls it."""
-        return self.dispatcher._numba_type_
+        return self._callee._numba_type_
 
     def forget(self) -> None:
         """Compile anew at the next call, unless the loop has run."""
@@ -201,10 +206,7 @@ _store = _Store()
 
 def _dispatcher(function: Callable[..., Any], folder: Path | None) -> Any:
     """Return numba's compiler of a function, told where to keep machine code."""
-    import numba
-
-    make = numba.njit(nogil=True, error_model="numpy")
-    compiled = make(function)
+    compiled = _compiler()(function)
     if folder is None:
         return compiled
     config = _config()
@@ -218,7 +220,14 @@ def _dispatcher(function: Callable[..., Any], folder: Path | None) -> Any:
     finally:
         config.CACHE_DIR = before
     _store.give_up(PermissionError(folder))
-    return make(function)
+    return _compiler()(function)
+
+
+def _compiler(**options: Any) -> Any:
+    """Return numba's decorator, without the entries that nobody uses: each takes as long as a small loop."""
+    import numba
+
+    return numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
 
 
 def _config() -> Any:

@@ -3,15 +3,14 @@
 import numpy as np
 
 from rso_lidar.detector.stages import amplification, avalanche
-from rso_lidar.detector.stages.row_noise import RowNoise
+from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise
 from rso_lidar.kernels import packed
 from rso_lidar.philox import draw_key
 
 
 def row_noise(rng, n_rows=1):
-    """Return the addresses of rows that share nothing, under a key drawn from a generator."""
-    nothing = packed(np.zeros(n_rows, np.int64))
-    return RowNoise(draw_key(rng), packed(np.arange(n_rows)), nothing, nothing, nothing)
+    """Return the addresses of rows that begin at step 0, under a key drawn from a generator."""
+    return RowNoise(draw_key(rng), packed(np.arange(n_rows)), packed(np.zeros(n_rows, np.int64)))
 
 
 def multiply(primaries, apd, rng, base=None, by=avalanche.multiply):
@@ -22,4 +21,4 @@ def multiply(primaries, apd, rng, base=None, by=avalanche.multiply):
 
 def amplify(filters, quiet, excess, gain, rng, by=amplification.amplify):
     """Return amplitudes (row, step) with noise."""
-    return by(filters, quiet, excess, gain, row_noise(rng, len(quiet)))
+    return by(filters, quiet, excess, gain, row_noise(rng, len(quiet)).draw(AMPLIFIER, 1, filters.n)[0])

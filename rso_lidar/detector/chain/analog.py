@@ -16,7 +16,7 @@ from rso_lidar.detector.stages.convolution import PulseFilters, convolve_light, 
 from rso_lidar.detector.stages.light import spread_light
 from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.detector.stages.overlap import Overlap, split_rows
-from rso_lidar.detector.stages.row_noise import RowNoise
+from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise
 from rso_lidar.detector.stages.time_axis import Rows, SamplingPlan
 from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Photons
@@ -115,8 +115,14 @@ def simulate_analog(
     pixel_gain = camera.gain[rows.pixel].astype(np.float32)
 
     overlap = Overlap.of(rows)
-    noise = None if rng is None else RowNoise.of(rows, overlap, rng)
+    noise = None if rng is None else RowNoise.of(rows, rng)
     blocks = split_rows(rows, _ROWS_AT_ONCE)
+
+    def amplify_block(block: slice, quiet: np.ndarray, excess: np.ndarray) -> None:
+        assert noise is not None
+        words = noise.select(block).draw(AMPLIFIER, 1, n)[0]
+        overlap.select(block).carry(words)
+        amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], words)
 
     def simulate_block(block: slice) -> tuple[np.ndarray, np.ndarray]:
         """Return the mean behind the amplifier, and the excess of the electrons before it, both at the gain of rest."""
@@ -132,7 +138,7 @@ def simulate_analog(
         excess *= -gain
         excess += electrons[block]
         if gsfl.droop is None:  # under a droop the whole array decides the gain
-            amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], noise.select(block))
+            amplify_block(block, quiet, excess)
         return quiet, excess
 
     simulated = run_in_threads(threads, simulate_block, blocks)
@@ -146,7 +152,7 @@ def simulate_analog(
         relative = (sag + np.float32(1.0)) * (np.float32(1.0) if relative is None else relative)
         for block, (quiet, excess) in zip(blocks, simulated, strict=True):
             excess += electrons[block] * sag[block]
-            amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], noise.select(block))
+            amplify_block(block, quiet, excess)
     if rng is None:
         electrons = gain * primaries
     if gsfl.saturation is not None:

@@ -1,9 +1,11 @@
 """Draws of whole numbers from tabulated distributions: alias tables (Walker 1977), a random word and a look into a table."""
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from rso_lidar.kernels import kernel
 
 _WORD = 1 << 32  # probabilities are whole multiples of one part in this
 NORMAL_PER_SIGMA = 64
@@ -14,7 +16,7 @@ class AliasTable(NamedTuple):
     """Alias tables of one size, one a row: a 32-bit word picks a column, then one of its two values."""
 
     columns_log2: int
-    cells: np.ndarray  # (row * column, 2) uint32: words below the first take the column's own value, others the second
+    cells: np.ndarray  # (row * column * 2) uint32: words below the first take the column's own value, others the second
     first: np.ndarray  # (row) int64: value of a row's first column; each next is one more
 
 
@@ -39,7 +41,25 @@ def build_tables(pmfs: list[np.ndarray]) -> AliasTable:
         firsts.append(first)
     log2 = max(1, (max(len(weight) for weight in weights) - 1).bit_length())
     cells = [_alias(first, weight, log2) for first, weight in zip(firsts, weights, strict=True)]
-    return AliasTable(log2, np.concatenate(cells), np.array(firsts))
+    return AliasTable(log2, np.concatenate(cells).ravel(), np.array(firsts))
+
+
+@kernel
+def draw_from_table(word: Any, columns_log2: Any, cells: np.ndarray, table: Any, first: Any) -> int:
+    """Return the value that a random word picks from an alias table.
+
+    Everything is unsigned: an index that may be negative, or a tuple that holds an array, costs as much as the rest.
+
+    Parameters
+    ----------
+    word : 32 random bits.
+    columns_log2, cells : those of `AliasTable`.
+    table, first : which of its tables, and the value of the first column there.
+    """
+    column = np.uint64(word) >> (np.uint64(32) - np.uint64(columns_log2))
+    place = np.uint64(2) * ((np.uint64(table) << np.uint64(columns_log2)) + column)
+    bound, other = np.uint64(cells[place]), np.uint64(cells[place + np.uint64(1)])
+    return np.int64(other if np.uint64(word) >= bound else np.uint64(first) + column)
 
 
 def _alias(first: int, weight: np.ndarray, columns_log2: int) -> np.ndarray:

@@ -6,8 +6,13 @@ from functools import lru_cache
 import numpy as np
 
 from rso_lidar.detector.settings.amplifier import Amplifier
-from rso_lidar.detector.stages.alias_tables import NORMAL_PER_SIGMA, NORMAL_ZERO, AliasTable, build_normal_table
-from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise, fill_words, share_words
+from rso_lidar.detector.stages.alias_tables import (
+    NORMAL_PER_SIGMA,
+    NORMAL_ZERO,
+    AliasTable,
+    build_normal_table,
+    draw_from_table,
+)
 from rso_lidar.kernels import kernel
 
 _MEMORY_POLES = 16.0  # time constants: (1 + 16) exp(-16) is 2e-6
@@ -66,7 +71,7 @@ def amplify(
     quiet: np.ndarray,
     excess: np.ndarray,
     gain: np.ndarray,
-    noise: RowNoise,
+    words: np.ndarray,
 ) -> np.ndarray:
     """Return the amplitude (row, step) [electrons] with noise, under the gain of each row.
 
@@ -76,10 +81,10 @@ def amplify(
     quiet : (row, step) mean behind the amplifier [electrons].
     excess : (row, step) what the electrons before the amplifier are more than their mean [electrons].
     gain : (row) factor of both.
-    noise : addresses of the random words of the amplifier's own noise.
+    words : (row, step) random words of the amplifier's own noise.
     """
     amplitude: np.ndarray = np.empty(quiet.shape, np.float32)
-    amplify_rows(quiet, excess, gain, filters.taps, filters.noise_electrons, build_normal_table(), noise, amplitude)
+    amplify_rows(quiet, excess, gain, filters.taps, filters.noise_electrons, build_normal_table(), words, amplitude)
     return amplitude
 
 
@@ -91,7 +96,7 @@ def amplify_rows(
     taps: np.ndarray,
     noise_electrons: np.float32,
     table: AliasTable,
-    noise: RowNoise,
+    words: np.ndarray,
     amplitude: np.ndarray,
 ) -> None:
     """Write the amplitude (row, step): the mean `quiet` and what `excess` and white noise become, times the row's gain.
@@ -103,26 +108,20 @@ def amplify_rows(
     taps : response of the filter, from step to step.
     noise_electrons : rms of the white noise of a step before the filter.
     table : of a normal number.
-    noise : addresses of the random words.
+    words : (row, step) random words.
     amplitude : (row, step), written.
     """
     columns_log2, cells, first = table
-    per_value, zero = noise_electrons / np.float32(NORMAL_PER_SIGMA), first[0] - NORMAL_ZERO
+    per_value, least = noise_electrons / np.float32(NORMAL_PER_SIGMA), first[0]
     n_rows, n = quiet.shape
     before = len(taps) - 1
-    words, words_before = np.empty((n + 3) // 4 * 4, np.uint32), np.empty((n + 3) // 4 * 4, np.uint32)
     white = np.empty(before + n, np.float32)  # the row with its end before it: time runs in a circle
     for row in range(n_rows):
-        fill_words(noise, row, int(AMPLIFIER), words)
-        if noise.shared[row] > 0 or (row + 1 < n_rows and noise.shared[row + 1] > 0):
-            share_words(words, words_before, noise.lag[row], noise.shared[row])
-        strength = gain[row]
+        strength, word = gain[row], words[row]
         more, mean, sum_of = excess[row], quiet[row], amplitude[row]
         now = white[before:]
         for step in range(n):
-            word = words[step]
-            column = np.int64(word) >> (32 - columns_log2)
-            normal = column + (word >= cells[column, 0]) * (np.int64(cells[column, 1]) - first[0] - column) + zero
+            normal = draw_from_table(word[step], columns_log2, cells, 0, least) - NORMAL_ZERO
             now[step] = per_value * np.float32(normal) + strength * more[step]
             sum_of[step] = strength * mean[step]
         for step in range(before):

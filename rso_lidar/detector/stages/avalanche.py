@@ -18,14 +18,12 @@ from rso_lidar.detector.stages.alias_tables import (
     AliasTable,
     build_normal_table,
     build_tables,
+    draw_from_table,
 )
 from rso_lidar.detector.stages.row_noise import (
     AVALANCHE,
-    AVALANCHE_FINE,
     AVALANCHE_MORE,
-    AVALANCHE_REST,
     RowNoise,
-    fill_words,
 )
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.philox import draw_block
@@ -74,26 +72,9 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
     )
     rows = packed(expected.reshape(len(noise.pixel), -1) if expected.size else np.zeros((0, 4)), np.float32)
     electrons = np.empty(rows.shape, np.float32)
-    multiply_rows(rows, floor, (*tables, build_normal_table()), (gain, second, third), limits, noise, electrons)
+    words = noise.draw(AVALANCHE, 3, rows.shape[1])
+    multiply_rows(rows, floor, (*tables, build_normal_table()), (gain, second, third), limits, words, noise, electrons)
     return electrons.reshape(expected.shape)
-
-
-@kernel
-def draw_from_table(word: np.uint32, table: AliasTable, row: int) -> np.float32:
-    """Return the value that a random word picks from an alias table.
-
-    Parameters
-    ----------
-    word : 32 random bits.
-    table, row : the tables, and the one to use.
-    """
-    columns_log2, cells, first = table
-    column = np.int64(word) >> (32 - columns_log2)
-    cell = (row << columns_log2) + column
-    own, other = first[row] + column, np.int64(cells[cell, 1])
-    return np.float32(
-        own + (word >= cells[cell, 0]) * (other - own)
-    )  # without a branch, which the processor would have to predict
 
 
 @kernel
@@ -103,6 +84,7 @@ def multiply_rows(
     tables: tuple[AliasTable, ...],
     cumulants: tuple[float, float, float],
     limits: tuple[float, float],
+    words: np.ndarray,
     noise: RowNoise,
     electrons: np.ndarray,
 ) -> None:
@@ -115,39 +97,39 @@ def multiply_rows(
     tables : of `floor`, of 0, 8, 16, ... primaries, of 0, 1/8, ... 63/8, of a single one, and of a normal number.
     cumulants : mean, and second and third cumulant of the electrons of a primary.
     limits : means up to which a draw is exact, and beyond which a parabola gives its skewness.
-    noise : addresses of the random words.
+    words : (3, row, step) random words: for the tables of many and of few primaries, and for the rest.
+    noise : addresses of more of them.
     electrons : (row, step), written.
     """
-    normal_zero, normal_per_sigma = float(NORMAL_ZERO), float(NORMAL_PER_SIGMA)
-    base, coarse, fine, single, normal = tables
+    (base_log2, base, base_first), (coarse_log2, coarse, coarse_first) = tables[0], tables[1]
+    (fine_log2, fine, fine_first), (single_log2, single, single_first) = tables[2], tables[3]
+    normal_log2, normal, normal_first = tables[4]
+    least, least_one, least_normal = base_first[0], single_first[0], normal_first[0]
     gain, second, third = cumulants
-    exact, parabolic = limits
+    exact, parabolic = np.float32(limits[0]), np.float32(limits[1])
+    part, parts_of_one, parts_of_table = np.float32(PART), np.float32(PARTS), np.uint64(FINE)
     spread, skew = math.sqrt(second), third / second**1.5
     n_rows, n = expected.shape
-    room = (n + 3) // 4 * 4
-    words, fine_words, rest_words = np.empty(room, np.uint32), np.empty(room, np.uint32), np.empty(room, np.uint32)
     for row in range(n_rows):
-        fill_words(noise, row, int(AVALANCHE), words)
-        fill_words(noise, row, int(AVALANCHE_FINE), fine_words)
-        fill_words(noise, row, int(AVALANCHE_REST), rest_words)
         means, drawn = expected[row], electrons[row]
+        word, fine_word, rest_word = words[0, row], words[1, row], words[2, row]
         for step in range(n):
-            mean, word = means[step], words[step]
+            mean = means[step]
             if mean == floor:
-                drawn[step] = draw_from_table(word, base, 0)
+                drawn[step] = draw_from_table(word[step], base_log2, base, 0, least)
             elif mean <= exact:
-                rest = mean
-                if mean > floor and mean - floor < PART:
-                    total = draw_from_table(word, base, 0)
-                    rest = mean - floor
+                rest = mean - floor
+                if rest > np.float32(0.0) and rest < part:
+                    total = draw_from_table(word[step], base_log2, base, 0, least)
                 else:
-                    parts = int(mean * float(PARTS))
-                    total = draw_from_table(fine_words[step], fine, parts % FINE)
-                    if parts >= FINE:
-                        total += draw_from_table(word, coarse, parts // FINE)
-                    rest = mean - parts * PART
+                    parts = np.uint64(mean * parts_of_one)
+                    few, many = parts % parts_of_table, parts // parts_of_table
+                    total = draw_from_table(fine_word[step], fine_log2, fine, few, fine_first[few])
+                    if many > 0:
+                        total += draw_from_table(word[step], coarse_log2, coarse, many, coarse_first[many])
+                    rest = mean - np.float32(parts) * part
                 # A Poisson number of avalanches of the rest, which is less than a part: rarely one.
-                chance = (rest_words[step] + 0.5) * (1.0 / 4294967296.0)
+                chance = (rest_word[step] + 0.5) * (1.0 / 4294967296.0)
                 if chance < rest:
                     share = math.exp(-rest)
                     none = 1.0 - share
@@ -158,11 +140,12 @@ def multiply_rows(
                         none -= share
                         more = draw_block(noise.key, step, noise.start[row], noise.pixel[row], stage)
                         stage += 1
-                        total += draw_from_table(np.uint32(more[0]), single, 0)
+                        total += draw_from_table(more[0], single_log2, single, 0, least_one)
                 drawn[step] = total
             else:
-                z = (draw_from_table(word, normal, 0) - normal_zero) * (1.0 / normal_per_sigma)
-                root = math.sqrt(mean)
+                number = draw_from_table(word[step], normal_log2, normal, 0, least_normal)
+                z = (number - float(NORMAL_ZERO)) * (1.0 / float(NORMAL_PER_SIGMA))
+                root = math.sqrt(np.float64(mean))
                 skewness = skew / max(root, 1e-30)  # 0 for a mean of 0, which is drawn here without skewness only
                 if mean > parabolic:
                     b = skewness * (1.0 / 6.0)

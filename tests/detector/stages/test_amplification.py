@@ -8,7 +8,7 @@ import pytest
 from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.stages import amplification
 from rso_lidar.detector.stages.amplification import amplify_rows, build_filters
-from rso_lidar.kernels import packed
+from rso_lidar.detector.stages.row_noise import AMPLIFIER
 from tests.detector.row_noise_for_tests import amplify, row_noise
 from tests.reference.detector import amplification as reference
 
@@ -24,11 +24,8 @@ def test_both_paths_are_one(n, amplifier):
     quiet, excess = rng.standard_normal((2, 50, n), dtype=np.float32)
     gain = rng.uniform(0.5, 1.5, 50).astype(np.float32)
     filters = build_filters(amplifier, n, STEP_S)
-    noise = row_noise(np.random.default_rng(2), 50)
-    lag, shared = np.zeros((2, 50), np.int64)
-    lag[7:9], shared[7:9] = n // 3, n // 2  # two rows that go on from the row before
-    noise = noise._replace(lag=packed(lag), shared=packed(shared))
-    made = [one(filters, quiet, excess, gain, noise) for one in (amplification.amplify, reference.amplify)]
+    words = row_noise(np.random.default_rng(2), 50).draw(AMPLIFIER, 1, n)[0]
+    made = [one(filters, quiet, excess, gain, words) for one in (amplification.amplify, reference.amplify)]
     assert made[0].dtype == made[1].dtype == np.float32
     assert np.abs(made[0] - made[1]).max() < 3e-6 * np.abs(made[0]).max()
     assert len(amplify_rows.dispatcher.signatures) == 1

@@ -11,8 +11,9 @@ from rso_lidar.detector.stages.alias_tables import (
     NORMAL_ZERO,
     build_normal_table,
     build_tables,
+    draw_from_table,
 )
-from rso_lidar.detector.stages.avalanche import draw_from_table, multiply_rows
+from rso_lidar.detector.stages.avalanche import multiply_rows
 from rso_lidar.detector.stages.row_noise import AVALANCHE
 from tests.detector.row_noise_for_tests import multiply, row_noise
 from tests.reference import philox
@@ -26,7 +27,8 @@ def test_a_word_draws_the_same_from_a_table_either_way():
     row = np.arange(3000) % 3
     by_numpy = draw(tables, np.random.default_rng(2), 3000, row)
     one_by_one = [
-        draw_from_table(word, tables, k) for word, k in zip(words(np.random.default_rng(2), 3000), row, strict=True)
+        draw_from_table(word, tables.columns_log2, tables.cells, k, tables.first[k])
+        for word, k in zip(words(np.random.default_rng(2), 3000), row, strict=True)
     ]
     assert np.array_equal(by_numpy, one_by_one)
     assert by_numpy[row == 0].min() >= 5.0

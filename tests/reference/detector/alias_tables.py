@@ -17,5 +17,5 @@ def look_up(table, word, row=None):
     """Return what words (...) pick from a table (float32), each from its row."""
     column = (word >> np.uint32(32 - table.columns_log2)).astype(np.intp)
     row = np.zeros(word.shape, np.intp) if row is None else row
-    bound, other = np.moveaxis(table.cells[(row << table.columns_log2) + column], -1, 0)
+    bound, other = np.moveaxis(table.cells.reshape(-1, 2)[(row << table.columns_log2) + column], -1, 0)
     return np.where(word >= bound, other, table.first[row] + column).astype(np.float32)
