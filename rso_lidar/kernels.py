@@ -227,7 +227,8 @@ def _compiler(**options: Any) -> Any:
     """Return numba's decorator, without the entries that nobody uses: each takes as long as a small loop."""
     import numba
 
-    return numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
+    njit: Any = numba.njit
+    return njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
 
 
 def _config() -> Any:

@@ -45,7 +45,7 @@ def build_tables(pmfs: list[np.ndarray]) -> AliasTable:
 
 
 @kernel
-def draw_from_table(word: Any, columns_log2: Any, cells: np.ndarray, table: Any, first: Any) -> int:
+def draw_from_table(word: Any, columns_log2: Any, cells: np.ndarray, table: Any, first: Any) -> Any:
     """Return the value that a random word picks from an alias table.
 
     Everything is unsigned: an index that may be negative, or a tuple that holds an array, costs as much as the rest.

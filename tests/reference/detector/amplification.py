@@ -8,7 +8,11 @@ def amplify(filters, quiet, excess, gain, words):
     """Return the amplitude (row, step) [electrons] with noise from the same random words, under the gain of each row."""
     from scipy.fft import irfft, rfft
 
-    white = (look_up(build_normal_table(), words[:, : filters.n]) - NORMAL_ZERO) / NORMAL_PER_SIGMA * filters.noise_electrons
+    white = (
+        (look_up(build_normal_table(), words[:, : filters.n]) - NORMAL_ZERO)
+        / NORMAL_PER_SIGMA
+        * filters.noise_electrons
+    )
     white += excess * gain[:, None]
     amplitude = irfft(rfft(white, axis=1, overwrite_x=True) * filters.shot, filters.n, axis=1, overwrite_x=True)
     amplitude += quiet * gain[:, None]
