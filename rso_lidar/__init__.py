@@ -51,6 +51,7 @@ from rso_lidar.motion import (
 )
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.orbit import Kepler, Tle
+from rso_lidar.public_names import limit_dir as _limit_dir
 from rso_lidar.records import Command, Frame, Observation
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.rpo import Hill
@@ -150,10 +151,7 @@ __all__ = [
     "view",
 ]
 
-
-def __dir__() -> list[str]:
-    """List what is meant for scripts."""
-    return [*__all__, "__doc__", "__version__"]
+__dir__ = _limit_dir(__name__, "__doc__", "__version__")
 
 
 if not _TYPE_CHECKING:  # which finds a wrong name itself

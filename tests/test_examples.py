@@ -10,6 +10,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import motion
+from rso_lidar.motion.truth import Chief
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.scene.library.model_index import model
 from rso_lidar.units import DEG, SPEED_OF_LIGHT_M_S
@@ -391,7 +392,7 @@ def test_element_sets_are_what_make_synthetic_writes():
 
 def test_safety_ellipse_keeps_its_distance_for_two_days_after():
     scenario = load("safety_ellipse")
-    chief = motion.Chief(scenario.bodies, "tdrs")
+    chief = Chief(scenario.bodies, "tdrs")
     plan = scenario.follower.motion.plan(scenario.time.start_utc, chief)
     assert plan.delta_v_m_s == 0.0
     assert 70.0 < plan.passive_safety_m() < plan.nearest_m

@@ -1,5 +1,7 @@
 """What `import rso_lidar as rl` offers: what scripts build and run, and where the rest is."""
 
+import importlib
+import pkgutil
 from itertools import permutations
 
 import pytest
@@ -11,6 +13,12 @@ def test_rl_shows_what_it_offers_and_nothing_else():
     assert sorted(rl.__all__) == sorted(set(rl.__all__))
     assert set(dir(rl)) == {*rl.__all__, "__doc__", "__version__"}
     assert all(getattr(rl, name) is not None for name in rl.__all__)
+
+
+def test_rooms_show_what_they_export_and_nothing_else():
+    rooms = [importlib.import_module(f"rso_lidar.{it.name}") for it in pkgutil.iter_modules(rl.__path__) if it.ispkg]
+    assert len(rooms) > 10
+    assert not {room.__name__: names for room in rooms if (names := set(dir(room)) ^ set(room.__all__))}
 
 
 def test_no_two_names_of_rl_look_alike():

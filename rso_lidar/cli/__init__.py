@@ -12,6 +12,11 @@ from typing import Any, NamedTuple, NoReturn
 
 from rso_lidar import interruption
 from rso_lidar.errors import RsoLidarError, RsoLidarWarning, RunError
+from rso_lidar.public_names import limit_dir
+
+__all__ = ["main"]
+
+__dir__ = limit_dir(__name__)
 
 _INTERRUPTED = 128 + signal.SIGINT
 

@@ -34,6 +34,7 @@ from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.settings.trigger import Trigger
+from rso_lidar.public_names import limit_dir
 
 __all__ = [
     "Amplifier",
@@ -76,3 +77,5 @@ __all__ = [
     "noise_growth",
     "predict",
 ]
+
+__dir__ = limit_dir(__name__)

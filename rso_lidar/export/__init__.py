@@ -24,6 +24,7 @@ from rso_lidar.export.registry import SUFFIXES as WRITTEN
 from rso_lidar.export.registry import format_for, writer_for
 from rso_lidar.export.writer.recorder import SUFFIXES, Recorder, check_output, run_id
 from rso_lidar.files import convert_path
+from rso_lidar.public_names import limit_dir
 from rso_lidar.records import Frame
 
 __all__ = [
@@ -40,6 +41,8 @@ __all__ = [
     "save",
     "writer_for",
 ]
+
+__dir__ = limit_dir(__name__)
 
 
 def save(

@@ -1,6 +1,6 @@
 """Positions and attitudes of all bodies, and the pointing of the lidar."""
 
-from rso_lidar.motion.aim import Aim, add_lidar, compute_demand, lidar_from_ptu, make_demand, simulate_drive
+from rso_lidar.motion.aim import Aim, add_lidar, compute_demand, make_demand
 from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
 from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
 from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
@@ -12,17 +12,16 @@ from rso_lidar.motion.attitudes.spin import Spin, Tumble
 from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Axes, Body
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle
-from rso_lidar.motion.bodies.order import sort_bodies
 from rso_lidar.motion.course import Course
 from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, sense, start, step
-from rso_lidar.motion.motions.motion import Motion, advise, chief_of, summarize
+from rso_lidar.motion.motions.motion import Motion
 from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.mount import Mount
-from rso_lidar.motion.proximity import find_plan
-from rso_lidar.motion.truth import Chief, truth
+from rso_lidar.motion.truth import truth
+from rso_lidar.public_names import limit_dir
 
 __all__ = [
     "Aim",
@@ -30,7 +29,6 @@ __all__ = [
     "AttitudeTable",
     "Axes",
     "Body",
-    "Chief",
     "Course",
     "FirstOrder",
     "Fixed",
@@ -63,19 +61,14 @@ __all__ = [
     "TrackPoint",
     "Tumble",
     "add_lidar",
-    "advise",
-    "chief_of",
     "compute_demand",
-    "find_plan",
-    "lidar_from_ptu",
     "make_demand",
     "sense",
-    "simulate_drive",
-    "sort_bodies",
     "start",
     "step",
-    "summarize",
     "truth",
     "write_aem",
     "write_attitude_csv",
 ]
+
+__dir__ = limit_dir(__name__)

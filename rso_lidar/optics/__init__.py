@@ -8,6 +8,7 @@ from rso_lidar.optics.rays.pixel_rays import pixel_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import read_files
 from rso_lidar.optics.returns.radiometry import collect
+from rso_lidar.public_names import limit_dir
 
 __all__ = [
     "AiryPsf",
@@ -25,3 +26,5 @@ __all__ = [
     "pixel_rays",
     "read_files",
 ]
+
+__dir__ = limit_dir(__name__)

@@ -47,6 +47,7 @@ from rso_lidar.orbit.two_body.osculating_elements import (
     elements_from_state,
     state_from_elements,
 )
+from rso_lidar.public_names import limit_dir
 
 __all__ = [
     "J2",
@@ -97,3 +98,5 @@ __all__ = [
     "write_ephemeris_csv",
     "write_oem",
 ]
+
+__dir__ = limit_dir(__name__)

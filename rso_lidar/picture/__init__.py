@@ -12,6 +12,7 @@ from rso_lidar.picture.plots.orbit import inertial_figure
 from rso_lidar.picture.plots.trajectory import orbit_figure
 from rso_lidar.picture.selection.sequence import even_indices
 from rso_lidar.picture.style.output import save_figure
+from rso_lidar.public_names import limit_dir
 
 __all__ = [
     "angles_figure",
@@ -26,3 +27,5 @@ __all__ = [
     "save_figure",
     "save_frame",
 ]
+
+__dir__ = limit_dir(__name__)

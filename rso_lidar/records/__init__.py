@@ -5,6 +5,7 @@ the tables in the docs and the labels on screen are made from that statement. Ab
 NaN in a range and 0 in an intensity; sky in an integer label is -1.
 """
 
+from rso_lidar.public_names import limit_dir
 from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
 from rso_lidar.records.light import Extent, Hits, Oversampled, Photons, Rays
 from rso_lidar.records.reading import Labels, Reading, Taps, Waveforms
@@ -35,3 +36,5 @@ __all__ = [
     "array",
     "specs",
 ]
+
+__dir__ = limit_dir(__name__)

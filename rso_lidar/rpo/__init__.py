@@ -1,5 +1,6 @@
 """Rendezvous and proximity operations: relative motion in a chief's rtn axes, and plans made of it."""
 
+from rso_lidar.public_names import limit_dir
 from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
 from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
 from rso_lidar.rpo.plans.operation import ProximityOperation
@@ -41,3 +42,5 @@ __all__ = [
     "rtn_matrix",
     "state_from_relative_elements",
 ]
+
+__dir__ = limit_dir(__name__)

@@ -1,5 +1,6 @@
 """What a user describes, joined: Time, World, Target, Follower, Lidar, Scenario."""
 
+from rso_lidar.public_names import limit_dir
 from rso_lidar.scenario.scenario import Scenario, require_scenario
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
@@ -26,3 +27,5 @@ __all__ = [
     "World",
     "require_scenario",
 ]
+
+__dir__ = limit_dir(__name__)

@@ -1,5 +1,6 @@
 """What is out there, and where rays meet it."""
 
+from rso_lidar.public_names import limit_dir
 from rso_lidar.scene.casting.cast import cast
 from rso_lidar.scene.casting.extent import extent
 from rso_lidar.scene.labels import label
@@ -41,3 +42,5 @@ __all__ = [
     "warn_of_repairs",
     "warn_of_size",
 ]
+
+__dir__ = limit_dir(__name__)

@@ -1,5 +1,6 @@
 """Parametric builders of the models that travel with the package; `python -m rso_lidar.shapes.write` writes models/."""
 
+from rso_lidar.public_names import limit_dir
 from rso_lidar.shapes.build import build, builders
 from rso_lidar.shapes.cubesat import cubesat
 from rso_lidar.shapes.fragment import fragment
@@ -8,3 +9,5 @@ from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid
 
 __all__ = ["MATERIALS", "CraftModel", "CraftPart", "Solid", "build", "builders", "cubesat", "fragment"]
+
+__dir__ = limit_dir(__name__)

@@ -1,5 +1,6 @@
 """Questions asked of scenarios and recordings: how far, when, which is best, how well tracked, what it looks like."""
 
+from rso_lidar.public_names import limit_dir
 from rso_lidar.study.budgets.range_budget import Budget, budget
 from rso_lidar.study.budgets.range_curve import BudgetCurve
 from rso_lidar.study.elevation import (
@@ -52,3 +53,5 @@ __all__ = [
     "trade",
     "view",
 ]
+
+__dir__ = limit_dir(__name__)

@@ -1,5 +1,6 @@
 """Reference controllers, which turn observations into commands, and trackers, which turn points into estimates."""
 
+from rso_lidar.public_names import limit_dir
 from rso_lidar.track.centroid import Fix, locate_centroid
 from rso_lidar.track.controller import Controller
 from rso_lidar.track.follow import PoseFollower
@@ -23,3 +24,5 @@ __all__ = [
     "nis_bounds",
     "sample_mesh",
 ]
+
+__dir__ = limit_dir(__name__)

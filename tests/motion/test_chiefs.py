@@ -10,6 +10,7 @@ import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.errors import has_warnings_enabled, suppress_warnings
 from rso_lidar.motion import truth as assembly
+from rso_lidar.motion.truth import Chief
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 CHIEF = rl.Kepler(
@@ -69,7 +70,7 @@ def test_a_chief_answers_what_the_tree_says():
     bodies = chain(3)
     times = rl.orbit.Epochs(START, np.linspace(0.0, 3000.0, 7))
     course = motion.truth(bodies, times)
-    asked = motion.Chief(bodies, "b2").states(times)
+    asked = Chief(bodies, "b2").states(times)
     np.testing.assert_array_equal(asked.position_m, course.states["b2"].position_m)
     np.testing.assert_array_equal(asked.velocity_m_s, course.states["b2"].velocity_m_s)
 

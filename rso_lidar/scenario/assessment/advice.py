@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar import detector, motion, units
+from rso_lidar import detector, units
+from rso_lidar.motion.motions import motion
+from rso_lidar.motion.proximity import find_plan
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.scenario.assessment.compliance import list_violations
@@ -82,7 +84,7 @@ def _advise_on_plans(mission: Mission) -> list[str]:
     lines = []
     end_s = mission.span[1]
     for body in mission.bodies:
-        plan = motion.find_plan(body, mission.bodies, mission.time.start_utc)
+        plan = find_plan(body, mission.bodies, mission.time.start_utc)
         keep_out_m = getattr(body.motion, "keep_out_m", 0.0)
         if plan is not None and keep_out_m > 0.0 and (safe_m := plan.passive_safety_m()) < keep_out_m:
             lines.append(

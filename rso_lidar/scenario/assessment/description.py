@@ -7,8 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rso_lidar import detector, motion, units
+from rso_lidar import detector, units
 from rso_lidar.detector.bench.trial import Trial
+from rso_lidar.motion.motions.motion import summarize
+from rso_lidar.motion.proximity import find_plan
 from rso_lidar.orbit import format_utc
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.part import kind_of
@@ -74,7 +76,7 @@ def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, pr
 
 def _describe_motion(mission: Mission, number: int, preview: Preview) -> str:
     body = mission.bodies[number]
-    text = motion.summarize(body.motion, mission.time.start_utc)
+    text = summarize(body.motion, mission.time.start_utc)
     attitude = kind_of(body.attitude) if body.attitude else "as its motion"
     if body.orbits:
         state = preview.states[body.name]
@@ -90,7 +92,7 @@ def _describe_plans(mission: Mission) -> list[str]:
     """Describe the cost and the passive safety of the mission's proximity operations."""
     lines = []
     for body in mission.bodies:
-        plan = motion.find_plan(body, mission.bodies, mission.time.start_utc)
+        plan = find_plan(body, mission.bodies, mission.time.start_utc)
         if plan is not None:
             lines += [f"{'plan' if k == 0 else '':<12}{line}" for k, line in enumerate(plan.describe().splitlines())]
     return lines

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar import motion, units
+from rso_lidar import units
 from rso_lidar.motion import Body
+from rso_lidar.motion.truth import Chief
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses
 from rso_lidar.scenario.mission.mission import Mission
@@ -132,7 +133,7 @@ def _describe_eclipses(mission: Mission, body: Body) -> str:
     """Describe the passages through umbra and penumbra, from when to when."""
     start_utc, end_s = mission.span
     searched_s = min(end_s, _ECLIPSES_S)
-    found = find_eclipses(motion.Chief(mission.bodies, body.name), Epochs(start_utc, np.array([0.0, searched_s])))
+    found = find_eclipses(Chief(mission.bodies, body.name), Epochs(start_utc, np.array([0.0, searched_s])))
     span = f" in the first {searched_s / units.DAY_S:g} days" if searched_s < end_s else ""
     if not found:
         return f"no eclipse{span}"

@@ -14,7 +14,8 @@ from pydantic import Field, PrivateAttr, model_validator
 from rso_lidar import detector
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.files import convert_path
-from rso_lidar.motion import Body, Ptu, sort_bodies
+from rso_lidar.motion import Body, Ptu
+from rso_lidar.motion.bodies.order import sort_bodies
 from rso_lidar.optics import read_files
 from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects

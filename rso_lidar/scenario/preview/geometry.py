@@ -11,6 +11,7 @@ import numpy as np
 
 from rso_lidar import motion
 from rso_lidar.errors import RsoLidarWarning
+from rso_lidar.motion.aim import simulate_drive
 from rso_lidar.optics import Laser
 from rso_lidar.orbit import Epochs
 from rso_lidar.pose import PoseTree
@@ -110,7 +111,7 @@ def _point_lidar(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarra
     if course.time_s[-1] > ptu.response.preview_limit_s:
         return asked, np.zeros_like(asked), None
     world: dict[str, Any] = {"local": mission.is_local, "sun_direction": mission.world.sun_direction}
-    angles, rates = motion.simulate_drive(ptu, mission.bodies, course, mission.time.start_utc, **world)
+    angles, rates = simulate_drive(ptu, mission.bodies, course, mission.time.start_utc, **world)
     missed = np.remainder(angles - asked + np.pi, 2.0 * np.pi) - np.pi
     missed[:, 0] *= np.cos(asked[:, 1])
     return angles, rates, np.hypot(missed[:, 0], missed[:, 1])

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion, orbit, rpo, units
+from rso_lidar.motion import proximity
+from rso_lidar.motion.motions.motion import chief_of
+from rso_lidar.motion.truth import Chief
 from rso_lidar.orbit.sky.eclipse import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth
 from rso_lidar.records.viewing_geometry import tabulate_truth
@@ -82,10 +85,10 @@ def format_utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
 def find_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
     """Return the plan of the follower's proximity operation about `target`; None for another motion."""
     follower = scenario.bodies[-1]
-    if motion.chief_of(follower.motion) != target:
+    if chief_of(follower.motion) != target:
         return None
     with scenario.locate_errors("follower.motion"):
-        return motion.find_plan(follower, scenario.bodies, scenario.time.start_utc)
+        return proximity.find_plan(follower, scenario.bodies, scenario.time.start_utc)
 
 
 _BESIDE_S = 1e-3  # step before an impulse at which an ephemeris ends
@@ -121,11 +124,11 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
     """Find the times [s] of velocity jumps of a body: its impulses, and those of bodies that its motion is relative to."""
     by_name = {body.name: body for body in scenario.bodies}
     chain: list[Any] = [by_name[name]]
-    while (relative_to := motion.chief_of(chain[-1].motion)) is not None:
+    while (relative_to := chief_of(chain[-1].motion)) is not None:
         chain.append(by_name[relative_to])
     breaks: set[float] = set()
     for body in chain:
-        plan = motion.find_plan(body, scenario.bodies, scenario.time.start_utc)
+        plan = proximity.find_plan(body, scenario.bodies, scenario.time.start_utc)
         breaks |= {float(one.time_s) for one in plan.impulses} if plan else set()
         breaks |= set(getattr(body.motion, "impulses_s", ()))
     return breaks
@@ -139,7 +142,7 @@ def find_umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:
     return {
         body.name: [
             (one.umbra_from_s, one.umbra_to_s)
-            for one in find_eclipses(motion.Chief(scenario.bodies, body.name), ends)
+            for one in find_eclipses(Chief(scenario.bodies, body.name), ends)
             if one.is_total
         ]
         for body in scenario.bodies

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar import motion
+from rso_lidar.motion.proximity import find_plan
 from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.scenario import Scenario
 
@@ -18,7 +18,7 @@ def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Plann
     Continuous thrust along a path becomes one impulse half way between two times, from the acceleration there. A follower
     without a plan has no known burns, because tables, state-space models and controllers do not state theirs.
     """
-    plan = motion.find_plan(scenario.follower, scenario.bodies, scenario.time.start_utc)
+    plan = find_plan(scenario.follower, scenario.bodies, scenario.time.start_utc)
     if plan is None or time_s.size < 2:
         return []
     burns = [one for one in plan.impulses if time_s[0] < one.time_s <= time_s[-1]]
