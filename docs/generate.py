@@ -52,7 +52,7 @@ ATTRIBUTES = {  # what each attribute of a recording means
 
 # Parts whose numbers physics.md lists with their sources: what follows "Default:" in the description of a field.
 SOURCED = (
-    rl.Laser, rl.Receiver, rl.Lambertian, rl.Empirical, rl.Gsfl, rl.detector.Apd, rl.detector.Amplifier,
+    rl.Laser, rl.Receiver, rl.Lambertian, rl.Empirical, rl.GeigerArray, rl.Gsfl, rl.detector.Apd, rl.detector.Amplifier,
     rl.detector.Trigger, rl.detector.Readout, rl.detector.Ranging, rl.detector.Timing,
 )  # fmt: skip
 SAID_BY_KEY = {  # types of fields that take what pydantic has no word for

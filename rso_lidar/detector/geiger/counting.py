@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 _MOST_COUNTS = 65_535  # that a reading holds
+_PLACE, _WEIGHT = np.polynomial.legendre.leggauss(8)  # over the bin that holds the first count of a peak
 _POINTS = 512  # of time, over which first photons are summed
 _AT_ONCE = 256  # returns
 
@@ -29,10 +30,9 @@ def false_peak_probability(
     from scipy.special import pdtrc
 
     counts, noise = np.broadcast_arrays(np.asarray(counts, dtype=float), np.asarray(noise_per_s, dtype=float))
-    place, weight = np.polynomial.legendre.leggauss(8)
-    within = noise[..., None] * bin_s * (peak_bins - 1 + 0.5 * (1.0 + place))  # the first count is anywhere in its bin
+    within = noise[..., None] * bin_s * (peak_bins - 1 + 0.5 * (1.0 + _PLACE))  # the first count is anywhere in its bin
     more = np.where(counts[..., None] < 2.0, 1.0, pdtrc(np.maximum(counts[..., None] - 2.0, 0.0), within))
-    probability: np.ndarray = -np.expm1(-noise * gate_s * (more * weight).sum(axis=-1) / 2.0)
+    probability: np.ndarray = -np.expm1(-noise * gate_s * (more * _WEIGHT).sum(axis=-1) / 2.0)
     return probability
 
 

@@ -14,10 +14,12 @@ import numpy as np
 
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.kernels import kernel, packed
+from rso_lidar.parallel import run_in_threads
 from rso_lidar.philox import draw_block, draw_key
 from rso_lidar.records import Photons
 
 _PER_PULSE = 16  # steps of time in a pulse's length, at least
+_BAND = 128  # pixels that one thread takes at a time
 _WORDS = 2.0**32
 _STAGE = 0  # of the words' address
 
@@ -38,7 +40,9 @@ class PhotonPeaks:
     total_counts: np.ndarray
 
 
-def count_photons(array: GeigerArray, photons: Photons, rng: np.random.Generator) -> PhotonPeaks:
+def count_photons(
+    array: GeigerArray, photons: Photons, rng: np.random.Generator, threads: int | None = 1
+) -> PhotonPeaks:
     """Count and time the photons of one frame, in all its pulses.
 
     Parameters
@@ -46,6 +50,7 @@ def count_photons(array: GeigerArray, photons: Photons, rng: np.random.Generator
     array : the detector.
     photons : light on every pixel, of each pulse.
     rng : generator of all noise.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     sunlight = photons.background_photons_per_s
@@ -55,7 +60,7 @@ def count_photons(array: GeigerArray, photons: Photons, rng: np.random.Generator
     energy /= energy[-1]
     summed = np.concatenate([[0.0], np.cumsum(0.5 * (energy[1:] + energy[:-1]))]) * step_s
     delay_s, counts, total = np.empty(n_pixels), np.empty(n_pixels, np.int64), np.empty(n_pixels, np.int64)
-    _count(
+    given = (
         draw_key(rng),
         array.pulses,
         (array.opens_s, array.gate_s, array.bin_s, array.hold_off_s, array.jitter_ns * 1e-9),
@@ -72,11 +77,16 @@ def count_photons(array: GeigerArray, photons: Photons, rng: np.random.Generator
         min(array.bin_s, photons.pulse_fwhm_s / _PER_PULSE),
         (delay_s, counts, total),
     )
+    run_in_threads(
+        threads, lambda first: _count(first, min(first + _BAND, n_pixels), *given), range(0, n_pixels, _BAND)
+    )
     return PhotonPeaks(delay_s, counts, total)
 
 
 @kernel
 def _count(
+    first: int,
+    end: int,
     key: np.ndarray,
     pulses: int,
     times: tuple[float, float, float, float, float],
@@ -93,10 +103,11 @@ def _count(
     step_s: float,
     found: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
-    """Fill the histogram of each pixel and find its peak.
+    """Fill the histograms of a band of pixels and find their peaks.
 
     Parameters
     ----------
+    first, end : the first pixel of the band, and the first one behind it.
     key : (2) uint32 of the frame.
     pulses : of the frame.
     times : opening of the gate, its length, bin, hold-off and jitter [s].
@@ -114,7 +125,7 @@ def _count(
     n_bins, peak_bins = bins
     histogram, touched = np.zeros(n_bins, np.int64), np.empty(n_bins, np.int64)
     integral = np.zeros(int(gate_s / step_s) + 3)
-    for pixel in range(len(noise_per_s)):
+    for pixel in range(first, end):
         rate = noise_per_s[pixel]
         some = slice(start[pixel], start[pixel + 1])
         from_s, n = _integrate(

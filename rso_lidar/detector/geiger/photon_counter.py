@@ -28,9 +28,9 @@ def detect(
     array : the detector.
     photons : light on every pixel, of each pulse.
     rng : generator of all noise.
-    threads : not used: one thread is fast enough.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
     """
-    peaks = count_photons(array, photons, rng)
+    peaks = count_photons(array, photons, rng, threads)
     sunlight = photons.background_photons_per_s
     least = array.find_least_counts(np.zeros(len(peaks.counts)) if sunlight is None else sunlight.ravel())
     reported = peaks.counts >= least
@@ -55,7 +55,7 @@ def describe(array: GeigerArray, n_pixels: int) -> list[str]:
 
 def describe_window(array: GeigerArray) -> str:
     """Describe in a few words when the array looks."""
-    return f"gate {array.gate_from_m:g} to {array.gate_to_m:g} m"
+    return f"a gate of {array.gate_to_m - array.gate_from_m:.3g} m about the target"
 
 
 def advise(array: GeigerArray, pulse_fwhm_s: float) -> list[str]:

@@ -171,6 +171,7 @@ class Empirical(Part):
             threshold_photons=self.threshold_photons,
             sees_from_m=self.sees_from_m,
             saturation_photons=self.saturation_photons,
+            window_keys="armed_from_m and armed_to_m",
         )
 
     @cached_property

@@ -33,7 +33,7 @@ class Maps(Part):
     beforehand. These know each pixel to all but `residual_fraction` of its deviation. All figures are assumed.
     """
 
-    gain_spread_fraction: Annotated[float, Field(ge=0.0, le=0.3)] = Field(
+    gain_spread_fraction: Annotated[Number, Field(ge=0.0, le=0.3)] = Field(
         default=0.10, description="Spread of the gain from pixel to pixel, 1 sigma over the mean; assumed."
     )
     offset_spread_counts: NotNegative = Field(

@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from rso_lidar import units
-from rso_lidar.part import Count, NotNegative, Part, Positive
+from rso_lidar.part import Count, NotNegative, Number, Part, Positive
 
 
 class Gate(Part):
@@ -24,7 +24,7 @@ class Gate(Part):
     pulses: Annotated[Count, Field(le=10_000)] = Field(
         default=1, description="Number of flashes whose samples are averaged for one frame."
     )
-    false_alarm_probability: Annotated[float, Field(ge=1e-9, lt=0.5)] = Field(
+    false_alarm_probability: Annotated[Number, Field(ge=1e-9, lt=0.5)] = Field(
         default=1e-3, description="False alarm probability of one pixel in one frame; it sets the threshold."
     )
 

@@ -254,6 +254,7 @@ class Gsfl(Part):
             has_waveforms=True,
             has_taps=True,
             is_gated=gate is not None,
+            window_keys="gate.delay_ns and gate.width_ns" if gate else "armed_from_m and armed_to_m",
             clock_s=self.readout.sample_s,
             pulses=gate.pulses if gate else 1,
             samples=gate.n_samples(self.readout.sample_s) if gate else self.readout.samples,

@@ -29,6 +29,7 @@ class DetectorTraits:
     has_taps : whether the signals between its stages can be kept.
     is_gated : whether it sees a short window that a plan or a controller moves. Such a detector has a method
         ``with_gate_delay(delay_ns)`` that returns a copy whose window opens that long after emission.
+    window_keys : settings of the detector that place its window, for advice, such as ``"armed_from_m and armed_to_m"``.
     pulses : laser pulses that one frame averages.
     clock_s : time between samples or bins [s]. Trials move their returns evenly over it.
     samples : samples that a pixel stores of a pulse. Trials of a detector are fewer where these are many.
@@ -45,6 +46,7 @@ class DetectorTraits:
     has_waveforms: bool = False
     has_taps: bool = False
     is_gated: bool = False
+    window_keys: str = ""
     clock_s: float = 0.0
     pulses: int = 1
     samples: int = 1

@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from rso_lidar.detector.settings.presets import DEFAULT
-from rso_lidar.part import NotNegative, Part, Positive
+from rso_lidar.part import NotNegative, Number, Part, Positive
 
 
 class Trigger(Part):
@@ -29,7 +29,7 @@ class Trigger(Part):
             "Distance below the threshold at which the comparator is ready again [electrons]. Default: assumed."
         ),
     )
-    threshold_spread_fraction: Annotated[float, Field(ge=0.0, le=0.3)] = Field(
+    threshold_spread_fraction: Annotated[Number, Field(ge=0.0, le=0.3)] = Field(
         default=0.05,
         description=(
             "Spread of the threshold from pixel to pixel, 1 sigma over the mean, fixed in one camera. Default: "

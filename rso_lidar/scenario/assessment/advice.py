@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import detector, units
+from rso_lidar.detector import DetectorTraits
 from rso_lidar.motion.motions import motion
 from rso_lidar.motion.proximity import find_plan
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
@@ -132,37 +133,42 @@ def _advise_on_window(mission: Mission, preview: Preview) -> list[str]:
         outside = (geometry.range_m < opens) | (geometry.range_m > closes)
         near, far = float(geometry.range_m.min()), float(geometry.range_m.max())
         if traits[0].is_gated:
-            lines += _advise_on_gate(geometry, opens, closes)
+            lines += _advise_on_gate(geometry, opens, closes, _name_window_keys(traits[0]))
         elif outside.any():
             lines.append(
                 f"target {geometry.name}: its range ({near:.0f} to {far:.0f} m) leaves the armed window "
-                f"({opens[0]:g} to {closes[0]:g} m), where nothing is detected; "
-                "set lidar.detector.armed_from_m and armed_to_m"
+                f"({opens[0]:g} to {closes[0]:g} m), where nothing is detected; set {_name_window_keys(traits[0])}"
             )
     return lines
 
 
-def _advise_on_gate(geometry: TargetGeometry, opens: np.ndarray, closes: np.ndarray) -> list[str]:
+def _name_window_keys(traits: DetectorTraits) -> str:
+    """Name the settings that place the window of a detector."""
+    return f"{traits.window_keys} of lidar.detector" if traits.window_keys else "the window of lidar.detector"
+
+
+def _advise_on_gate(geometry: TargetGeometry, opens: np.ndarray, closes: np.ndarray, keys: str) -> list[str]:
     """Warn of a range gate that misses a target or cuts a part of it off.
 
     Parameters
     ----------
     geometry : of the target.
     opens, closes : (time) ranges at which the gate opens and closes [m].
+    keys : settings that place it.
     """
     out = (geometry.farthest_m < opens) | (geometry.nearest_m > closes)
     cut = (geometry.nearest_m < opens) | (geometry.farthest_m > closes)
     where = f"target {geometry.name}: the range gate ({opens[0]:.1f} to {closes[0]:.1f} m at first)"
     if out.any():
         return [
-            f"{where} misses it {np.mean(out):.0%} of the time; set lidar.detector.gate.delay_ns to 6.671 ns a metre "
-            "of range less half the width, plan it in lidar.schedule, or command it"
+            f"{where} misses it {np.mean(out):.0%} of the time; set {keys}, plan gate_delay_ns in lidar.schedule "
+            "(6.671 ns a metre of range, less half the width), or command it"
         ]
     if cut.any():
         deep_m = float((geometry.farthest_m - geometry.nearest_m).max())
         return [
             f"{where} cannot contain it whole {np.mean(cut):.0%} of the time: it is up to {deep_m:.1f} m deep and the gate "
-            f"{closes[0] - opens[0]:.1f} m; widen lidar.detector.gate.width_ns or shift delay_ns"
+            f"{closes[0] - opens[0]:.1f} m; widen or shift it with {keys}"
         ]
     return []
 

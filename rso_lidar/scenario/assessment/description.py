@@ -206,11 +206,16 @@ def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[st
 def _format_photons(casts: Sequence[TargetReturns]) -> str:
     """Format the photons of the median and the brightest pixel: medians over attitudes, and their spread."""
     median, brightest = (np.array([one.photons_at(share) for one in casts]) for share in (0.5, 1.0))
-    text = _join_ends([f"{np.median(values):,.0f}" for values in (median, brightest)]) + " photons"
+    text = _join_ends([_format_count(np.median(values)) for values in (median, brightest)]) + " photons"
     if len(casts) < 2:
         return text
-    low, high = np.quantile(brightest, [0.1, 0.9])
-    return f"{text} (brightest {low:,.0f} to {high:,.0f} in 8 of 10 attitudes)"
+    low, high = (_format_count(value) for value in np.quantile(brightest, [0.1, 0.9]))
+    return f"{text} (brightest {low} to {high} in 8 of 10 attitudes)"
+
+
+def _format_count(photons: float) -> str:
+    """Format a mean number of photons; a detector that counts photons needs fewer than one."""
+    return f"{photons:,.0f}" if photons >= 10.0 else f"{photons:.2g}"
 
 
 def _join_ends(texts: Sequence[str]) -> str:

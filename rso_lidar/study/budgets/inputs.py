@@ -78,7 +78,11 @@ def choose_ranges_m(given: Any, detector: AnyDetector) -> np.ndarray:
     if given is None:
         traits = detector.traits
         far = _GATED_TO_M if traits.is_gated else min(traits.sees_to_m, _FARTHEST_M)
-        near = far / _SPAN if traits.is_gated else max(far / _SPAN, traits.sees_from_m)
+        near = far / _SPAN
+        if not traits.is_gated:
+            near = max(near, traits.sees_from_m)
+        elif traits.sees_to_m < near:
+            near = traits.sees_to_m / _SPAN  # a camera whose gate is that near may see no farther
         return np.geomspace(near, far, _RANGES)
     values = np.asarray(given, dtype=float).ravel()
     if (

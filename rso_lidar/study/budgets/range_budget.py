@@ -165,7 +165,8 @@ class Budget:
                 for y in (curve.photons, curve.range_precision_m, curve.pixels_on_target)
             )
             inside = curve.range_m[0] <= curve.max_range_m <= curve.range_m[-1]
-            seen = [f"{photons:,.0f}", f"{precision_m / units.CM:.1f} cm"] if inside else ["-", "-"]
+            count = f"{photons:,.0f}" if photons >= 10.0 else f"{photons:.2g}"
+            seen = [count, f"{precision_m / units.CM:.1f} cm"] if inside else ["-", "-"]
             ends = " (armed)" if curve.armed_limits else " (fills no more)" if curve.fill_limits else ""
             reach = f"{curve.max_range_m:,.0f} m{ends}"
             on_target = f"{pixels:,.3g} px" if inside else "-"
