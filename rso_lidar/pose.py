@@ -182,6 +182,12 @@ def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return product
 
 
+def length(a: np.ndarray) -> np.ndarray:
+    """Return the lengths (…) of vectors (…, 3)."""
+    size: np.ndarray = np.sqrt(dot(a, a))
+    return size
+
+
 class PoseTree(Mapping[str, Link]):
     """Axes by name, each with one parent and the link to it; the root is ``inertial``.
 

@@ -9,8 +9,9 @@ import typer
 from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
+from rso_lidar.picture.style.output import RESULT_SUFFIXES
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.time_history.timeline import SUFFIXES, Timeline
+from rso_lidar.study.time_history.timeline import Timeline
 from rso_lidar.study.time_history.timeline import timeline as timeline_of
 from rso_lidar.ties import find_first_least
 
@@ -37,7 +38,7 @@ def timeline(
 
     Columns: range, rates, Sun, PTU, field, pixels, photons and detection.
     """
-    output = check_writable(output or Path(f"{file.stem}_timeline.png"), SUFFIXES, overwrite=overwrite)
+    output = check_writable(output or Path(f"{file.stem}_timeline.png"), RESULT_SUFFIXES, overwrite=overwrite)
     scenario = Scenario.load(file, tuple(settings or ()))
     made = timeline_of(scenario, target, every_s=every_s)
     made.save(output)

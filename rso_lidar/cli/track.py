@@ -13,7 +13,8 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable
 from rso_lidar.picture.plots.tracking import NAMES
-from rso_lidar.study.track_quality.evaluation import AXES, SUFFIXES, Tracking, tracking
+from rso_lidar.picture.style.output import RESULT_SUFFIXES
+from rso_lidar.study.track_quality.evaluation import AXES, Tracking, tracking
 from rso_lidar.track import nis_bounds
 from rso_lidar.track.follow import FEWEST_POINTS
 
@@ -45,7 +46,7 @@ def track(
 ) -> None:
     """Track the target of a recording and compare with the truth. Trackers: centroid, Kalman filters and ICP."""
     if output is not None:
-        output = check_writable(output, SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, RESULT_SUFFIXES, overwrite=overwrite)
     if range_noise_m is not None and not 0.0 < range_noise_m < np.inf:
         raise RecordingError(f"--range-noise {range_noise_m:g}: needs metres above 0")
     if not 0.0 <= acceleration < np.inf:

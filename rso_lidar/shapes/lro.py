@@ -7,10 +7,10 @@ import math
 from rso_lidar.records.taxonomy import Hinge, Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import (
-    Point,
     Solid,
     ball,
     box,
+    box_between,
     cylinder,
     dish,
     dome,
@@ -115,11 +115,6 @@ def lro() -> CraftModel:
     )
 
 
-def _between(low: Point, high: Point) -> Solid:
-    """Return the box between two opposite corners [m]."""
-    return box([b - a for a, b in zip(low, high, strict=True)], [0.5 * (a + b) for a, b in zip(low, high, strict=True)])
-
-
 def _bus() -> Solid:
     """Return the body: a box with its upright edges cut, and the boxes and grapple points that stand out of it."""
     (x0, y0, z0), (x1, y1, z1) = BUS_LOW_M, BUS_HIGH_M
@@ -127,18 +122,18 @@ def _bus() -> Solid:
     outline = [(x0, y0), (x1 - cut, y0), (x1, y0 + cut), (x1, y1 - cut), (x1 - cut, y1), (x0, y1)]
     blanket = box((0.03, 1.05, 1.70), (x1 + 0.01, 0.0, 0.12))
     grapples = [cylinder(0.035, 0.0, 0.09, 12).facing((0, 1, 0)).move(x, y1, z) for x in (0.92,) for z in (0.6, 1.1)]
-    boxes = [_between((0.62, -0.72, 0.42), (0.88, y0, 0.65)), _between((-0.30, y1, -0.9), (-0.05, 0.72, -0.5))]
+    boxes = [box_between((0.62, -0.72, 0.42), (0.88, y0, 0.65)), box_between((-0.30, y1, -0.9), (-0.05, 0.72, -0.5))]
     return join(prism(outline, z0, z1 - 0.06), blanket, *grapples, *boxes)
 
 
 def _deck() -> Solid:
     """Return the upper deck with its rim and the boxes on it."""
-    rim = _between((-0.62, -0.66, 1.19), (0.98, 0.67, BUS_HIGH_M[2]))
+    rim = box_between((-0.62, -0.66, 1.19), (0.98, 0.67, BUS_HIGH_M[2]))
     boxes = [
-        _between((0.23, -0.04, 1.11), (0.50, 0.53, 1.38)),
-        _between((0.62, -0.18, 1.05), (0.75, 0.04, 1.33)),
-        _between((0.62, 0.53, 1.05), (0.97, 0.59, 1.33)),
-        _between((0.12, 0.60, 1.11), (0.57, 0.66, 1.29)),
+        box_between((0.23, -0.04, 1.11), (0.50, 0.53, 1.38)),
+        box_between((0.62, -0.18, 1.05), (0.75, 0.04, 1.33)),
+        box_between((0.62, 0.53, 1.05), (0.97, 0.59, 1.33)),
+        box_between((0.12, 0.60, 1.11), (0.57, 0.66, 1.29)),
     ]
     return join(rim, *boxes)
 
@@ -152,9 +147,9 @@ def _radiator() -> Solid:
 def _bench() -> Solid:
     """Return the optical bench on its stand-offs, clear of the bus."""
     body = join(
-        _between((-1.00, -0.40, -0.50), (-0.72, 0.20, 0.30)),
-        _between((-1.14, -0.46, 0.26), (-0.72, 0.20, 0.62)),
-        _between((-1.02, -0.64, 0.30), (-0.72, 0.18, 0.71)),
+        box_between((-1.00, -0.40, -0.50), (-0.72, 0.20, 0.30)),
+        box_between((-1.14, -0.46, 0.26), (-0.72, 0.20, 0.62)),
+        box_between((-1.02, -0.64, 0.30), (-0.72, 0.18, 0.71)),
     )
     feet = [tube((-0.73, y, z), (BUS_LOW_M[0] + 0.02, y, z), 0.025) for y in (-0.38, 0.12) for z in (-0.44, 0.10, 0.55)]
     return join(body, *feet)
@@ -170,7 +165,7 @@ def _narrow_cameras() -> Solid:
         barrel = wall(profile, 0.012, 32)
         stop = cylinder(radius - 0.006, 0.0, 0.40, 32)  # mirrors and detector close the tube deep inside
         cameras.append(join(barrel, stop).facing((0, -1, 0)).move(x, 0.22, z))
-        cameras.append(_between((-0.91, 0.20, z - 0.15), (-0.76, 0.52, z + 0.15)))
+        cameras.append(box_between((-0.91, 0.20, z - 0.15), (-0.76, 0.52, z + 0.15)))
     return join(*cameras)
 
 
@@ -183,40 +178,40 @@ def _star_trackers() -> Solid:
         length = math.sqrt(sum(step**2 for step in way))
         baffle = wall([(0.08, 0.0), (0.08, 0.12), (0.105, 0.16), (0.105, length)], 0.008, 24)
         baffles.append(join(baffle, cylinder(0.085, -0.05, 0.10, 24)).facing(way).move(*start))
-    mount = _between((-1.06, 0.19, 0.23), (-0.72, 0.43, 0.46))
+    mount = box_between((-1.06, 0.19, 0.23), (-0.72, 0.43, 0.46))
     return join(*baffles, mount)
 
 
 def _altimeter() -> Solid:
     """Return the laser altimeter low on the bench's side: a box with a wide hood that looks to -y."""
-    body = _between((-0.98, -0.82, -1.10), (-0.58, -0.30, -0.64))
+    body = box_between((-0.98, -0.82, -1.10), (-0.58, -0.30, -0.64))
     hood = wall([(0.20, 0.0), (0.19, 0.44)], 0.012, 32).facing((0, -1, -0.15)).move(-0.78, -0.82, -0.87)
     bottom = cylinder(0.205, -0.02, 0.20, 32).facing((0, -1, -0.15)).move(-0.78, -0.82, -0.87)
     beam = tube((-0.88, -0.65, -1.08), (-0.95, -0.65, -1.34), 0.07, 16)
-    foot = _between((-0.98, -0.40, -1.12), (-0.60, -0.20, -0.95))
+    foot = box_between((-0.98, -0.40, -1.12), (-0.60, -0.20, -0.95))
     return join(body, hood, bottom, beam, foot)
 
 
 def _neutron_detector() -> Solid:
     """Return the collimated neutron detector that hangs over the edge of the upper deck, on its bracket."""
     can = revolve([(0.0, 0.84), (0.09, 0.84), (0.12, 0.90), (0.12, 1.14), (0.10, 1.14), (0.10, 1.19), (0.0, 1.19)], 20)
-    bracket = _between((-0.52, -0.86, 0.86), (-0.44, -0.62, 1.18))
+    bracket = box_between((-0.52, -0.86, 0.86), (-0.44, -0.62, 1.18))
     return join(can.move(-0.48, -0.89), bracket)
 
 
 def _instruments() -> Solid:
     """Return the small instruments: ultraviolet spectrograph on the deck, radiometer, particle telescope."""
     spectrograph = [
-        _between((-0.37, -0.69, 1.24), (-0.12, -0.56, 1.52)),
-        _between((-0.36, -0.57, 1.10), (-0.13, -0.53, 1.47)),
+        box_between((-0.37, -0.69, 1.24), (-0.12, -0.56, 1.52)),
+        box_between((-0.36, -0.57, 1.10), (-0.13, -0.53, 1.47)),
         *(tube((x, -0.53, 1.46), (x, -0.16, 1.22), 0.015, 6) for x in (-0.345, -0.165)),
     ]
     radiometer = [
-        _between((-1.22, -0.50, 0.02), (-1.04, -0.42, 0.20)),
-        _between((-1.26, -0.62, 0.25), (-1.00, -0.42, 0.58)),
+        box_between((-1.22, -0.50, 0.02), (-1.04, -0.42, 0.20)),
+        box_between((-1.26, -0.62, 0.25), (-1.00, -0.42, 0.58)),
     ]
     telescope = [
-        _between((-0.98, 0.21, -1.16), (-0.60, 0.57, -1.05)),
+        box_between((-0.98, 0.21, -1.16), (-0.60, 0.57, -1.05)),
         cylinder(0.05, 0.0, 0.06, 16).facing((0, 1, 0)).move(-0.80, 0.57, -1.10),
     ]
     return join(*spectrograph, *radiometer, *telescope)
@@ -298,7 +293,7 @@ def _yoke() -> Solid:
     """Return the bracket between the wing's drive and its middle panel."""
     x, y, z = WING_M
     beams = [tube((1.22, -0.16 + 0.10 * side, z), (x + 0.06, y + 0.30 * side, z), 0.03) for side in (-1, 1)]
-    return join(*beams, _between((x - 0.03, -0.34, z - 0.03), (x + 0.05, 0.34, z + 0.03)))
+    return join(*beams, box_between((x - 0.03, -0.34, z - 0.03), (x + 0.05, 0.34, z + 0.03)))
 
 
 def _drive() -> Solid:
@@ -336,9 +331,9 @@ def _boom() -> Solid:
     x, _, z = ANTENNA_M
     collars = [cylinder(0.075, y, y + 0.05, 16).facing((0, 1, 0)).move(x, 0.0, z) for y in (0.95, 1.60, 2.36)]
     hinge = [
-        _between((0.06, 0.68, -1.04), (0.44, 0.80, -0.88)),
+        box_between((0.06, 0.68, -1.04), (0.44, 0.80, -0.88)),
         tube((0.02, 0.81, z), (0.44, 0.81, z), 0.085, 16),
-        _between((0.17, 0.80, -1.04), (0.37, 0.97, -0.90)),
+        box_between((0.17, 0.80, -1.04), (0.37, 0.97, -0.90)),
     ]
     return join(tube((x, 0.92, z), (x, 2.44, z), 0.06, 16), *collars, *hinge)
 
@@ -347,7 +342,7 @@ def _omni_boom() -> Solid:
     """Return the rod of the low-gain antenna on the deck, with two struts."""
     rod = tube((0.60, 0.20, 1.05), (1.14, 0.20, 1.91), 0.045, 12)
     struts = [tube((0.885, y, 1.20), (0.885, top, 1.50), 0.015, 6) for y, top in ((-0.54, 0.18), (0.61, 0.22))]
-    return join(rod, *struts, _between((0.54, 0.10, 1.20), (0.74, 0.30, 1.32)))
+    return join(rod, *struts, box_between((0.54, 0.10, 1.20), (0.74, 0.30, 1.32)))
 
 
 def _omni() -> Solid:

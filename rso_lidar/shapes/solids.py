@@ -75,6 +75,11 @@ def box(size_m: Point, center_m: Point = (0.0, 0.0, 0.0)) -> Solid:
     return prism(outline, -half_z, half_z).move(*center_m)
 
 
+def box_between(low: Point, high: Point) -> Solid:
+    """Return the box between two opposite corners [m]."""
+    return box([b - a for a, b in zip(low, high, strict=True)], [0.5 * (a + b) for a, b in zip(low, high, strict=True)])
+
+
 def prism(outline_m: Iterable[Point], bottom_m: float, top_m: float) -> Solid:
     """Extrude a convex outline.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from rso_lidar.records.taxonomy import Hinge, Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import (
-    Point,
     Solid,
     ball,
     box,
+    box_between,
     cylinder,
     dish,
     frustum,
@@ -104,11 +104,6 @@ def _on_earth_face(solid: Solid) -> Solid:
     return solid.turn("y", EARTH_FACE_DEG).move(*EARTH_FACE_M)
 
 
-def _between(low: Point, high: Point) -> Solid:
-    """Return the box between two opposite corners [m]."""
-    return box([b - a for a, b in zip(low, high, strict=True)], [0.5 * (a + b) for a, b in zip(low, high, strict=True)])
-
-
 def _upright(outline: list[tuple[float, float]], left_m: float, right_m: float) -> Solid:
     """Return a convex outline (x, z), counter-clockwise with x to the right, drawn out from y = left to right."""
     return prism(outline, -right_m, -left_m).turn("x", 90)
@@ -119,8 +114,8 @@ def _bus() -> Solid:
     half = 0.5 * BUS_WIDTH_M
     outline = [(-0.66, -1.40), (0.97, -1.40), (0.97, 1.97), (0.27, 2.07)]
     body = _upright(outline, -half, half)
-    below = _between((-0.66, -half, -1.70), (0.66, half, -1.38))
-    seams = [_between((0.50, -half - 0.006, z), (0.976, half + 0.006, z + 0.02)) for z in (-0.55, 0.35, 1.25)]
+    below = box_between((-0.66, -half, -1.70), (0.66, half, -1.38))
+    seams = [box_between((0.50, -half - 0.006, z), (0.976, half + 0.006, z + 0.02)) for z in (-0.55, 0.35, 1.25)]
     return join(body, below, *seams)
 
 
@@ -150,22 +145,22 @@ def _radiators_above() -> Solid:
 
 def _viirs() -> Solid:
     """Return VIIRS at the upper end of the Earth face: a box with a raised side, its cooler and its nadir door."""
-    body = _between((-0.82, -0.62, 0.78), (0.06, 0.67, 1.68))
+    body = box_between((-0.82, -0.62, 0.78), (0.06, 0.67, 1.68))
     raised = join(
-        _between((-0.82, 0.37, 1.60), (-0.02, 0.67, 1.79)),
-        _between((-0.82, -0.62, 1.60), (-0.78, 0.67, 1.79)),
+        box_between((-0.82, 0.37, 1.60), (-0.02, 0.67, 1.79)),
+        box_between((-0.82, -0.62, 1.60), (-0.78, 0.67, 1.79)),
     )
-    opening = _between((-0.845, -0.30, 1.02), (-0.80, 0.25, 1.42))
+    opening = box_between((-0.845, -0.30, 1.02), (-0.80, 0.25, 1.42))
     cooler = tiles((0.40, 0.45, 0.02), (6, 1), 0.03).turn("x", 90).move(-0.42, -0.625, 1.22)
     return join(body, raised, opening, cooler)
 
 
 def _atms() -> Solid:
     """Return ATMS: a wide slab beside VIIRS and a block below it, with the drums of its two mirrors."""
-    slab = _between((-0.81, -0.22, 0.47), (0.04, 0.67, 0.73))
-    deck = _between((-0.83, -0.62, 0.68), (0.04, 0.67, 0.73))
-    shield = _between((-0.83, -0.62, 0.50), (-0.78, -0.20, 0.73))
-    block = _between((-0.64, 0.03, 0.17), (0.04, 0.67, 0.41))
+    slab = box_between((-0.81, -0.22, 0.47), (0.04, 0.67, 0.73))
+    deck = box_between((-0.83, -0.62, 0.68), (0.04, 0.67, 0.73))
+    shield = box_between((-0.83, -0.62, 0.50), (-0.78, -0.20, 0.73))
+    block = box_between((-0.64, 0.03, 0.17), (0.04, 0.67, 0.41))
     drums = [tube((-0.66, y, 0.29), (-0.66, y + 0.24, 0.29), 0.09, 20) for y in (0.08, 0.38)]
     return join(slab, deck, shield, block, *drums)
 
@@ -173,19 +168,19 @@ def _atms() -> Solid:
 def _cris() -> Solid:
     """Return CrIS: a box with a scan port that looks to the Earth and a two-stage cooler at its side."""
     deep, wide, high = CRIS_M
-    body = _between((-deep, -0.21, -0.30), (0.04, -0.21 + wide, -0.30 + high))
+    body = box_between((-deep, -0.21, -0.30), (0.04, -0.21 + wide, -0.30 + high))
     port = torus(0.14, 0.02, 28, 6).facing((-1, 0, 0)).move(-deep, 0.10, -0.07)
-    cooler = [_between((-0.60 + 0.16 * k, 0.66, -0.26), (-0.48 + 0.16 * k, 0.70, 0.12)) for k in range(4)]
+    cooler = [box_between((-0.60 + 0.16 * k, 0.66, -0.26), (-0.48 + 0.16 * k, 0.70, 0.12)) for k in range(4)]
     return join(body, port, *cooler)
 
 
 def _ceres() -> Solid:
     """Return CERES: a foot, a turntable, and a yoke that carries the scanning head with its three telescopes."""
     middle, level = -0.335, -0.73
-    foot = _between((-0.28, -0.55, -0.98), (0.04, -0.12, -0.50))
+    foot = box_between((-0.28, -0.55, -0.98), (0.04, -0.12, -0.50))
     turntable = frustum(0.24, 0.20, 0.20, 0.36, 32).facing((-1, 0, 0)).move(0.0, middle, level)
-    cheeks = [_between((-0.64, y - 0.02, level - 0.14), (-0.30, y + 0.02, level + 0.14)) for y in (-0.53, -0.14)]
-    head = _between((-0.62, -0.47, level - 0.17), (-0.36, -0.20, level + 0.17))
+    cheeks = [box_between((-0.64, y - 0.02, level - 0.14), (-0.30, y + 0.02, level + 0.14)) for y in (-0.53, -0.14)]
+    head = box_between((-0.62, -0.47, level - 0.17), (-0.36, -0.20, level + 0.17))
     telescopes = [
         wall([(0.035, 0.0), (0.035, 0.11)], 0.008, 16).facing((-1, 0, 0)).move(-CERES_M[2] + 0.09, y, level + dz)
         for y, dz in ((middle - 0.07, 0.06), (middle + 0.07, 0.06), (middle, -0.08))
@@ -197,17 +192,17 @@ def _ceres() -> Solid:
 def _omps() -> Solid:
     """Return OMPS: the limb sensor, the nadir sensor below it, and their electronics."""
     limb = [
-        _between((-0.64, 0.31, -1.23), (0.04, 0.54, -0.56)),
-        _between((-0.44, 0.24, -1.23), (0.04, 0.33, -0.60)),
+        box_between((-0.64, 0.31, -1.23), (0.04, 0.54, -0.56)),
+        box_between((-0.44, 0.24, -1.23), (0.04, 0.33, -0.60)),
     ]
-    slits = [_between((-0.66, 0.36, z), (-0.62, 0.49, z + 0.03)) for z in (-1.10, -0.95, -0.80)]
+    slits = [box_between((-0.66, 0.36, z), (-0.62, 0.49, z + 0.03)) for z in (-1.10, -0.95, -0.80)]
     nadir = [
-        _between((-0.41, 0.15, -1.78), (0.04, 0.41, -1.32)),
-        _between((-0.41, 0.40, -1.85), (0.04, 0.60, -1.52)),
-        _between((-0.20, 0.40, -1.54), (0.04, 0.48, -1.32)),
+        box_between((-0.41, 0.15, -1.78), (0.04, 0.41, -1.32)),
+        box_between((-0.41, 0.40, -1.85), (0.04, 0.60, -1.52)),
+        box_between((-0.20, 0.40, -1.54), (0.04, 0.48, -1.32)),
         frustum(0.07, 0.11, 0.0, 0.07, 20).facing((-1, 0, 0)).move(-0.38, 0.28, -1.58),
     ]
-    electronics = _between((-0.44, -0.41, -1.68), (0.04, -0.16, -1.19))
+    electronics = box_between((-0.44, -0.41, -1.68), (0.04, -0.16, -1.19))
     return join(*limb, *slits, *nadir, electronics)
 
 
@@ -215,8 +210,8 @@ def _boxes() -> Solid:
     """Return the boxes on the wing's side and on the zenith side."""
     half = 0.5 * BUS_WIDTH_M
     return join(
-        _between((0.03, -0.79, 0.71), (0.58, -half + 0.02, 1.30)),
-        _between((0.95, 0.06, -1.46), (1.09, 0.43, -1.05)),
+        box_between((0.03, -0.79, 0.71), (0.58, -half + 0.02, 1.30)),
+        box_between((0.95, 0.06, -1.46), (1.09, 0.43, -1.05)),
         box((0.10, 0.20, 0.04), (-0.05, -half - 0.02, 0.20)),
     )
 
@@ -257,7 +252,7 @@ def _masts() -> Solid:
     """Return the masts of the three antennas that stand on the Earth face."""
     lines = [(-0.735, 0.94, -1.11), (-0.41, 0.30, -0.86), (-0.075, -1.14, -0.50)]
     masts = [tube((0.05, y, z), (end, y, z), 0.055, 16) for y, z, end in lines]
-    foot = _between((-0.02, -0.80, 0.82), (0.12, -0.60, 1.06))
+    foot = box_between((-0.02, -0.80, 0.82), (0.12, -0.60, 1.06))
     return join(*masts, foot)
 
 
@@ -298,7 +293,7 @@ def _drive() -> Solid:
     """Return the wing's drive and the box that carries it."""
     x, _, z = WING_M
     half = 0.5 * BUS_WIDTH_M
-    carrier = _between((-0.42, -0.79, -1.31), (0.38, -half + 0.02, -0.53))
+    carrier = box_between((-0.42, -0.79, -1.31), (0.38, -half + 0.02, -0.53))
     motor = revolve([(0.0, 0.78), (0.13, 0.78), (0.13, 0.83), (0.10, 0.85), (0.0, 0.85)], 28)
     return join(carrier, motor.facing((0, -1, 0)).move(x, 0.0, z))
 
@@ -306,7 +301,7 @@ def _drive() -> Solid:
 def _propulsion() -> Solid:
     """Return the blanketed bottom with the tank's dome inside the adapter ring."""
     dome = revolve([(0.0, -1.60), (0.60, -1.60), (0.60, -1.71), (0.42, -1.80), (0.22, -1.88), (0.0, -1.91)], 40)
-    return join(dome, _between((-0.64, -0.64, -1.72), (0.64, 0.64, -1.66)))
+    return join(dome, box_between((-0.64, -0.64, -1.72), (0.64, 0.64, -1.66)))
 
 
 def _thrusters() -> Solid:

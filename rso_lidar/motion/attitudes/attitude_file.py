@@ -109,12 +109,7 @@ def read_attitudes(file: str, wanted: str | None, axes: str | None) -> tuple[Att
         If the file is invalid, its segments overlap or differ in axes, or `wanted` or `axes` does not apply to its
         format.
     """
-    path = find_table(file)
-    try:
-        status = path.stat()
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}: give the path of a text file") from None
-    return _read_file(path, status.st_mtime_ns, status.st_size, wanted, axes)
+    return _read_file(*find_table(file), wanted, axes)
 
 
 @functools.lru_cache(maxsize=16)

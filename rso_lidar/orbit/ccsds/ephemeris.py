@@ -157,12 +157,7 @@ class Ephemeris(Part):
         return BodyState(position, velocity)
 
     def _arcs(self) -> tuple[EphemerisArc, ...]:
-        path = find_table(self.file)
-        try:
-            status = path.stat()
-        except OSError as error:
-            raise ScenarioError(f"{path}: cannot be read: {error.strerror}: name a file of text") from None
-        return _read(path, status.st_mtime_ns, status.st_size, self.object)
+        return _read(*find_table(self.file), self.object)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,18 +13,26 @@ from rso_lidar.orbit.ccsds.xml import read_xml
 from rso_lidar.shipped import find
 
 
-def find_table(file: str) -> Path:
+def find_table(file: str) -> tuple[Path, int, int]:
     """Find a file named by a part: in the working folder, then among the shipped data.
+
+    Returns
+    -------
+    path, modification time [ns] and size [bytes]: the key of a cache of its content
 
     Raises
     ------
     ScenarioError
-        if there is no such file
+        if there is no such file, or it cannot be read
     """
     path = find(file)
     if path is None:
         raise ScenarioError(f"{file}: no such file: check the path")
-    return path
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}: give the path of a text file") from None
+    return path, status.st_mtime_ns, status.st_size
 
 
 def read_table_text(path: Path) -> str:

@@ -24,7 +24,7 @@ from rso_lidar.orbit.two_body.universal_variables import (
     propagate_universal,
 )
 from rso_lidar.part import Instant, NotNegative, Number, Part, Vector
-from rso_lidar.pose import dot, rotate_vectors
+from rso_lidar.pose import dot, length, rotate_vectors
 from rso_lidar.records import BodyState
 
 GM = units.EARTH_GM_M3_S2
@@ -215,7 +215,7 @@ class _Ellipse:
 
     def __init__(self, r: np.ndarray, v: np.ndarray) -> None:
         self.r, self.v = r, v
-        self.r0 = _length(r)
+        self.r0 = length(r)
         alpha = 2.0 / self.r0 - dot(v, v) / GM
         self.a = 1.0 / alpha
         self.n = np.sqrt(GM * alpha) * alpha
@@ -282,11 +282,6 @@ def _propagate_one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarra
 
 def _perigee_distance(r: np.ndarray, v: np.ndarray) -> np.ndarray:
     h2 = dot(r, r) * dot(v, v) - dot(r, v) ** 2
-    e = np.sqrt(np.maximum(1.0 + h2 / GM * (dot(v, v) / GM - 2.0 / _length(r)), 0.0))
+    e = np.sqrt(np.maximum(1.0 + h2 / GM * (dot(v, v) / GM - 2.0 / length(r)), 0.0))
     perigee: np.ndarray = h2 / GM / (1.0 + e)
     return perigee
-
-
-def _length(a: np.ndarray) -> np.ndarray:
-    length: np.ndarray = np.sqrt(dot(a, a))
-    return length

@@ -14,6 +14,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.orbit.two_body.anomaly import eccentric_from_true, mean_from_eccentric
+from rso_lidar.pose import cross, length
 
 GM = units.EARTH_GM_M3_S2
 ROUND = 8.0 * float(
@@ -95,8 +96,8 @@ def elements_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> Osc
         in the axes of the states, angles in [0, 2 pi)
     """
     r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
-    hx, hy, hz = _cross(r, v)
-    radius = _length(r)
+    hx, hy, hz = np.moveaxis(cross(r, v), -1, 0)
+    radius = length(r)
     h = np.sqrt(hx * hx + hy * hy + hz * hz)
     p = h * h / GM
     alpha = 2.0 / radius - (v[..., 0] ** 2 + v[..., 1] ** 2 + v[..., 2] ** 2) / GM
@@ -164,19 +165,6 @@ def _wrap_turn(angle: np.ndarray) -> np.ndarray:
     turned = np.where(angle < 0.0, angle + math.tau, angle)
     turned = np.where(turned < 0.0, turned + math.tau, turned)
     return np.where(turned >= math.tau, 0.0, turned)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return (
-        a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
-        a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
-        a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
-    )
-
-
-def _length(a: np.ndarray) -> np.ndarray:
-    length: np.ndarray = np.sqrt(a[..., 0] ** 2 + a[..., 1] ** 2 + a[..., 2] ** 2)
-    return length
 
 
 def _unwrap_scalar(value: np.ndarray) -> np.ndarray | float:

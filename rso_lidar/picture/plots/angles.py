@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.picture.selection.sequence import format_start, pick
-from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
+from rso_lidar.errors import RecordingError
+from rso_lidar.picture.selection.sequence import choose_target, format_start, pick
+from rso_lidar.picture.style.figures import draw_legend, format_thousands, new_figure, style_axes, widen_short_axis
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
 from rso_lidar.records import Frame, PtuAngles, Truth
 from rso_lidar.records.viewing_geometry import (
@@ -82,8 +82,8 @@ def angles_figure(
     )
     directions.plot(seen.time_s, seen.elevation_rad / DEG, color=GREEN, lw=1.2, label="elevation, up positive")
     style_axes(directions, y="To the target, in\nfollower axes [deg]")
-    _widen(directions)
-    _draw_legend(directions)
+    widen_short_axis(directions, 2.0 * FINE_DEG)
+    draw_legend(directions)
 
     off.plot(seen.time_s, seen.off_boresight_rad / DEG, color=RED, lw=1.2, label="target")
     if half_field_rad is not None:
@@ -94,14 +94,14 @@ def angles_figure(
     greatest_deg = max(float(np.nanmax(seen.off_boresight_rad)), half_field_rad or 0.0) / DEG
     top_deg = max(HEADROOM * greatest_deg, FINE_DEG)
     off.set_ylim(-SILL * top_deg, top_deg)
-    _draw_legend(off)
+    draw_legend(off)
 
     sun.plot(seen.time_s, seen.sun_off_boresight_rad / DEG, color=ORANGE, lw=1.2, label="Sun off the boresight")
     sun.plot(seen.time_s, seen.phase_rad / DEG, color=PINK, lw=1.2, label="phase angle, Sun-target-lidar")
     style_axes(sun, x="Time [s]", y="Sun [deg]")
     sun.set_ylim(-SILL * 180, (1 + SILL) * 180)
     sun.set_yticks(range(0, 181, 45))
-    _draw_legend(sun)
+    draw_legend(sun)
     format_thousands(sun.xaxis)
     sun.set_xlim(seen.time_s[0], seen.time_s[-1] if seen.time_s.size > 1 else seen.time_s[0] + 1.0)
     figure.align_ylabels(rows)
@@ -136,7 +136,7 @@ def ptu_figure(
         axes.plot(time_s, table["actual_rad"][:, k], color=BLUE, lw=1.0, label="true", zorder=3)
         axes.plot(time_s, table["measured_rad"][:, k], ".", color=ORANGE, ms=4.0, label="measured")
         style_axes(axes, y=f"{word} [deg]")
-        _widen(axes)
+        widen_short_axis(axes, 2.0 * FINE_DEG)
         _draw_limits(axes, () if travel_rad is None else [end / DEG for end in travel_rad[k]])
     pan.legend(
         fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, labelcolor=hex_colour(QUIET),
@@ -150,13 +150,13 @@ def ptu_figure(
         rates.plot(time_s, table["rate_rad_s"][:, k], color=colour, lw=1.1, label=word)
     errors.axhline(0, color=hex_colour(LINE), lw=0.8, zorder=0)
     style_axes(errors, y="Error [deg]")
-    _widen(errors)
-    _draw_legend(errors, columns=2)
+    widen_short_axis(errors, 2.0 * FINE_DEG)
+    draw_legend(errors, columns=2)
     style_axes(rates, x="Time [s]", y="Rate [deg/s]")
-    _widen(rates)
+    widen_short_axis(rates, 2.0 * FINE_DEG)
     if max_rate_rad_s is not None:
         _draw_limits(rates, (-max_rate_rad_s / DEG, max_rate_rad_s / DEG), rates=True)
-    _draw_legend(rates)
+    draw_legend(rates)
     format_thousands(rates.xaxis)
     rates.set_xlim(time_s[0], time_s[-1] if time_s.size > 1 else time_s[0] + 1.0)
     figure.align_ylabels(rows)
@@ -166,22 +166,16 @@ def ptu_figure(
 def _find_sight(source: Truth | Iterable[Frame], target: str | None) -> tuple[ViewingGeometry, str, str]:
     """Find the line of sight, a title and a note."""
     if isinstance(source, Truth):
-        name = _choose_target(target, [body for body in source.states if body != "follower"], list(source.poses))
+        name = choose_target(
+            "angles", target, [body for body in source.states if body != "follower"], list(source.poses)
+        )
         return compute_viewing_geometry(source, name), "", f"from the lidar to {name}"
     picked, _ = pick(source, DRAWN, lambda frame: (frame.truth, frame.source.title, format_start(frame), frame))
     first = picked[0][3]
     entries = [entry.name for entry in first.source.targets]
-    name = _choose_target(target, entries, [*entries, *first.truth.poses])
+    name = choose_target("angles", target, entries, [*entries, *first.truth.poses])
     note = f"from the lidar to {name}   ·   time since {picked[0][2]}"
     return join_viewing_geometry([truth for truth, *_ in picked], name), picked[0][1], note
-
-
-def _choose_target(target: str | None, first: list[str], known: list[str]) -> str:
-    if target is None and first:
-        return first[0]
-    if target not in known:
-        raise RecordingError(f"angles: no target named '{target}'{did_you_mean(target or '', known)}")
-    return target
 
 
 def _read_ptu(
@@ -220,15 +214,6 @@ def _break_at_jumps(angle_rad: np.ndarray) -> np.ndarray:
     return broken
 
 
-def _widen(axes: Axes) -> None:
-    """Widen an axis of very small span, so that rounding does not look like motion."""
-    low, high = axes.get_ylim()
-    if high - low < FINE_DEG:
-        middle = 0.5 * (low + high)
-        axes.set_ylim(middle - FINE_DEG, middle + FINE_DEG)
-    axes.ticklabel_format(axis="y", useOffset=False)
-
-
 def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> None:
     """Draw limits that are near what is shown, and write the far ones at the right.
 
@@ -255,7 +240,3 @@ def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> N
             fontsize=8.5,
             color=hex_colour(QUIET),
         )
-
-
-def _draw_legend(axes: Axes, columns: int = 1) -> None:
-    axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hex_colour(QUIET), ncols=columns)

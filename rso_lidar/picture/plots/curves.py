@@ -11,12 +11,11 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.picture.selection.sequence import format_start, on_target, pick, target_ranges_m
-from rso_lidar.picture.style.figures import format_thousands, log_ticks, new_figure, style_axes
-from rso_lidar.picture.style.palette import LINE, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.figures import draw_legend, format_thousands, log_ticks, new_figure, style_axes
+from rso_lidar.picture.style.palette import LINE, PARTS, hex_colour
 from rso_lidar.records import Frame
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 DRAWN = 600  # most frames read
@@ -93,7 +92,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     format_thousands(ranges.yaxis)
     farthest_m = np.nanmax([table["true_range_m"], table["measured_m"]], initial=0.0)
     ranges.set_ylim(0.0, HEADROOM * float(farthest_m) or 1.0)
-    _draw_legend(ranges)
+    draw_legend(ranges)
 
     lit = table["lit"]
     share.plot(time_s, np.where(lit > 0, table["detected"] / np.maximum(lit, 1), NONE), ".-", color=GREEN, ms=4, lw=0.8)
@@ -115,7 +114,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     if np.nanmax(table["photons_50"], initial=0.0) > 0:
         photons.set_yscale("log")
     style_axes(photons, y="Expected photons\nper pixel on the target")
-    _draw_legend(photons)
+    draw_legend(photons)
 
     low_cm, middle_cm, high_cm = (table[f"error_{rank}_m"] / units.CM for rank in (16, 50, 84))
     errors.axhline(0, color=hex_colour(LINE), lw=0.8)
@@ -123,7 +122,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     errors.plot(time_s, middle_cm, ".", color=RED, ms=4, label="median, pixels of one cluster")
     style_axes(errors, x="Time [s]", y="Range minus truth [cm]")
     format_thousands(errors.xaxis)
-    _draw_legend(errors)
+    draw_legend(errors)
     if len(points) == 1:  # a line of one point is invisible
         for axes in (ranges, pixels, photons):
             axes.get_lines()[0].set(marker="_", ms=14, mew=axes.get_lines()[0].get_linewidth())
@@ -138,7 +137,3 @@ def _widen_to_decade(low: float, high: float) -> tuple[float, float]:
     """Return limits of a log axis that span at least a decade, so that rounding does not look like change."""
     wider = max(1.0, math.sqrt(10.0 * low / high))
     return low / wider, high * wider
-
-
-def _draw_legend(axes: Axes) -> None:
-    axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hex_colour(QUIET))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
+from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes, widen_short_axis
 from rso_lidar.picture.style.palette import FALSE, INK, PARTS, QUIET, hex_colour
 from rso_lidar.records.viewing_geometry import find_shadow_spans_s
 from rso_lidar.units import DEG
@@ -106,7 +106,7 @@ def _draw_range(axes: Axes, table: Table) -> None:
     format_thousands(axes.yaxis)
     rate = _add_right_axis(axes, "Range rate [m/s]", ORANGE)
     rate.plot(table["time_s"], table["range_rate_m_s"], color=ORANGE, lw=1.0)
-    _widen(rate, 0.01)
+    widen_short_axis(rate, 0.01)
 
 
 def _draw_rates(axes: Axes, table: Table) -> None:
@@ -117,7 +117,7 @@ def _draw_rates(axes: Axes, table: Table) -> None:
     ):
         axes.plot(table["time_s"], table[name] / DEG, color=colour, lw=width, label=word)
     style_axes(axes, y="Rates to the\ntarget [deg/s]")
-    _widen(axes, 1e-4)
+    widen_short_axis(axes, 1e-4)
     _draw_legend(axes)
 
 
@@ -138,7 +138,7 @@ def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, flo
         axes.plot(table["time_s"], table[f"{word}_actual_rad"] / DEG, color=colour, lw=1.1, label=word)
         _mark(axes, table, f"{word}_beyond_travel", f"{word}_demand_rad", f"{word} beyond its travel")
     style_axes(axes, y="PTU [deg]\npale: asked")
-    _widen(axes, 0.01)
+    widen_short_axis(axes, 0.01)
     for (low, high), colour in zip(travel_rad or (), (BLUE, GREEN), strict=False):
         _draw_limit(axes, low / DEG, colour)
         _draw_limit(axes, high / DEG, colour)
@@ -152,7 +152,7 @@ def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
         _mark(axes, table, f"{word}_at_greatest_rate", f"{word}_rate_rad_s", f"{word} at its greatest rate")
     most = max_rate_rad_s / DEG
     style_axes(axes, y="PTU rates\n[deg/s]")
-    _widen(axes, 1e-3)
+    widen_short_axis(axes, 1e-3)
     shown = [_draw_limit(axes, value, hex_colour(INK)) for value in (-most, most)]
     if np.isfinite(most):
         beyond = "" if any(shown) else ", beyond the axis"
@@ -274,15 +274,6 @@ def _use_log_scale(axes: Axes) -> None:
             axes.set_ylim(low / 2.5, high * 2.5)
     else:
         axes.text(0.5, 0.5, "nothing in the field", transform=axes.transAxes, ha="center", va="center", fontsize=9)
-
-
-def _widen(axes: Axes, least: float) -> None:
-    """Widen an axis of very small span, so that rounding does not look like motion."""
-    low, high = axes.get_ylim()
-    if high - low < least:
-        middle = 0.5 * (low + high)
-        axes.set_ylim(middle - 0.5 * least, middle + 0.5 * least)
-    axes.ticklabel_format(axis="y", useOffset=False)
 
 
 def _raise_top(axes: Axes) -> None:

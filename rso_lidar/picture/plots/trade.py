@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import new_figure, style_axes, use_minus_sign
+from rso_lidar.picture.style.figures import new_figure, shorten, style_axes, use_minus_sign
 from rso_lidar.picture.style.palette import INK, LINE, NO_RETURN, PARTS, QUIET, hex_colour
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def _draw_effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray
     style_axes(axes, x=_wrap(axis.name))
     _scale_axis(axes, axis, levels)
     if np.isfinite(merit.values).any():
-        _widen(axes, merit)
+        _set_limits(axes, merit)
 
 
 def _find_line(axis: Quantity, merit: Quantity) -> np.ndarray:
@@ -148,7 +148,7 @@ def _scale_axis(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:
 
     if not axis.numeric:
         axes.set_xticks(
-            range(len(levels)), [_shorten(str(level)) for level in levels], rotation=20 if len(levels) > 3 else 0
+            range(len(levels)), [_label_level(str(level)) for level in levels], rotation=20 if len(levels) > 3 else 0
         )
         axes.set_xlim(-0.5, len(levels) - 0.5)
         return
@@ -162,7 +162,8 @@ def _scale_axis(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_value(value)))
 
 
-def _widen(axes: Axes, merit: Quantity) -> None:
+def _set_limits(axes: Axes, merit: Quantity) -> None:
+    """Set the limits and the scale of the axis of a figure of merit."""
     from matplotlib.ticker import FuncFormatter
 
     low, high = float(np.nanmin(merit.values)), float(np.nanmax(merit.values))
@@ -219,7 +220,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
         axes.grid(False)
         for put, axis in ((axes.set_xticks, other), (axes.set_yticks, one)):
             levels = axis.levels()[0]
-            put(range(len(levels)), [format_value(x) if axis.numeric else _shorten(str(x)) for x in levels])
+            put(range(len(levels)), [format_value(x) if axis.numeric else _label_level(str(x)) for x in levels])
         if table.size <= 80:
             _mark_cells(axes, table, norm, colours)
     for axes in panels.flat[len(pairs) :]:
@@ -311,7 +312,7 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
         axes.plot(merits[0].values[best], other.values[best], "o", mfc="none", mec=hex_colour(INK), ms=8, mew=0.9)
         style_axes(axes, x=f"{merits[0].name} ({better[0]} is better)", y=f"{other.name}\n({word} is better)")
         if np.isfinite(other.values).any():
-            _widen(axes, other)
+            _set_limits(axes, other)
         if merits[0].log:
             axes.set_xscale("log")
     for axes in panels.flat[len(others) :]:
@@ -321,7 +322,7 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
     bar = figure.colorbar(drawn, ax=panels, shrink=0.85, aspect=30, pad=0.015)
     if few:
         bar.set_ticks((np.log10(ticks) if by.log else ticks).tolist())
-        bar.set_ticklabels([format_value(x) if by.numeric else _shorten(str(x)) for x in levels])
+        bar.set_ticklabels([format_value(x) if by.numeric else _label_level(str(x)) for x in levels])
     elif by.log:
         bar.ax.yaxis.set_major_formatter(lambda value, _: format_value(10.0**value))
     bar.ax.tick_params(labelsize=8, labelcolor=hex_colour(QUIET), color=hex_colour(LINE))
@@ -351,11 +352,11 @@ def _columns(count: int) -> int:
     return 2 if count == 4 else min(count, _COLUMNS)
 
 
-def _shorten(text: str) -> str:
-    """Shorten a text to a tick label; of a table only the values are kept."""
+def _label_level(text: str) -> str:
+    """Make a tick label of a level; of a table only the values are kept."""
     if text.startswith("{"):
         text = re.sub(r"[\w-]+ = ", "", text).strip("{ }").replace('"', "").replace(",", "")
-    return text if len(text) <= 18 else text[:17] + "…"
+    return shorten(text, 18)
 
 
 def _wrap(name: str, width: int = 38) -> str:

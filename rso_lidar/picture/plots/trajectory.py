@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.picture.selection.sequence import pick
-from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
+from rso_lidar.picture.selection.sequence import choose_target, pick
+from rso_lidar.picture.style.figures import format_thousands, new_figure, shorten, style_axes
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, RANGE_RAMP, hex_colour
 from rso_lidar.records import Frame, Truth
 from rso_lidar.ties import find_first_least
@@ -54,7 +53,7 @@ def relative_path(source: Truth | Iterable[Frame], target: str | None = None) ->
     """
     if isinstance(source, Truth):
         origins = [name for name in source.poses if name.endswith(ORIGINS) and not name.startswith("follower.")]
-        name = _choose_target(target, [origin.rpartition(".")[0] for origin in origins], list(source.poses))
+        name = choose_target("orbit", target, [origin.rpartition(".")[0] for origin in origins], list(source.poses))
         axes = _choose_axes(source, name)
         times_s = np.atleast_1d(np.asarray(source.time_s, dtype=float))
         position_m = np.broadcast_to(source.pose(axes, "lidar").translation, (times_s.size, 3))
@@ -62,23 +61,13 @@ def relative_path(source: Truth | Iterable[Frame], target: str | None = None) ->
 
     def look(frame: Frame) -> tuple[float, np.ndarray, str, str, str]:
         entries = [entry.name for entry in frame.source.targets]
-        name = _choose_target(target, entries, [*entries, *frame.truth.poses])
+        name = choose_target("orbit", target, entries, [*entries, *frame.truth.poses])
         axes = _choose_axes(frame.truth, name)
         return frame.time_s, frame.truth.pose(axes, "lidar").translation, name, axes, frame.source.title
 
     seen, _ = pick(source, DRAWN, look)
     times_s, positions_m, names, all_axes, titles = zip(*seen, strict=True)
     return RelativePath(np.array(times_s), np.stack(positions_m), names[0], all_axes[0], titles[0])
-
-
-def _choose_target(target: str | None, first: list[str], known: list[str]) -> str:
-    if target is None:
-        if not first:
-            raise RecordingError(f"orbit: no target to draw about; name one (known axes: {', '.join(known)})")
-        return first[0]
-    if target not in known:
-        raise RecordingError(f"orbit: no target named '{target}'{did_you_mean(target, known)}")
-    return target
 
 
 def _choose_axes(truth: Truth, name: str) -> str:
@@ -123,7 +112,7 @@ def orbit_figure(
     labels = []
     for (axes, right, up, eye), head in zip(planes, heads, strict=True):
         drawn, words = _draw_plane(
-            axes, path, right, up, head if in_rtn else f"Seen along {eye} of {_shorten(path.target)}"
+            axes, path, right, up, head if in_rtn else f"Seen along {eye} of {shorten(path.target, _LETTERS)}"
         )
         labels.append((axes, words, path.position_m[:, [right, up]]))
         if keep_out_m:
@@ -142,7 +131,7 @@ def orbit_figure(
         ranges,
         "Range over time",
         "Time [s]",
-        f"Range to {_shorten(path.target)} [m]",
+        f"Range to {shorten(path.target, _LETTERS)} [m]",
         "impulses dashed" if impulses else "",
     )
     bar = figure.colorbar(drawn, ax=[plane, across], location="bottom", fraction=0.03, pad=0.02, aspect=55)
@@ -278,8 +267,3 @@ def _draw_plane(axes: Axes, path: RelativePath, right: int, up: int, title: str)
     words = path.words
     style_axes(axes, title, f"{words[right]} [m]", f"{words[up]} [m]", "scales differ" if stretched else "")
     return drawn, labels
-
-
-def _shorten(name: str) -> str:
-    """Shorten a name to fit above a panel."""
-    return name if len(name) <= _LETTERS else f"{name[: _LETTERS - 1]}…"

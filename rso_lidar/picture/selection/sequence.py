@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.picture.selection.window import Window, bounding_window, grow
 from rso_lidar.records import Frame
 
@@ -187,3 +187,26 @@ class Thumbnail:
     def returns(self) -> int:
         """Number of pixels that reported a return."""
         return int(np.isfinite(self.range_m).sum())
+
+
+def choose_target(picture: str, target: str | None, targets: Sequence[str], known: Sequence[str]) -> str:
+    """Choose the axes about which a picture is drawn: those that are named, or the first target's.
+
+    Parameters
+    ----------
+    picture : its name, for messages.
+    target : name of axes, where the user gives one.
+    targets : names of the targets.
+    known : names of all axes.
+
+    Raises
+    ------
+    RecordingError : if there is no target, or no axes of that name.
+    """
+    if target is None:
+        if not targets:
+            raise RecordingError(f"{picture}: no target to draw about; name one (known axes: {', '.join(known)})")
+        return targets[0]
+    if target not in known:
+        raise RecordingError(f"{picture}: no target named '{target}'{did_you_mean(target, known)}")
+    return target

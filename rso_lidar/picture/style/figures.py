@@ -36,8 +36,7 @@ def new_figure(
     rect = (0.0, foot_in / height_in, 1.0, 1.0 - (head_in + foot_in) / height_in)
     figure = Figure(figsize=(width_in, height_in), dpi=100, layout=ConstrainedLayoutEngine(rect=rect))
     FigureCanvasAgg(figure)
-    most = int(width_in * 8.2)  # letters of the title that fit
-    title = title if len(title) <= most else title[: most - 1] + "…"
+    title = shorten(title, int(width_in * 8.2))  # letters that fit
     left, top = 0.12 / width_in, 1.0 - 0.13 / height_in
     figure.text(left, top, title, fontsize=14, weight="bold", color=hex_colour(INK), va="top", in_layout=False)
     figure.text(left, top - 0.31 / height_in, note, fontsize=9.5, color=hex_colour(QUIET), va="top", in_layout=False)
@@ -66,6 +65,25 @@ def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str 
     for side, spine in axes.spines.items():
         spine.set_visible(side in ("left", "bottom"))
         spine.set_color(hex_colour(LINE))
+
+
+def draw_legend(axes: Axes, columns: int = 1) -> None:
+    """Draw a frameless legend in quiet ink where it covers least."""
+    axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hex_colour(QUIET), ncols=columns)
+
+
+def widen_short_axis(axes: Axes, least: float) -> None:
+    """Widen an axis of values that spans less than `least`, so that rounding does not look like motion."""
+    low, high = axes.get_ylim()
+    if high - low < least:
+        middle = 0.5 * (low + high)
+        axes.set_ylim(middle - 0.5 * least, middle + 0.5 * least)
+    axes.ticklabel_format(axis="y", useOffset=False)
+
+
+def shorten(text: str, letters: int) -> str:
+    """Shorten a text to a number of letters, the last of them an ellipsis."""
+    return text if len(text) <= letters else f"{text[: letters - 1]}…"
 
 
 def format_thousands(*several: Axis) -> None:

@@ -14,10 +14,9 @@ import numpy as np
 
 from rso_lidar import motion
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.files import check_writable, write_columns
 from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.picture.plots.timeline import timeline_figure
-from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
+from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.pose import ROOT, cross, dot, rotate_vectors
 from rso_lidar.records import PtuAngles, Truth
 from rso_lidar.records.viewing_geometry import compute_viewing_geometry
@@ -30,7 +29,6 @@ CASTS = 300  # greatest number of frames at which rays are cast
 _WHITE_PER_SR = 1.0 / np.pi
 _EPOCHS = 2000  # in one batch of projected hulls
 _RATE_S = 2e-3  # step of the central difference for the rate of the demand
-SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 _AT_LIMIT = 1e-3  # relative distance to the greatest rate within which a drive counts as at its limit
 
 
@@ -65,10 +63,7 @@ class Timeline:
 
     def save(self, path: str | Path) -> Path:
         """Write the table (.csv) or the picture (.png, .pdf or .svg), and return its path."""
-        place = check_writable(path, SUFFIXES, overwrite=True)
-        if place.suffix.lower() in FIGURE_SUFFIXES:
-            return save_figure(self.figure(), place)
-        return write_columns(place, self.table)
+        return save_figure_or_table(path, self.figure, self.table)
 
 
 def timeline(

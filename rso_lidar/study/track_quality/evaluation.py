@@ -15,10 +15,9 @@ import numpy as np
 
 from rso_lidar import motion, units
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.files import check_writable, write_columns
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.picture.plots.tracking import tracking_figure
-from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
+from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import Frame, Source
 from rso_lidar.scenario import Scenario
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
 AXES = ("right", "down", "ahead")
-SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +66,7 @@ class Tracking:
 
     def save(self, path: str | Path) -> Path:
         """Write the table (.csv) or the picture (.png, .pdf or .svg), and return its path."""
-        place = check_writable(path, SUFFIXES, overwrite=True)
-        if place.suffix.lower() in FIGURE_SUFFIXES:
-            return save_figure(self.figure(), place)
-        return write_columns(place, self.table)
+        return save_figure_or_table(path, self.figure, self.table)
 
 
 def tracking(
