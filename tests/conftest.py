@@ -2,12 +2,17 @@
 
 import os
 import socket
+import sys
 from pathlib import Path
 
 import hypothesis
 import pytest
 
 from tests import limits
+
+# Hundreds of tests start a process. Where the machine forbids bytecode, each process would compile the package again.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # A slow machine is no failure; a run of CI meets the same examples each time, so that a red run can be met again.
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None, print_blob=True)

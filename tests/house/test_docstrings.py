@@ -12,6 +12,7 @@ import inspect
 import pkgutil
 import re
 import typing
+from functools import cache
 
 import rso_lidar
 
@@ -131,6 +132,7 @@ NOT_YET = {  # functions that are documented next, by room
 }
 
 
+@cache
 def modules():
     """Return every module of the package, imported."""
     found = pkgutil.walk_packages(rso_lidar.__path__, "rso_lidar.")
@@ -157,21 +159,28 @@ def parameters(function):
     return [name for name in inspect.signature(function).parameters if name not in ("self", "cls")]
 
 
-MODULES = modules()
-EXPORTED = [getattr(module, name) for module in MODULES for name in getattr(module, "__all__", ())]
-CLASSES = {
-    value
-    for module in MODULES
-    for value in vars(module).values()
-    if inspect.isclass(value) and value.__module__.startswith("rso_lidar")
-}
-PROTOCOLS = [cls for cls in CLASSES if getattr(cls, "_is_protocol", False)]
+@cache
+def classes():
+    """Return every class of the package."""
+    return {
+        value
+        for module in modules()
+        for value in vars(module).values()
+        if inspect.isclass(value) and value.__module__.startswith("rso_lidar")
+    }
+
+
+@cache
+def protocols():
+    """Return the classes that state what an object of a user's own has."""
+    return [cls for cls in classes() if getattr(cls, "_is_protocol", False)]
 
 
 def exported():
     """Return the functions and public methods that the package and its rooms export, each with the class it is seen in."""
-    found = {function_of(thing): None for thing in EXPORTED}
-    for cls in filter(inspect.isclass, EXPORTED):
+    things = [getattr(module, name) for module in modules() for name in getattr(module, "__all__", ())]
+    found = {function_of(thing): None for thing in things}
+    for cls in filter(inspect.isclass, things):
         for base in inspect.getmro(cls):
             for name, function in members(base).items():
                 if name == "__init__" or not name.startswith("_"):
@@ -182,7 +191,7 @@ def exported():
 def long():
     """Return the functions and methods with many parameters, each with its class."""
     found = {}
-    for holder in (*MODULES, *CLASSES):
+    for holder in (*modules(), *classes()):
         for name, function in members(holder).items():
             if len(parameters(function)) >= MANY and not (name.startswith("__") and name != "__init__"):
                 found.setdefault(function, holder if inspect.isclass(holder) else None)
@@ -197,7 +206,7 @@ def docstrings(function, cls):
     if name == "__init__":
         return [*texts, inspect.getdoc(cls) or ""]
     bases = [base for base in inspect.getmro(cls)[1:] if name in vars(base)]
-    bases += [it for it in PROTOCOLS if name in vars(it) and all(hasattr(cls, member) for member in members(it))]
+    bases += [it for it in protocols() if name in vars(it) and all(hasattr(cls, member) for member in members(it))]
     alike = [function_of(vars(base)[name]) for base in bases]
     return texts + [inspect.getdoc(it) or "" for it in alike if it and parameters(it) == parameters(function)]
 
@@ -285,7 +294,7 @@ def read(distance_m, *rows, **options):
 
 
 def test_what_is_left_out_is_seen():
-    assert len(exported()) > 300 and len(long()) > 600 and len(PROTOCOLS) > 5
+    assert len(exported()) > 300 and len(long()) > 600 and len(protocols()) > 5
     assert described(inspect.getdoc(read)) == {"distance_m", "rows", "options"}
     assert sections(inspect.getdoc(read)).keys() == {"Parameters", "Raises"}
     assert not undescribed(read, None) and undescribed(lambda x, rows: None, None) == ["x", "rows"]

@@ -5,6 +5,8 @@ import re
 from collections import Counter
 from pathlib import Path
 
+from tests.house.sources import parse
+
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
 TERMS, CLASSES = TEXT.split("\n## Classes\n")
@@ -18,7 +20,7 @@ def rows(text):
 
 
 def test_every_public_class_is_there_once():
-    trees = [ast.parse(file.read_text(encoding="utf-8")) for file in (ROOT / "rso_lidar").rglob("*.py")]
+    trees = parse("rso_lidar").values()
     classes = Counter(f"`{node.name}`" for tree in trees for node in tree.body if isinstance(node, ast.ClassDef))
     public = {name: count for name, count in classes.items() if not name.startswith("`_")}
     listed = Counter(first for first, _ in rows(CLASSES) if first != "class")

@@ -6,14 +6,13 @@ from pathlib import Path
 import pytest
 
 from rso_lidar.cli.app import COMMANDS
+from tests.house.sources import parse
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "rso_lidar"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 ROOMS = sorted({file.parent for file in MODULES})
-SOURCES = [
-    file for folder in ("rso_lidar", "tests", "examples", "benchmarks") for file in (ROOT / folder).rglob("*.py")
-]
+FOLDERS = ("rso_lidar", "tests", "examples", "benchmarks")
 NO_ROOM = {"utils", "util", "helpers", "common", "core", "base", "manager", "misc"}
 MOST_MODULES = 14  # on one level of a room
 LISTS = {"cli", "shapes"}  # flat lists of like things: one file for each command, one for each model
@@ -28,11 +27,8 @@ def relative(file):
     return file.relative_to(ROOT).as_posix()
 
 
-TREES = {relative(file): ast.parse(file.read_text(encoding="utf-8")) for file in SOURCES}
-
-
 def test_there_is_a_package_to_look_at():
-    assert PACKAGE / "units.py" in MODULES and "rso_lidar/units.py" in TREES
+    assert PACKAGE / "units.py" in MODULES and "rso_lidar/units.py" in parse(*FOLDERS)
 
 
 def test_modules_are_short():
@@ -48,7 +44,7 @@ def test_modules_are_worth_a_file():
 
 
 def test_modules_say_what_is_in_them():
-    silent = [name for name, tree in TREES.items() if name.startswith("rso_lidar/") and not ast.get_docstring(tree)]
+    silent = [name for name, tree in parse("rso_lidar").items() if not ast.get_docstring(tree)]
     assert not silent
 
 
@@ -80,7 +76,7 @@ def test_every_room_has_a_door():
 
 def inner_imports(room):
     """Return by module of a room without sub-rooms the modules of it that it imports, within functions too."""
-    modules = {file.stem: ast.parse(file.read_text(encoding="utf-8")) for file in (PACKAGE / room).glob("*.py")}
+    modules = {Path(name).stem: tree for name, tree in parse(f"rso_lidar/{room}").items()}
     found = {}
     for name, tree in modules.items():
         asked = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module]
@@ -139,7 +135,7 @@ def random_sins(tree):
 
 
 def test_no_random_number_without_a_generator():
-    sins = {name: random_sins(tree) for name, tree in TREES.items()}
+    sins = {name: random_sins(tree) for name, tree in parse(*FOLDERS).items()}
     assert not {name: of for name, of in sins.items() if of}
 
 

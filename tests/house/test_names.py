@@ -11,13 +11,10 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.part import Part
+from tests.house.sources import parse
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "rso_lidar"
-TREES = {
-    file.relative_to(ROOT).as_posix(): ast.parse(file.read_text(encoding="utf-8"))
-    for file in sorted(PACKAGE.rglob("*.py"))
-}
 
 
 def classes(trees):
@@ -31,7 +28,7 @@ def classes(trees):
 
 
 def test_a_class_name_occurs_once():
-    found = classes(TREES)
+    found = classes(parse("rso_lidar"))
     assert len(found) > 300
     assert not {name: modules for name, modules in found.items() if len(modules) > 1}
 
@@ -49,7 +46,7 @@ def alike(one, other):
 def test_no_two_modules_of_a_room_differ_by_one_letter():
     """Nor two rooms, nor two sub-rooms of a room; a module may share the word of the sub-room that it is in."""
     places = {}
-    for module in TREES:
+    for module in parse("rso_lidar"):
         room, *inner = Path(module).with_suffix("").parts[1:]
         places.setdefault("rooms", set()).add(room)
         if inner:
@@ -74,7 +71,7 @@ def modules_of(trees):
 
 def test_no_two_modules_of_a_room_share_a_name():
     """Nor a module and a sub-room; the module that gives a sub-room its name may live in it."""
-    found = modules_of(TREES)
+    found = modules_of(parse("rso_lidar"))
     assert len(found) > 12
     shared = {}
     for room, places in found.items():
@@ -94,8 +91,8 @@ def plurals(name):
 
 def test_no_two_modules_are_singular_and_plural_of_a_word():
     """In the whole package but for the command line, whose modules have the names that a user types."""
-    names = {inner[-1] for room, found in modules_of(TREES).items() if room != "cli" for inner in found}
-    names |= {Path(module).stem for module in TREES if len(Path(module).parts) == 2}
+    names = {inner[-1] for room, found in modules_of(parse("rso_lidar")).items() if room != "cli" for inner in found}
+    names |= {Path(module).stem for module in parse("rso_lidar") if len(Path(module).parts) == 2}
     assert len(names) > 300
     assert not {name: plurals(name) & names for name in names if plurals(name) & names}
 
@@ -195,7 +192,7 @@ def questions(tree, kind, names):
 def test_only_the_room_that_owns_them_asks_which_one_it_is(kind):
     names, rooms = KINDS[kind]
     assert len(names) > 1
-    outside = {name: tree for name, tree in TREES.items() if name.split("/")[1] not in rooms}
+    outside = {name: tree for name, tree in parse("rso_lidar").items() if name.split("/")[1] not in rooms}
     found = {name: questions(tree, kind, names) for name, tree in outside.items()}
     assert not {name: lines for name, lines in found.items() if lines}
 

@@ -69,3 +69,4 @@ def test_connections_inside_the_machine_go_through(tmp_path, monkeypatch):
         server.bind("door")
         server.listen()
         client.connect("door")
+        assert client.getpeername() == "door"

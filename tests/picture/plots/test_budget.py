@@ -49,6 +49,7 @@ def test_a_curve_that_is_never_seen_is_drawn_without_a_mark():
 def test_nothing_to_see_is_drawn_all_the_same():
     figure = budget_figure([line("dark", float("nan"), photons=0.0)], "Budget", "", 0.5)
     figure.canvas.draw()
+    assert drawn(figure) == ([1, 1, 1, 1], [0, 0, 0, 0])
 
 
 @pytest.mark.parametrize("count", [1, 5, 12])

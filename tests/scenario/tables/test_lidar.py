@@ -182,7 +182,8 @@ class TestLengths:
 
     def test_what_instruments_have_is_allowed(self, text):
         for pulse_ns in (0.5, 8, 100):
-            _ = rl.Scenario.loads(text, settings=(f"lidar.laser.pulse_fwhm_ns={pulse_ns}",)).instrument
+            lidar = rl.Scenario.loads(text, settings=(f"lidar.laser.pulse_fwhm_ns={pulse_ns}",)).instrument
+            assert lidar.laser.pulse_fwhm_s == pytest.approx(1e-9 * pulse_ns, rel=1e-12)
 
 
 class TestFiles:
