@@ -1,6 +1,6 @@
 """Orbits about the Earth: time scales, element sets, propagators, ephemerides, conjunctions, Sun, Moon and eclipses.
 
-Everything is in GCRS axes about the Earth's centre and in SI units, unless a name or a docstring says otherwise.
+Everything is in GCRS axes about the Earth's centre and in SI units, unless a name or a docstring states otherwise.
 
 **Motions** fill a scenario's `motion` table, and answer `states(epochs)` as every `Trajectory` does:
 

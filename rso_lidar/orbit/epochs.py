@@ -1,4 +1,4 @@
-"""Instants and time scales: the only module that knows UTC, TAI, TT, GPS time and leap seconds.
+"""Instants and time scales: the only module with UTC, TAI, TT, GPS time and leap seconds.
 
 Leap seconds and UT1 come from skyfield's built-in tables; nothing is ever downloaded. A run is counted in TAI seconds from
 `start_utc`, so a leap second in the middle of it is an ordinary second. Julian dates are kept as a whole part and a
@@ -84,7 +84,7 @@ def check_instant(instant: Any, place: str) -> None:
     Raises
     ------
     ScenarioError
-        if the value is no datetime, or has no UTC offset
+        if the value is not a datetime, or has no UTC offset
     """
     if not isinstance(instant, datetime.datetime):
         raise ScenarioError(
@@ -150,11 +150,34 @@ class Epochs:
         return Epochs(self.start_utc, self.time_s[which])
 
     def shift(self, seconds: float | np.ndarray) -> Epochs:
-        """Shift all epochs later by some seconds [s] (negative: earlier)."""
+        """Shift all epochs.
+
+        Parameters
+        ----------
+        seconds : shift, a number or (time,) [s]; positive is later
+
+        Returns
+        -------
+        shifted epochs with the same `start_utc`
+        """
         return Epochs(self.start_utc, self.time_s + seconds)
 
     def since(self, instant: datetime.datetime) -> np.ndarray:
-        """Return the TAI seconds (time,) [s] from an aware datetime to each epoch."""
+        """Return the TAI seconds from an instant to each epoch. A leap second counts as a second.
+
+        Parameters
+        ----------
+        instant : aware datetime
+
+        Returns
+        -------
+        (time,) [s]
+
+        Raises
+        ------
+        ScenarioError
+            if it is not a datetime with a UTC offset
+        """
         check_instant(instant, "since")
         offset: np.ndarray = self.time_s + (_tai_us(self.start_utc) - _tai_us(instant)) / _MICROSECONDS
         return offset
@@ -250,7 +273,7 @@ def parse_epoch_ps(text: str, system: str, where: str) -> int:
     Raises
     ------
     ScenarioError
-        if the text is no epoch, or names a day or time of day that does not exist
+        if the text is not an epoch, or names a day or time of day that does not exist
 
     Examples
     --------
@@ -272,11 +295,11 @@ def parse_epoch_ps(text: str, system: str, where: str) -> int:
             if day.year != year:
                 raise ValueError
     except ValueError:
-        raise ScenarioError(f"{where}: epoch '{text}': there is no such day: correct the date") from None
+        raise ScenarioError(f"{where}: epoch '{text}': this day does not exist: correct the date") from None
     in_day = int(hour) * 3600 + int(minute) * 60 + int(second)
     leap = int(second) == 60 and system == "UTC" and in_day == 86_400 and _day_length_s(day) == 86_401
     if int(hour) > 23 or int(minute) > 59 or (int(second) > 59 and not leap):
-        raise ScenarioError(f"{where}: epoch '{text}': there is no such time of day: correct it")
+        raise ScenarioError(f"{where}: epoch '{text}': this time of day does not exist: correct it")
     ps = int(f"{fraction or '':0<12.12}")
     if system == "UTC":
         return (_midnight_s(day) + in_day) * PS_PER_S + ps

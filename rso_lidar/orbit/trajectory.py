@@ -144,15 +144,15 @@ def _differences(
     count = len(time_s)
     wanted = [center_s - step_s[:, 0], center_s + step_s[:, 0], center_s[moved]]
     around = np.zeros((2 * count + int(moved.sum()), here.shape[1]))
-    asked = np.concatenate(wanted)
-    good = np.ones(len(asked), dtype=bool)
+    requested = np.concatenate(wanted)
+    good = np.ones(len(requested), dtype=bool)
     try:
-        around[:] = rows(asked)
+        around[:] = rows(requested)
     except PropagationError as error:
-        if len(error.bad) != len(asked) or not error.bad.any():
+        if len(error.bad) != len(requested) or not error.bad.any():
             raise
         good = ~error.bad
-        around[good] = rows(asked[good])
+        around[good] = rows(requested[good])
     bad = ~(good[:count] & good[count : 2 * count])
     bad[moved] |= ~good[2 * count :]
     middle = np.array(here)

@@ -61,13 +61,7 @@ NOT_YET = {  # functions that are documented next, by room
         ZemaxPsf.core _fit _grid _huygens _measured_taps _measured_width_s _pattern _pulse _shares read_files
     """,
     "orbit": """
-        Catalog._of Catalog.from_file Catalog.from_text Catalog.trajectory Catalog.write Ephemeris.breaks_s
-        Ephemeris.span_utc Ephemeris.validity Epochs.shift Epochs.since J2.validity Kepler.state_rates
-        Numerical.advise Numerical.breaks_s Numerical.summarize OdeSolution.__init__ Omm.epoch_age_days Omm.of
-        Omm.summarize SetSequence.ages_days SetSequence.breaks_s SetSequence.jumps SetSequence.which
-        State.state_rates Tle.breaks_s Tle.check Tle.elements Tle.epoch_age_days Tle.inline Tle.jumps
-        Tle.summarize Tle.trajectory _Direction.__init__ _Geometry.from_positions _make_broken _object
-        _propagate_one _read _read_segment _set_entry _summarize write_oem
+        OdeSolution.__init__ write_oem
     """,
     "part": """
         Part.replace Seam._serialize _place explain
@@ -86,14 +80,6 @@ NOT_YET = {  # functions that are documented next, by room
     """,
     "records": """
         Truth.at Truth.pose Truth.rates array specs
-    """,
-    "rpo": """
-        Circumnavigation.make_plan CoElliptic.make_plan ForcedCircumnavigation.make_plan Hop.make_plan
-        Lambert.make_plan Nonlinear._rates Plan._find_nearest_adrift Plan.control_m_s2 Plan.free_s
-        Plan.passive_safety_m Plan.relative ProximityOperation.breaks_s ProximityOperation.describe_flattening
-        ProximityOperation.make_plan RelativeMotion.breaks_s Rendezvous.make_plan SafetyEllipse.make_plan
-        StationKeeping.make_plan Teardrop.loop_s Teardrop.make_plan Waypoints.make_plan
-        _AlongAnAxis._plan_hops _AlongAnAxis.make_plan _keep_out_error
     """,
     "scenario": """
         Constraints.radius_m Corridor.angle_rad Corridor.applies Corridor.margin_m Lidar.at Lidar.replace

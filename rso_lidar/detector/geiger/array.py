@@ -189,7 +189,12 @@ class GeigerArray(Part):
         )
 
     def with_gate_delay(self, delay_ns: float) -> Self:
-        """Return a copy whose gate opens `delay_ns` after emission and is as long as before."""
+        """Return a copy whose gate opens `delay_ns` after emission and is as long as before.
+
+        Parameters
+        ----------
+        delay_ns : time between the flash and the opening of the gate [ns]
+        """
         opens_m = delay_ns * units.NS * units.RANGE_PER_DELAY_M_S
         return self.replace(gate_from_m=opens_m, gate_to_m=opens_m + (self.gate_to_m - self.gate_from_m))
 

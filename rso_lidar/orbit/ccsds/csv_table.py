@@ -70,10 +70,14 @@ def read_csv_table(text: str, where: str, sets: Sequence[Sequence[str]], needed:
 
     Parameters
     ----------
-    text : the text of the file
-    where : its name, for messages
-    sets : sets of columns that may occur; of each set all or none
-    needed : sets of which exactly one must occur
+    text : content of the file
+    where : name of the file, for messages
+    sets : groups of columns that may occur; of each group all or none
+    needed : groups of which exactly one must occur
+
+    Returns
+    -------
+    columns and times of the table
 
     Raises
     ------
@@ -116,8 +120,12 @@ def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[i
     Parameters
     ----------
     where : name of the file, for messages
-    quaternion : (row, 4)
-    lines : (row,) their lines in the file
+    quaternion : (row, 4), in any order of components
+    lines : (row,) line numbers in the file
+
+    Returns
+    -------
+    the same quaternions (row, 4)
 
     Raises
     ------
@@ -144,6 +152,15 @@ def _find_time_column(
     where : file and line, for messages
     header : names of the columns
     sets, needed : see `read_csv_table`
+
+    Returns
+    -------
+    name of the column of time
+
+    Raises
+    ------
+    ScenarioError
+        if a column is unknown, given twice or missing, or if there is not exactly one column of time
     """
     known = [*TIMES, *(name for group in sets for name in group)]
     for name in header:
@@ -154,11 +171,11 @@ def _find_time_column(
             raise ScenarioError(f"{where}: column '{name}' is given twice: remove one")
     times = [name for name in TIMES if name in header]
     if len(times) != 1:
-        raise ScenarioError(f"{where}: needs one column of time ({' or '.join(TIMES)}), not {len(times)}: keep one")
+        raise ScenarioError(f"{where}: needs one column of time ({' or '.join(TIMES)}), not {len(times)}: give one")
     for group in sets:
         missing = [name for name in group if name not in header]
         if 0 < len(missing) < len(group):
-            raise ScenarioError(f"{where}: column {', '.join(missing)} is missing: the header names {', '.join(group)}")
+            raise ScenarioError(f"{where}: column {', '.join(missing)} is missing: give all of {', '.join(group)}")
     if sum(group[0] in header for group in needed) != 1:
         choice = " or ".join(", ".join(group) for group in needed)
         raise ScenarioError(f"{where}: needs the columns {choice}, one set of them: correct the header")

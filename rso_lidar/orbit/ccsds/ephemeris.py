@@ -91,7 +91,12 @@ class Ephemeris(Part):
         return self._states(epochs, 0)
 
     def span_utc(self, start_utc: datetime.datetime) -> tuple[str, str]:
-        """Return the first and the last instant of the ephemeris as UTC text; `start_utc` is that of the run."""
+        """Return the first and the last instant of the ephemeris as UTC text.
+
+        Parameters
+        ----------
+        start_utc : start of the run, from which a table with the column time_s counts
+        """
         arcs = self._arcs()
         first, last = arcs[0], arcs[-1]
         return (
@@ -100,9 +105,17 @@ class Ephemeris(Part):
         )
 
     def validity(self, epochs: Epochs) -> list[str]:
-        """Return a sentence if a polynomial of two degrees more differs by more than a metre.
+        """Check that the rows are close enough for the interpolation.
 
-        Then the rows are too far apart for the interpolation.
+        A polynomial of two degrees more must agree within a metre.
+
+        Parameters
+        ----------
+        epochs : instants
+
+        Returns
+        -------
+        one sentence if the two differ by more; otherwise empty
         """
         states, other = self._states(epochs, 0), self._states(epochs, 2)
         off_m = float(np.linalg.norm(states.position_m - other.position_m, axis=1).max(initial=0.0))
@@ -114,7 +127,16 @@ class Ephemeris(Part):
         ]
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants [s] after the start of `epochs` at which segments begin and end."""
+        """Return the instants at which segments begin and end.
+
+        Parameters
+        ----------
+        epochs : instants
+
+        Returns
+        -------
+        times since the `start_utc` of `epochs` [s]
+        """
         arcs, start = self._arcs(), epochs.at(slice(0, 1))
         begin_s = [arc.begin_s - float(elapsed_s(start, arc.start_utc)[0]) + float(start.time_s[0]) for arc in arcs]
         ends_s = [begin + arc.end_s - arc.begin_s for begin, arc in zip(begin_s, arcs, strict=True)]
@@ -141,7 +163,7 @@ class Ephemeris(Part):
             pieces = f" in {len(arcs)} segments" if len(arcs) > 1 else ""
             at = epochs.time_s[np.argmax(bad)]
             raise PropagationError(
-                f"ephemeris {self.file}: has no rows around {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g} "
+                f"ephemeris {self.file}: does not cover {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g} "
                 f"({format_utc(epochs.start_utc, at)}): it spans {first} to {last}{pieces}; shift or shorten the run",
                 bad,
             )
@@ -193,9 +215,13 @@ class EphemerisArc:
 
         Parameters
         ----------
-        time_s : (time,) instants from the segment's start [s]
-        interpolation, degree : the part's choice, or None
-        more : degrees added for an estimate of the error
+        time_s : (time,) instants since the segment's start [s]
+        interpolation, degree : choice of the part; None for that of the file
+        more : degrees to add, for an estimate of the error
+
+        Returns
+        -------
+        position [m] and velocity [m/s], each (time, 3), in the frame of the segment
 
         Raises
         ------
@@ -214,7 +240,7 @@ class EphemerisArc:
             return place, speed
         if method != "hermite":
             raise ScenarioError(
-                f"{self.where}: INTERPOLATION {method} is not known here: set `interpolation` to choose one"
+                f"{self.where}: INTERPOLATION {method} is not supported: set `interpolation` to choose one"
             )
         if self.velocity_m_s is None:
             raise ScenarioError(f"{self.where}: 'hermite' needs velocities, which it lacks: choose 'lagrange'")
@@ -223,6 +249,23 @@ class EphemerisArc:
 
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> tuple[EphemerisArc, ...]:
+    """Read an ephemeris, cached until its modification time or size changes.
+
+    Parameters
+    ----------
+    path : path of the file
+    _modified_ns, _size : modification time and size of the file, the key of the cache
+    wanted : name or identifier of one object of a message; None for the only one
+
+    Returns
+    -------
+    segments in the order of time
+
+    Raises
+    ------
+    ScenarioError
+        if the file is invalid or its segments overlap, or if `wanted` is given for a CSV table
+    """
     text = read_table_text(path)
     if is_message(text):
         arcs = _read_message(read_message(text, "OEM", str(path)), wanted)
@@ -243,7 +286,7 @@ def _read_csv(text: str, where: str) -> EphemerisArc:
     position = metres if metres is not None else np.asarray(kilometres) * units.KM
     speeds = [table.stack(names) for names in SPEEDS]
     if speeds[0] is not None and speeds[1] is not None:
-        raise ScenarioError(f"{where}: has velocities in m/s and in km/s: keep one set of columns")
+        raise ScenarioError(f"{where}: has velocities in m/s and in km/s: give one set of columns")
     velocity = speeds[0] if speeds[1] is None else speeds[1] * units.KM
     time_s = table.time_s
     return EphemerisArc(where, table.start_utc, time_s[0], time_s[-1], time_s, position, velocity)
@@ -257,18 +300,33 @@ def _read_message(message: Message, wanted: str | None) -> list[EphemerisArc]:
 
 
 def _read_segment(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> EphemerisArc:
+    """Read one segment of an OEM.
+
+    Parameters
+    ----------
+    message : the whole message
+    segment : the segment
+    start_utc : instant from which all times count; None for the first row of this segment
+
+    Returns
+    -------
+    states of the segment in its own frame
+
+    Raises
+    ------
+    ScenarioError
+        if the centre is not the Earth, the frame is not supported, or a row is invalid
+    """
     at = f"{message.where}: line {segment.line}"
     center = message.require(segment, "CENTER_NAME")
     if center.value.upper() not in ("EARTH", "EARTH CENTER"):
-        raise ScenarioError(
-            f"{message.where}: line {center.line}: CENTER_NAME {center.value}: only EARTH is known here"
-        )
+        raise ScenarioError(f"{message.where}: line {center.line}: CENTER_NAME {center.value}: only EARTH is supported")
     reference = message.require(segment, "REF_FRAME")
     frame = parse_frame(reference.value, f"{message.where}: line {reference.line}")
     fixed = segment.meta.get("REF_FRAME_EPOCH")
     if frame == "teme" and fixed is not None:
         raise ScenarioError(
-            f"{message.where}: line {fixed.line}: TEME of a fixed epoch: only TEME of date is known here"
+            f"{message.where}: line {fixed.line}: TEME of a fixed epoch: only TEME of date is supported"
         )
     system = message.time_system(segment)
     if len(segment.rows) < 2:

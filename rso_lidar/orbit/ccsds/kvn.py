@@ -18,9 +18,13 @@ def read_kvn(text: str, kind: str, where: str) -> Message:
 
     Parameters
     ----------
-    text : the text of the file
+    text : content of the file
     kind : "OEM" or "AEM"
     where : name of the file, for messages
+
+    Returns
+    -------
+    the message
 
     Raises
     ------
@@ -86,6 +90,10 @@ def format_kvn(kind: str, version: str, header: dict[str, str], segments: Sequen
     header : entries of the header
     segments : metadata and data lines of each segment
 
+    Returns
+    -------
+    text of the message
+
     Raises
     ------
     RecordingError
@@ -102,7 +110,7 @@ def _format_pairs(words: dict[str, str]) -> list[str]:
     for key, value in words.items():
         if not value.strip() or not value.isascii() or not value.isprintable() or len(value) > 200:
             raise RecordingError(
-                f"{key} {value!r:.60}: the format wants up to 200 printable ASCII characters: change it"
+                f"{key} {value!r:.60}: the format allows up to 200 printable ASCII characters: change it"
             )
     return [f"{key} = {value}" for key, value in words.items()]
 

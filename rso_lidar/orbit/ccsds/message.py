@@ -49,7 +49,7 @@ class Message:
         """
         if key not in segment.meta:
             raise ScenarioError(
-                f"{self.where}: line {segment.line}: the metadata lack {key}: add it, for the standard asks for it"
+                f"{self.where}: line {segment.line}: the metadata lack {key}, which the standard requires: add it"
             )
         return segment.meta[key]
 
@@ -63,7 +63,7 @@ class Message:
         system = entry.value.upper()
         if system not in TIME_SYSTEMS:
             raise ScenarioError(
-                f"{self.where}: line {entry.line}: TIME_SYSTEM {entry.value} is not known here: write the epochs in "
+                f"{self.where}: line {entry.line}: TIME_SYSTEM {entry.value} is not supported: write the epochs in "
                 f"{', '.join(TIME_SYSTEMS)}"
             )
         return system
@@ -90,7 +90,7 @@ def select_segments(message: Message, wanted: str | None) -> list[Segment]:
             chosen.append(segment)
     if not chosen:
         guess = did_you_mean(str(wanted), [word for words in known.values() for word in words])
-        raise ScenarioError(f"{message.where}: has no object '{wanted}'{guess} (objects: {', '.join(known)})")
+        raise ScenarioError(f"{message.where}: unknown object '{wanted}'{guess} (objects: {', '.join(known)})")
     if wanted is None and len(known) > 1:
         raise ScenarioError(f"{message.where}: has several objects ({', '.join(known)}): set `object` to one of them")
     return chosen
@@ -105,10 +105,14 @@ def parse_number(where: str, name: str, cell: str) -> float:
     name : name of the value
     cell : text of the value
 
+    Returns
+    -------
+    the number
+
     Raises
     ------
     ScenarioError
-        if the text is no finite number
+        if the text is not a finite number
     """
     try:
         value = float(cell if cell.isascii() and "_" not in cell else "no number")

@@ -41,13 +41,13 @@ def read_table_text(path: Path) -> str:
     Raises
     ------
     ScenarioError
-        if the file cannot be read, is empty, or is no text
+        if the file cannot be read, is empty, or is not text
     """
     text = files.read_text(path, files.MOST_BYTES, ScenarioError, "table (OEM, AEM or CSV)")
     if "\0" in text:
-        raise ScenarioError(f"{path}: is not UTF-8 text: name an OEM, AEM or CSV file")
+        raise ScenarioError(f"{path}: is not UTF-8 text: give the path of an OEM, AEM or CSV file")
     if not text.strip():
-        raise ScenarioError(f"{path}: is empty: name a file with at least two rows")
+        raise ScenarioError(f"{path}: is empty: give a file with at least two rows")
     return text
 
 
@@ -66,6 +66,10 @@ def read_message(text: str, kind: str, where: str) -> Message:
     kind : "OEM" or "AEM"
     where : name of the file, for messages
 
+    Returns
+    -------
+    the message
+
     Raises
     ------
     ScenarioError
@@ -78,7 +82,9 @@ def read_message(text: str, kind: str, where: str) -> Message:
 
 def _check_message(message: Message, kind: str) -> Message:
     if not re.fullmatch(r"[123]\.[0-9]+", message.version):
-        raise ScenarioError(f"{message.where}: CCSDS_{kind}_VERS {message.version} is not known: write 1.0, 2.0 or 3.0")
+        raise ScenarioError(
+            f"{message.where}: CCSDS_{kind}_VERS {message.version} is not supported: write 1.0, 2.0 or 3.0"
+        )
     if not message.segments:
         raise ScenarioError(f"{message.where}: has no segment: give META_START ... META_STOP and rows under it")
     return message

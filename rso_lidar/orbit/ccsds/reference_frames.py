@@ -42,8 +42,8 @@ def parse_frame(name: str, where: str) -> str:
         if plain in names:
             return frame
     turning = plain.startswith(("ITRF", "GRC", "TDR", "GTOD", "WGS")) or plain in ("ECEF", "EFG", "ECR")
-    why = "turns with the Earth" if turning else "is not known here"
-    raise ScenarioError(f"{where}: reference frame {name} {why}: have the file written in GCRF, EME2000 or TEME")
+    why = "turns with the Earth" if turning else "is not supported"
+    raise ScenarioError(f"{where}: reference frame {name} {why}: write the file in GCRF, EME2000 or TEME")
 
 
 def gcrs_from_frame(frame: str, epochs: Epochs) -> np.ndarray | None:

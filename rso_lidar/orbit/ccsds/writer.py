@@ -68,7 +68,7 @@ def write_oem(
         if len(part) < 2:
             at = epochs.time_s[part[0]]
             raise RecordingError(
-                f"epochs: only one, at {at:g} s, lies between two breaks: give two or more on each side of a break"
+                f"epochs: only one, at {at:g} s, is between two breaks: give two or more on each side of a break"
             )
         meta = {
             "OBJECT_NAME": name,

@@ -20,13 +20,17 @@ _LENGTHS = {"km", "km/s", "km/s**2", ""}  # of an OEM; quaternions have none
 
 
 def read_xml(text: str, kind: str, where: str) -> Message:
-    """Read a message in XML. A document type, and with it any entity of its own, is refused.
+    """Read a message in XML. A document type declaration, which could define entities, is refused.
 
     Parameters
     ----------
-    text : the text of the file
+    text : content of the file
     kind : "OEM" or "AEM"
     where : name of the file, for messages
+
+    Returns
+    -------
+    the message
 
     Raises
     ------
@@ -46,7 +50,7 @@ def read_xml(text: str, kind: str, where: str) -> Message:
         what = expat.ErrorString(error.code)
         raise ScenarioError(f"{where}: line {error.lineno}: is not well-formed XML ({what}): correct it") from None
     if not reader.message.version:
-        raise ScenarioError(f"{where}: holds no <{kind.lower()}>: name a file with an {kind}")
+        raise ScenarioError(f"{where}: does not contain <{kind.lower()}>: give a file with an {kind}")
     return reader.message
 
 
@@ -63,7 +67,7 @@ class _Reader:
         self.row_line = 0
 
     def doctype(self, *_: Any) -> None:
-        raise ScenarioError(f"{self.where}: has a DOCTYPE, which these messages do not: remove it")
+        raise ScenarioError(f"{self.where}: has a DOCTYPE, which these messages must not have: remove it")
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.path.append(tag)
@@ -115,6 +119,11 @@ class _Reader:
         tag : name of the leaf
         known : names that have occurred
         line : its line in the file
+
+        Raises
+        ------
+        ScenarioError
+            if it has occurred before
         """
         if tag in known:
             raise ScenarioError(f"{self.where}: line {line}: {tag} is given twice: remove one")

@@ -102,7 +102,9 @@ class Forces(Part):
     @model_validator(mode="after")
     def _degree(self) -> Self:
         if self.zonal_degree == 1:
-            raise ValueError("zonal_degree: is 0 for a point mass, or 2 to 6: there is no J1; use 0 or 2")
+            raise ValueError(
+                "zonal_degree: must be 0 for a point mass, or 2 to 6, because J1 does not exist: use 0 or 2"
+            )
         return self
 
     def acceleration(self, epochs: Epochs, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
@@ -142,6 +144,18 @@ class Forces(Part):
         needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
 
         def acceleration(t: float, r: Vector3, v: Vector3) -> tuple[Vector3, float]:
+            """Compute the acceleration of a body.
+
+            Parameters
+            ----------
+            t : time since the first epoch [s]
+            r : position (3) [m]
+            v : velocity (3) [m/s]
+
+            Returns
+            -------
+            acceleration [m/s2], and the magnitude of its discontinuous part [m/s2]
+            """
             x, y, z = r
             radius = max(math.sqrt(x * x + y * y + z * z), _CORE_M)
             pull = -GM / (radius * radius * radius)

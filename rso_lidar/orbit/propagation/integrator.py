@@ -1,7 +1,7 @@
-"""Integration of ordinary differential equations whose result at an instant does not depend on other instants asked for.
+"""Integration of ordinary differential equations whose result at an instant does not depend on other requested instants.
 
 DOP853 (Hairer, Norsett & Wanner, Solving ODEs I, sec. II.5; scipy's implementation) with its dense output. It runs in
-panels of fixed length from t = 0, forward and backward, as far as is asked for. Completed steps are kept; panels end
+panels of fixed length from t = 0, forward and backward, as far as requested. Completed steps are kept; panels end
 where the right-hand side is not smooth.
 """
 
@@ -25,8 +25,8 @@ _NEAR_S = 1e-9  # breaks closer together than this count as one
 class OdeSolution:
     """x(t) of x' = f(t, x) with x(0) given, at any instants.
 
-    Where f fails in a step that reaches beyond the last instant asked for, a shorter step up to that instant is made.
-    Only at this edge of the domain of f do the bits depend on the last instant asked for.
+    Where f fails in a step that reaches beyond the last requested instant, a shorter step up to that instant is made.
+    Only at this edge of the domain of f do the bits depend on the last requested instant.
 
     Parameters
     ----------
@@ -91,6 +91,14 @@ class _Direction:
         breaks: Sequence[float],
         name: str,
     ) -> None:
+        """Start at t = 0.
+
+        Parameters
+        ----------
+        way : 1 forward, -1 backward
+        f, x0, panel_s, jumps, breaks, name : as for `OdeSolution`
+        tolerances : relative and absolute tolerance of DOP853
+        """
         self._way, self._f, self._panel_s, self._tolerances, self._name = way, f, panel_s, tolerances, name
         self._jumps = jumps if way == 1 else ()
         self._breaks = [way * at for at in breaks]
@@ -101,10 +109,10 @@ class _Direction:
         self._solver: Any = None
         self._x = x0
 
-    def at(self, times: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        """Return x (time, n) at instants [s] of this direction; `asked` holds all instants, for the mask of an error."""
+    def at(self, times: np.ndarray, requested: np.ndarray) -> np.ndarray:
+        """Return x (time, n) at instants [s] of this direction; `requested` holds all, for the mask of an error."""
         until = float(np.max(self._way * times))
-        beyond = self._reach(until, asked)
+        beyond = self._reach(until, requested)
         # an instant on an edge belongs to the step that begins there, after a jump
         step = np.searchsorted(self._ends, self._way * times, side="right") - 1
         values = np.empty((len(times), len(self._x)))
@@ -114,7 +122,7 @@ class _Direction:
             values[rows] = polynomial(times[rows]).T
         return values
 
-    def _reach(self, until: float, asked: np.ndarray) -> Any:
+    def _reach(self, until: float, requested: np.ndarray) -> Any:
         """Make steps until one ends beyond `until`, or return a shorter piece up to there where f has no value beyond."""
         from scipy.integrate import DOP853, solve_ivp
 
@@ -123,8 +131,8 @@ class _Direction:
             if len(self._steps) >= _MOST_STEPS:
                 raise PropagationError(
                     f"{self._name}: {_MOST_STEPS:,} steps of integration reach {self._way * begin:g} s of the "
-                    f"{self._way * until:g} s that are asked: shorten the run, or smooth the dynamics",
-                    self._way * asked > begin,
+                    f"{self._way * until:g} s requested: shorten the run, or smooth the dynamics",
+                    self._way * requested > begin,
                 )
             x = self._x if self._solver is None else self._solver.y
             try:
@@ -150,8 +158,8 @@ class _Direction:
                 self._solver = None
                 raise PropagationError(
                     f"{self._name}: the integration breaks down {self._way * begin:g} s from its start "
-                    f"({(message or 'infinite').rstrip('.')}): check state and dynamics, or ask for a shorter run",
-                    self._way * asked > begin,
+                    f"({(message or 'infinite').rstrip('.')}): check state and dynamics, or shorten the run",
+                    self._way * requested > begin,
                 )
             self._steps.append(self._solver.dense_output())
             self._ends.append(self._way * self._solver.t)

@@ -58,7 +58,7 @@ class J2(ClassicalElements):
     )
 
     @model_validator(mode="after")
-    def _closed(self) -> Self:
+    def _check_closed(self) -> Self:
         if self.eccentricity >= 1.0:
             raise ValueError("eccentricity: an open orbit has no mean elements: give its motion as type 'numerical'")
         return self
@@ -75,7 +75,12 @@ class J2(ClassicalElements):
         return BodyState(rotate_vectors(turn.T, position), rotate_vectors(turn.T, velocity))
 
     def validity(self, epochs: Epochs) -> list[str]:
-        """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""
+        """Return one sentence for each limit of the model that the epochs exceed, with a better choice.
+
+        Parameters
+        ----------
+        epochs : instants
+        """
         sentences = []
         days = float(np.abs(epochs.since(self.epoch_utc)).max(initial=0.0)) / units.DAY_S
         if days > _LONG_DAYS:
@@ -165,7 +170,7 @@ def mean_from_osculating(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np
     bad = ~(apart < 1e-9)
     if bad.any():
         raise PropagationError(
-            "mean elements: none belong to this state (an open orbit, or one inside the Earth): use type 'numerical'",
+            "mean elements: this state has none (an open orbit, or one inside the Earth): use type 'numerical'",
             np.atleast_1d(bad),
         )
     return mean

@@ -88,7 +88,7 @@ class Burn(Part):
             raise ValueError("isp_s: belongs to thrust_n and mass_kg: give those, or leave it out")
         if self.mass_kg is not None and self._flow_kg_s * self.duration_s >= self.mass_kg:
             last = self.mass_kg / self._flow_kg_s
-            raise ValueError(f"duration_s: all {self.mass_kg:g} kg are gone after {last:g} s: burn for less")
+            raise ValueError(f"duration_s: all {self.mass_kg:g} kg are used up after {last:g} s: burn for less")
         return self
 
     @property
@@ -139,6 +139,10 @@ def rotate_to_inertial(vector: Vector, axes: Axes3, r: list[float], v: list[floa
     vector : components in `axes`
     axes : "rtn", "vnc" or "inertial"
     r, v : position [m] and velocity [m/s] that define the axes
+
+    Returns
+    -------
+    components of the vector in inertial axes
     """
     if axes == "inertial":
         return vector

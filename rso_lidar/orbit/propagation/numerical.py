@@ -1,6 +1,6 @@
 """Numerical propagation: DOP853 (see `integrator`) on the forces of `forces`.
 
-The integrator alone is within 1 mm of two-body motion over a day (1e-13 per step). `forces` says what is left out.
+The integrator alone is within 1 mm of two-body motion over a day (1e-13 per step). `forces` lists what is left out.
 """
 
 from __future__ import annotations
@@ -56,12 +56,26 @@ class Numerical(Part):
         return BodyState(rows[:, :3], rows[:, 3:])
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants [s] after the start of `epochs` at which velocity or acceleration is discontinuous."""
+        """Return the instants at which velocity or acceleration is discontinuous: impulses, and begin and end of burns.
+
+        Parameters
+        ----------
+        epochs : not used; maneuvers count from `start_utc`
+
+        Returns
+        -------
+        times since `start_utc` [s]
+        """
         at = [(one.at_s,) if isinstance(one, Impulse) else (one.from_s, one.until_s) for one in self.maneuvers]
         return np.array([time_s for pair in at for time_s in pair])
 
     def summarize(self, start_utc: datetime.datetime) -> str:
-        """Return the motion in a few words: what it begins from, forces and maneuvers."""
+        """Return the motion in a few words: its initial state, forces and maneuvers.
+
+        Parameters
+        ----------
+        start_utc : start of the run; not used
+        """
         forces, count = self.forces, len(self.maneuvers)
         zonals = (
             f"J2 to J{forces.zonal_degree}" if forces.zonal_degree > 2 else "J2" if forces.zonal_degree else "a point"
@@ -73,7 +87,16 @@ class Numerical(Part):
         return f"{self.type} from {self.initial.type}; {', '.join(words)}"
 
     def advise(self, end_s: float) -> list[str]:
-        """Return a line where maneuvers come after the last frame, at `end_s` [s]."""
+        """Report maneuvers after the last frame.
+
+        Parameters
+        ----------
+        end_s : time of the last frame [s]
+
+        Returns
+        -------
+        one line of advice; empty if there are none
+        """
         late = [one for one in self.maneuvers if getattr(one, "at_s", getattr(one, "from_s", 0.0)) > end_s]
         if not late:
             return []
@@ -128,9 +151,9 @@ class IntegratedOrbit:
                     ax, ay, az = ax + bx, ay + by, az + bz
             return np.array([vx, vy, vz, ax, ay, az, rough, *([0.0] * len(burns))])
 
-        # The seventh entry integrates the magnitude of discontinuous forces, with a tolerance of its own. Without it
+        # The seventh entry integrates the magnitude of discontinuous forces, with its own tolerance. Without it
         # DOP853, whose error estimate assumes smooth forces, would step over the edge of the shadow.
-        # One entry for each burn says whether it is on: a step that ends where a burn begins must not contain it, and
+        # One entry for each burn states whether it is on: a step that ends where a burn begins must not contain it, and
         # the step that begins there must.
         jumps = [(at.at_s, at.apply) for at in maneuvers if isinstance(at, Impulse)]
         for k, burn in enumerate(burns, start=7):
@@ -202,6 +225,14 @@ _integrated_orbit = functools.lru_cache(maxsize=64)(IntegratedOrbit)
 
 
 def _set_entry(entry: int, value: float, state: np.ndarray) -> np.ndarray:
+    """Return a copy of a state with one entry replaced.
+
+    Parameters
+    ----------
+    entry : index of the entry
+    value : its new value
+    state : (n,) the state
+    """
     after = np.array(state)
     after[entry] = value
     return after

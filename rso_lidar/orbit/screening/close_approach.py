@@ -247,8 +247,12 @@ def _merge(before: CloseApproach, after: CloseApproach, end_m: float, begin_m: f
 
     Parameters
     ----------
-    before, after : the two
-    end_m, begin_m : ranges [m] on both sides of the jump between them
+    before, after : close approaches that follow one another
+    end_m, begin_m : ranges on both sides of the jump between them [m]
+
+    Returns
+    -------
+    one close approach from the begin of the first to the end of the second
     """
     kept_before = (before.minima_s < before.leave_s) | (end_m <= begin_m)
     kept_after = (after.minima_s > after.enter_s) | (begin_m < end_m)
@@ -268,6 +272,10 @@ def _mark_jumps(approach: CloseApproach, lead: ScheduledFleet, flights: Schedule
     ----------
     approach : the close approach
     lead, flights : the follower, and the objects
+
+    Returns
+    -------
+    the same close approach, marked
     """
     beside_s = (approach.enter_s - 1.5 * SWITCH_S, approach.leave_s + 1.5 * SWITCH_S)
     if (approach.entered or beside_s[0] < 0.0) and (approach.left or beside_s[1] > flights.duration_s):
@@ -288,6 +296,10 @@ def _sample(pair: RelativePositions, cells: np.ndarray, times: SubIntervals) -> 
     pair : the relative positions
     cells : (cell, 2) number of the set, and of the sub-interval
     times : the sub-intervals
+
+    Returns
+    -------
+    nodes (node,) in the order of sets and times
     """
     span_s, begin_s = pair.span_s[cells[:, 0]], times.begin_s + times.sub_s * cells[:, 1]
     cells = cells[(begin_s + times.sub_s >= span_s[:, 0]) & (begin_s <= span_s[:, 1])]
@@ -315,6 +327,10 @@ def _add_dips(pair: RelativePositions, nodes: _Nodes, sub_s: float) -> _Nodes:
     pair : the relative positions
     nodes : the nodes so far
     sub_s : length of a sub-interval [s]
+
+    Returns
+    -------
+    the nodes with those added
     """
     if len(nodes.time_s) < 3:
         return nodes
@@ -349,6 +365,10 @@ def _find_roots(
     nodes : the nodes
     left : (root,) nodes before each root
     value : (node,) values of f
+
+    Returns
+    -------
+    (root,) instants [s]
     """
     which = nodes.which[left]
     a, b, fa, fb = nodes.time_s[left], nodes.time_s[left + 1], value[left], value[left + 1]

@@ -12,16 +12,16 @@ bound.) About a point mass,
     |r''''| <= mu^2 / r_p^5 (1 + 9 e + 12 e^2 / (1 + e)).
 
 This is r'' = -u r, u = mu / r^3, differentiated twice, with |cos| and |sin| of the anomaly set to 1 and r to r_p. In
-low orbit it is 1.3e-5 m/s^4: for h = 300 s an error of 0.22 km, as large as the errors found. A quarter is added for
-forces beyond a point mass. Another h/4 x 5 m/s is added because the velocity of SGP4 is not quite the derivative of its
-position: 2.2 m/s at worst in a catalogue of 15,000. An interval is dropped only if the hull, less that error, is beyond
-the limit. The others are divided into eight and judged again.
+low orbit it is 1.3e-5 m/s^4, which gives an error of 0.22 km for h = 300 s, as large as the errors found. A quarter is
+added for forces beyond a point mass. Another h/4 x 5 m/s is added because the velocity of SGP4 is not quite the
+derivative of its position: 2.2 m/s at worst in a catalogue of 15,000. An interval is dropped only if the
+hull, less that error, is beyond the limit. The others are divided into eight and tested again.
 
 Those that may be inside are evaluated by SGP4 itself (`close_approach`).
 
-**Several element sets of one object.** Each set is screened by itself while it applies and the follower keeps to one
-set. The motion is smooth then; adjoining pieces are joined afterwards. Sets that apply for less than 1 ms, because two
-epochs differ only in the last digit, are ignored.
+**Several element sets of one object.** Each set is screened separately while it applies and the follower does not
+switch its own. The motion is then smooth; adjoining pieces are joined afterwards. Sets that apply for less than 1 ms,
+because two epochs differ only in the last digit, are ignored.
 """
 
 from __future__ import annotations
@@ -137,6 +137,15 @@ def _screen_one_set(
     step_s : step of the coarse grid [s]
     near : (object,) whose shells overlap; added to
     rejected : instant and error code by number of the set; added to
+
+    Returns
+    -------
+    close approaches of all objects while the set applies
+
+    Raises
+    ------
+    PropagationError
+        if SGP4 has no state of the follower
     """
     begin_s, end_s = max(float(lead.from_s[one]), 0.0), min(float(lead.to_s[one]), lead.duration_s)
     steps = max(1, int(np.ceil((end_s - begin_s) / step_s)))
@@ -268,6 +277,10 @@ def _hull_inside(ends: Sequence[np.ndarray], step_s: float, limit: np.ndarray) -
     ends : position and velocity at the begin and at the end, each (n, 3)
     step_s : time between them [s]
     limit : (n,) [m]
+
+    Returns
+    -------
+    (n,) False where it cannot
     """
     p0, v0, p1, v1 = ends
     second, third = p0 + v0 * (step_s / 3.0), p1 - v1 * (step_s / 3.0)

@@ -52,10 +52,14 @@ class Catalog:
         ----------
         path : path of the file; a relative one is looked up in the working folder, then among the shipped data
 
+        Returns
+        -------
+        the catalogue, with the records that it could not use under `problems`
+
         Raises
         ------
         CatalogError
-            if the file cannot be read, or holds no record
+            if the file cannot be read, or contains no record
         """
         return cls._of(*read_file(find(check_path(path)) or Path(path)), str(path))
 
@@ -68,10 +72,14 @@ class Catalog:
         text : element sets in any of the formats of `from_file`
         where : name of the text in messages
 
+        Returns
+        -------
+        the catalogue, with the records that it could not use under `problems`
+
         Raises
         ------
         CatalogError
-            if the text holds no record
+            if the text contains no record
         """
         if not isinstance(text, str):
             raise CatalogError(f"{where}: is {quote(text)}, not text: give a str, or from_file the path of a file")
@@ -79,6 +87,18 @@ class Catalog:
 
     @classmethod
     def _of(cls, found: Sequence[ElementSet], junk: Sequence[str], where: str) -> Catalog:
+        """Make a catalogue of the records of a file: good sets without duplicates, and problems.
+
+        Parameters
+        ----------
+        found : element sets, including bad ones
+        junk : one line for each part of the text that is not a record
+        where : name of the text, for messages
+
+        Returns
+        -------
+        the catalogue
+        """
         kept: dict[tuple[object, ...], ElementSet] = {}
         problems: list[str] = []
         duplicates = 0
@@ -93,7 +113,7 @@ class Catalog:
                 duplicates += 1
             else:
                 problems.append(
-                    f"{entry.where}: {entry.label} has other elements here than at {first.where.rpartition(': ')[2]} for "
+                    f"{entry.where}: {entry.label} has other elements than at {first.where.rpartition(': ')[2]} for "
                     "the same epoch, which are kept: remove one"
                 )
         return cls(tuple(kept.values()), (*problems, *junk), duplicates, where)
@@ -139,7 +159,9 @@ class Catalog:
         if regime is not None and regime not in REGIMES:
             raise CatalogError(f"regime: '{regime}' is unknown: use one of {', '.join(REGIMES)}")
         if (max_age_days is None) != (at is None):
-            raise CatalogError("max_age_days: is counted from an instant: give max_age_days and at together")
+            raise CatalogError(
+                "max_age_days: needs the instant from which it counts: give max_age_days and at together"
+            )
         if max_age_days is not None and not (isinstance(max_age_days, numbers.Real) and max_age_days >= 0.0):
             raise CatalogError(f"max_age_days: {quote(max_age_days)} is not an age: give 0 or more days")
         if epoch_within is not None:
@@ -173,7 +195,17 @@ class Catalog:
         return {number: tuple(sorted(group, key=_epoch)) for number, group in grouped.items()}
 
     def trajectory(self, which: int | str) -> SetSequence:
-        """Return the trajectory of one object, by number or name: at each instant the set with the nearest epoch."""
+        """Return the trajectory of one object: at each instant the set with the nearest epoch applies.
+
+        Parameters
+        ----------
+        which : catalogue number or name of the object
+
+        Raises
+        ------
+        CatalogError
+            if there is no such object, or more than one
+        """
         name, number = (which, None) if isinstance(which, str) else (None, next(iter(_check_numbers([which]))))
         return SetSequence(tuple(select_object(self.sets, self.where, name, number)))
 
@@ -181,6 +213,10 @@ class Catalog:
         """Write the sets as OMM (.json, .csv), or as three-line sets (.tle, .3le, .txt) rounded to the digits of a TLE.
 
         A warning counts the sets that no TLE can hold.
+
+        Parameters
+        ----------
+        path : path of the file; its suffix decides the format
 
         Raises
         ------
@@ -210,7 +246,7 @@ def _check_datetime(what: str, at: Any) -> datetime.datetime:
 
 
 def _check_numbers(wanted: Any) -> set[int]:
-    """Check the catalogue numbers that are asked for, one or several."""
+    """Check the requested catalogue numbers, one or several."""
     several = isinstance(wanted, Iterable) and not isinstance(wanted, str | bytes) and getattr(wanted, "ndim", 1) != 0
     found = list(wanted) if several else [wanted]
     for number in found:

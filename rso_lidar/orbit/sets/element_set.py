@@ -83,13 +83,13 @@ def make_printable(text: str) -> str:
 class ElementSet:
     """One element set as it was written: the mean elements of SGP4 at one epoch.
 
-    Texts are made printable, wherever they come from: a name is one line. Rates are as TLE and OMM print them; SGP4 uses
+    Texts from any source are made printable: a name is one line. Rates are as TLE and OMM print them; SGP4 uses
     neither. What a bad record does not contain is NaN, 0 or `NO_EPOCH`.
 
     Parameters
     ----------
     name : name of the object, which may be empty
-    norad_id : catalogue number, 0 for an object that has none yet
+    norad_id : catalogue number, 0 for an object without one
     line1, line2 : the two lines of a TLE, empty for an OMM
     where : file and line, or record, for messages
     problem : what is wrong with the record, None for a good one
@@ -170,6 +170,10 @@ class ElementSet:
 
         It is a new one on each call, because the deep-space integrator keeps its state in it and threads must not share
         that.
+
+        Returns
+        -------
+        the Satrec, initialised
         """
         from sgp4.api import WGS72, Satrec
 
@@ -240,7 +244,7 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
     Returns
     -------
     ElementSet
-        its `problem` says what is wrong with the fields
+        its `problem` states what is wrong with the fields
     """
     wrong: list[str] = [problem] if problem else []
 
@@ -316,7 +320,7 @@ def explain_impossible(elements: ElementSet) -> str | None:
         return f"mean motion {elements.mean_motion_rev_day:g} rev/day is not above 0"
     if not SLOWEST_REV_DAY <= elements.mean_motion_rev_day <= FASTEST_REV_DAY:
         return (
-            f"mean motion {elements.mean_motion_rev_day:g} rev/day is of no orbit about the Earth, which has "
+            f"mean motion {elements.mean_motion_rev_day:g} rev/day is not that of an orbit about the Earth, which has "
             f"{SLOWEST_REV_DAY:g} to {FASTEST_REV_DAY:g}"
         )
     if not 0.0 <= elements.inclination_deg <= 180.0:
@@ -339,7 +343,7 @@ def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
     Raises
     ------
     ValueError
-        if the text is no UTC instant from 1957 to 2200
+        if the text is not a UTC instant from 1957 to 2200
 
     Examples
     --------
@@ -361,7 +365,7 @@ def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
             int(year), int(month), int(day), int(hour), int(minute), int(second), int(digits[:6]), tzinfo=datetime.UTC
         )
     except (ValueError, OverflowError):
-        why = "falls in a leap second or beyond the clock" if int(second) >= 60 else "is on no calendar"
+        why = "is in a leap second or not a time of day" if int(second) >= 60 else "is not a calendar date"
         raise ValueError(f"EPOCH {quote(text)} {why}") from None
     if not 1957 <= epoch.year <= 2200:
         raise ValueError(f"EPOCH {quote(text)} is not between 1957 and 2200")

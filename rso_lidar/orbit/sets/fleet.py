@@ -189,6 +189,10 @@ class ScheduledFleet:
         ----------
         which : number of the object
         from_s, to_s : instants [s since the start]
+
+        Returns
+        -------
+        number of switches, negative if `to_s` is before `from_s`
         """
         return int(np.diff(self.number(np.array([which, which]), np.array([from_s, to_s])))[0])
 
@@ -239,6 +243,10 @@ def _mask_failures(
     ----------
     position_km, velocity_km_s : (…, 3) states of SGP4 [km], [km/s]
     error : (…) error codes
+
+    Returns
+    -------
+    position [m] and velocity [m/s], each (…, 3)
     """
     position, velocity = position_km * units.KM, velocity_km_s * units.KM
     bad = find_failures(position, velocity, error)

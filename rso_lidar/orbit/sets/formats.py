@@ -35,9 +35,18 @@ def read_object(path: Path, where: str, name: str | None, norad_id: int | None) 
     Parameters
     ----------
     path : path of the file
-    where : its name in messages
-    name : name of the object, in any case
-    norad_id : catalogue number of the object
+    where : name of the file, for messages
+    name : name of the object, in any case; None for any
+    norad_id : catalogue number of the object; None for any
+
+    Returns
+    -------
+    element sets of the object, in the order of the file
+
+    Raises
+    ------
+    CatalogError
+        if the file is invalid, or does not hold exactly one such object
     """
     status = path.stat()
     return _object(path, status.st_mtime_ns, status.st_size, where, name, norad_id)
@@ -47,18 +56,29 @@ def read_object(path: Path, where: str, name: str | None, norad_id: int | None) 
 def _object(
     path: Path, _modified_ns: int, _size: int, where: str, name: str | None, norad_id: int | None
 ) -> tuple[ElementSet, ...]:
+    """Read the sets of one object, cached until the file changes.
+
+    Parameters
+    ----------
+    path, where, name, norad_id : as for `read_object`
+    _modified_ns, _size : modification time and size of the file, the key of the cache
+
+    Returns
+    -------
+    element sets of the object
+    """
     return tuple(select_object(read_file(path)[0], where, name, norad_id))
 
 
 def read_file(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
-    """Read the element sets of a file, bad ones included, and a line for each part of it that is no record.
+    """Read the element sets of a file, bad ones included, and a line for each part of it that is not a record.
 
     The result is cached while the file does not change.
     """
     try:
         status = path.stat()
         if path.is_dir():
-            raise CatalogError(f"{path}: is a folder: name a file of element sets")
+            raise CatalogError(f"{path}: is a folder: give the path of a file of element sets")
         return _read(path, status.st_mtime_ns, status.st_size)
     except FileNotFoundError:
         raise CatalogError(f"{path}: no such file: check the path") from None
@@ -70,19 +90,35 @@ def read_file(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
 
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
+    """Read the sets of a file, cached until the file changes.
+
+    Parameters
+    ----------
+    path : path of the file
+    _modified_ns, _size : modification time and size of the file, the key of the cache
+
+    Returns
+    -------
+    element sets, and one line for each part of the file that is not a record
+
+    Raises
+    ------
+    CatalogError
+        if the file is not UTF-8 text
+    """
     text = decode_text(read_bytes(path, MOST_BYTES, CatalogError, "catalogue"))
     if text is None:
-        raise CatalogError(f"{path}: is not UTF-8 text: name a file of two-line element sets")
+        raise CatalogError(f"{path}: is not UTF-8 text: give a file of two-line element sets")
     sets, junk = parse_text(text, str(path))
     return tuple(sets), tuple(junk)
 
 
 def parse_text(text: str, where: str) -> Found:
-    """Parse the element sets of a text, bad ones included, with a line for each part of it that is no record."""
+    """Parse the element sets of a text, bad ones included, with a line for each part of it that is not a record."""
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
     start = text.lstrip()
     if not start:
-        raise CatalogError(f"{where}: is empty: name a file of two-line element sets")
+        raise CatalogError(f"{where}: is empty: give a file of two-line element sets")
     first = next((line for line in start.split("\n") if line.strip() and not line.startswith("#")), "")
     if re.match(r"[\[{]\s*[{}\]\"]", start):
         found = read_json(text, where)
@@ -96,8 +132,8 @@ def parse_text(text: str, where: str) -> Found:
             found = _parse_from_middle(text, where) or found
     if not found[0]:
         raise CatalogError(
-            f"{where}: holds no two-line element set and no OMM: element lines begin with '1 ' and '2 ', an OMM has the "
-            "keys of CCSDS 502.0"
+            f"{where}: does not contain a two-line element set or an OMM: element lines begin with '1 ' and '2 ', an OMM "
+            "has the keys of CCSDS 502.0"
         )
     return found
 
@@ -115,7 +151,7 @@ def parse_lines(lines: Iterable[str], where: str) -> list[ElementSet]:
     """Parse the element sets in lines of text.
 
     A set is a line "1 ...", a line "2 ..." and an optional name before them (a leading "0 " is dropped). Messages of lines
-    KEY = value may stand between sets. Empty lines and lines that begin with # are skipped.
+    KEY = value may occur between sets. Empty lines and lines that begin with # are skipped.
 
     Parameters
     ----------
@@ -125,16 +161,18 @@ def parse_lines(lines: Iterable[str], where: str) -> list[ElementSet]:
     Raises
     ------
     CatalogError
-        if there is no element set
+        if the text contains no element set
     """
     sets, _ = read_lines(lines, where)
     if not sets:
-        raise CatalogError(f"{where}: holds no two-line element set: its lines should begin with '1 ' and '2 '")
+        raise CatalogError(
+            f"{where}: does not contain a two-line element set: its lines should begin with '1 ' and '2 '"
+        )
     return sets
 
 
 def read_lines(lines: Iterable[str], where: str) -> Found:
-    """Parse the element sets in lines of text, with a line for each part of it that is no record."""
+    """Parse the element sets in lines of text, with a line for each part of it that is not a record."""
     numbered = [(k, line.rstrip()) for k, line in enumerate(lines, start=1)]
     numbered = [(k, line) for k, line in numbered if line and not line.startswith("#")]
     sets: list[ElementSet] = []

@@ -1,6 +1,6 @@
 """Orbit mean-elements messages (CCSDS 502.0-B-3) as text: JSON, CSV, XML and KVN, read record by record.
 
-Each reader returns the element sets, bad ones with their `problem`, and one line for each part of the text that is no
+Each reader returns the element sets, bad ones with their `problem`, and one line for each part of the text that is not a
 record.
 """
 
@@ -147,6 +147,18 @@ def _check_header(place: str, header: list[str]) -> None:
 
 
 def _make_broken(place: str, what: str, fields: dict[str, str] | None = None) -> ElementSet:
+    """Make a bad element set that states its problem.
+
+    Parameters
+    ----------
+    place : file and line of the record
+    what : what is wrong with it
+    fields : what could be read of it; None for nothing
+
+    Returns
+    -------
+    element set with `problem`, and with name and number if they could be read
+    """
     fields = fields or {}
     number = fields.get("NORAD_CAT_ID", "").strip()
     identity = int(number) if number.isascii() and number.isdigit() and len(number) < 10 else 0
@@ -159,7 +171,7 @@ def read_xml(text: str, where: str) -> Found:
     import xml.etree.ElementTree as ET
 
     if re.search(r"<!\s*(?:DOCTYPE|ENTITY)", text, re.IGNORECASE):
-        raise CatalogError(f"{where}: declares a DOCTYPE or entities, which no OMM needs: remove them")
+        raise CatalogError(f"{where}: declares a DOCTYPE or entities, which an OMM does not need: remove them")
     try:
         root = ET.fromstring(text)
     except (ET.ParseError, ValueError, RecursionError) as error:
@@ -189,6 +201,10 @@ def _salvage_xml(text: str, where: str, error: str) -> Found:
     text : the damaged XML
     where : name of the source
     error : the parser's message
+
+    Returns
+    -------
+    element sets, and one line for each damaged part
     """
     import xml.etree.ElementTree as ET
 

@@ -18,8 +18,12 @@ def select_object(
     ----------
     sets : element sets to choose from
     where : name of their source, for messages
-    name : name of the object, in any case
-    norad_id : catalogue number of the object
+    name : name of the object, in any case; None for any
+    norad_id : catalogue number of the object; None for any
+
+    Returns
+    -------
+    its element sets, in their order
 
     Raises
     ------
@@ -28,7 +32,7 @@ def select_object(
     """
     meant = list(sets)
     if not meant:
-        raise CatalogError(f"{where}: holds no good element set: see its problems")
+        raise CatalogError(f"{where}: does not contain a good element set: see its problems")
     if norad_id is not None:
         meant = [entry for entry in meant if entry.norad_id == norad_id]
         if not meant:
@@ -63,9 +67,13 @@ def select_set(
     ----------
     sets : element sets to choose from
     where : name of their source, for messages
-    name : name of the object, in any case
-    norad_id : catalogue number of the object
-    near_utc : instant; the set with the nearest epoch is selected, without it the newest set
+    name : name of the object, in any case; None for any
+    norad_id : catalogue number of the object; None for any
+    near_utc : instant; the set with the nearest epoch is selected. None for the newest set
+
+    Returns
+    -------
+    the set, without a problem
 
     Raises
     ------

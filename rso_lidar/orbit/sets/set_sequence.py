@@ -61,7 +61,7 @@ class SetSequence:
             raise CatalogError(bad)
         if len({entry.identity for entry in self.sets}) > 1:
             raise CatalogError(
-                f"trajectory: {self.sets[0].label} and others in one trajectory: choose the sets of one object"
+                f"trajectory: contains sets of {self.sets[0].label} and of other objects: choose the sets of one object"
             )
         distinct = {(entry.epoch_utc, entry.epoch_rest_ns): entry for entry in reversed(self.sets)}
         object.__setattr__(self, "sets", tuple(distinct[epoch] for epoch in sorted(distinct)))
@@ -80,19 +80,38 @@ class SetSequence:
         return Epochs(self.sets[0].epoch_utc, np.array([time_s]))
 
     def which(self, epochs: Epochs) -> np.ndarray:
-        """Return the number (time,) of the set that applies at each epoch."""
+        """Return the number (time,) of the set that applies at each epoch.
+
+        Parameters
+        ----------
+        epochs : instants
+        """
         number: np.ndarray = np.searchsorted(self._switch_s, epochs.since(self.sets[0].epoch_utc), side="right")
         return number
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants [s] after the start of `epochs` at which it switches between sets."""
+        """Return the instants at which it switches between sets.
+
+        Parameters
+        ----------
+        epochs : instants
+
+        Returns
+        -------
+        times since the `start_utc` of `epochs` [s]
+        """
         after: np.ndarray = self._switch_s - float(
             Epochs(epochs.start_utc, np.zeros(1)).since(self.sets[0].epoch_utc)[0]
         )
         return after
 
     def jumps(self, epochs: Epochs | None = None) -> tuple[SetJump, ...]:
-        """Return the switches between sets: all of them, or those within the span of some epochs."""
+        """Return the switches between sets, with the jump of the state at each.
+
+        Parameters
+        ----------
+        epochs : only switches within their span; None for all
+        """
         first, last = 0, len(self._switch_s)
         if epochs is not None:
             used = self.which(epochs)
@@ -112,7 +131,16 @@ class SetSequence:
         return SetJump(when, *sizes)
 
     def ages_days(self, epochs: Epochs) -> np.ndarray:
-        """Return the time (time,) between each epoch and that of the set that applies [day]."""
+        """Return the time between each epoch and the epoch of the set that applies.
+
+        Parameters
+        ----------
+        epochs : instants
+
+        Returns
+        -------
+        (time,) [day], never negative
+        """
         nearest_s = self._since_first_s[self.which(epochs)]
         age: np.ndarray = np.abs(epochs.since(self.sets[0].epoch_utc) - nearest_s) / units.DAY_S
         return age

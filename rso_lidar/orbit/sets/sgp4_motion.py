@@ -79,7 +79,16 @@ class Omm(Part):
 
     @classmethod
     def of(cls, elements: ElementSet) -> Omm:
-        """Make the motion of an element set."""
+        """Make the motion of an element set.
+
+        Parameters
+        ----------
+        elements : the element set
+
+        Returns
+        -------
+        motion with the same elements
+        """
         return cls(
             object_name=elements.name or None,
             norad_id=elements.norad_id,
@@ -100,11 +109,21 @@ class Omm(Part):
         )
 
     def summarize(self, start_utc: datetime.datetime) -> str:
-        """Return the motion in a few words: object, and age of the elements at `start_utc`."""
+        """Return the motion in a few words: object, and age of the elements at the start.
+
+        Parameters
+        ----------
+        start_utc : start of the run
+        """
         return _summarize(self.type, self.elements(), self.epoch_age_days(Epochs(start_utc, np.zeros(1))))
 
     def epoch_age_days(self, epochs: Epochs) -> float:
-        """Return the greatest time between the epoch of the elements and some epochs [day]."""
+        """Return the greatest time between the epoch of the elements and some epochs [day].
+
+        Parameters
+        ----------
+        epochs : instants
+        """
         return age_days(self.elements(), epochs)
 
     def states(self, epochs: Epochs) -> BodyState:
@@ -198,6 +217,10 @@ class Tle(Part):
         near_utc : of several sets, that with the nearest epoch is selected; without it the newest
         folder : folder in which a relative `file` is looked up first (the working folder if None), before the shipped data
 
+        Returns
+        -------
+        the element set, without a problem
+
         Raises
         ------
         CatalogError
@@ -209,7 +232,18 @@ class Tle(Part):
         return select_set(read, where, near_utc=near_utc)
 
     def trajectory(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> SetSequence:
-        """Return the trajectory: of one set, or of all good sets of the object; a warning counts the bad ones."""
+        """Return the trajectory: of one set, or of all good sets of the object. A warning counts the bad ones.
+
+        Parameters
+        ----------
+        near_utc : instant; with ``sets = "nearest"``, the set with the nearest epoch applies. None for the newest set
+        folder : folder in which a relative `file` is looked up first; None for the working folder
+
+        Raises
+        ------
+        CatalogError
+            if there is no such file or object, or no good set
+        """
         if self.sets == "nearest":
             return make_sequence((self.elements(near_utc, folder),))
         read, _ = self._read(folder)
@@ -222,7 +256,13 @@ class Tle(Part):
         return make_sequence(good)
 
     def inline(self, near_utc: datetime.datetime, folder: Path | None = None) -> Tle | Omm:
-        """Return the same motion without a file: its sets in `lines` or, where they have no lines, as messages."""
+        """Return the same motion without a file: its sets in `lines` or, for sets without lines, in `messages`.
+
+        Parameters
+        ----------
+        near_utc : start of the run; with ``sets = "nearest"``, the set with the nearest epoch is taken
+        folder : folder in which a relative `file` is looked up first; None for the working folder
+        """
         if self.file is None:
             return self
         flown = self.trajectory(near_utc, folder).sets
@@ -237,24 +277,58 @@ class Tle(Part):
         )
 
     def summarize(self, start_utc: datetime.datetime) -> str:
-        """Return the motion in a few words: object, and age of the elements at `start_utc`."""
+        """Return the motion in a few words: object, and age of the elements at the start.
+
+        Parameters
+        ----------
+        start_utc : start of the run
+        """
         age_days = self.epoch_age_days(Epochs(start_utc, np.zeros(1)))
         return _summarize(self.type, self.elements(start_utc), age_days)
 
     def check(self, start_utc: datetime.datetime) -> None:
-        """Raise `CatalogError` where there is no element set to fly."""
+        """Check that there is an element set to propagate.
+
+        Parameters
+        ----------
+        start_utc : start of the run
+
+        Raises
+        ------
+        CatalogError
+            if there is none
+        """
         self.elements(start_utc)
 
     def jumps(self, epochs: Epochs) -> tuple[SetJump, ...]:
-        """Return the switches between sets within the span of the epochs."""
+        """Return the switches between sets within the span of the epochs.
+
+        Parameters
+        ----------
+        epochs : instants
+        """
         return self.trajectory(epochs.start_utc).jumps(epochs)
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants [s] after the start of `epochs` at which it switches between sets."""
+        """Return the instants at which it switches between sets.
+
+        Parameters
+        ----------
+        epochs : instants
+
+        Returns
+        -------
+        times since the `start_utc` of `epochs` [s]
+        """
         return self.trajectory(epochs.start_utc).breaks_s(epochs)
 
     def epoch_age_days(self, epochs: Epochs) -> float:
-        """Return the greatest time between an epoch and that of the elements that apply there [day]."""
+        """Return the greatest time between an epoch and that of the elements that apply there [day].
+
+        Parameters
+        ----------
+        epochs : instants
+        """
         if self.sets == "all":
             return float(self.trajectory(epochs.start_utc).ages_days(epochs).max(initial=0.0))
         return age_days(self.elements(epochs.start_utc), epochs)
@@ -273,6 +347,14 @@ class Tle(Part):
 
 
 def _summarize(kind: str, elements: ElementSet, age_days: float) -> str:
+    """Return a motion by SGP4 in a few words.
+
+    Parameters
+    ----------
+    kind : type of the motion
+    elements : its element set
+    age_days : age of the elements at the start [day]
+    """
     return f"{kind} {elements.norad_id} {elements.name}, {age_days:.1f} days from epoch"
 
 

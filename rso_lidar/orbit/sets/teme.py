@@ -1,4 +1,4 @@
-"""States by SGP4, and the only module that knows TEME axes.
+"""States by SGP4, and the only module with TEME axes.
 
 SGP4 is the sgp4 library's (Vallado et al., AIAA 2006-6753, WGS72). TEME to GCRS is skyfield's rotation: IAU 2000A
 nutation, IAU 2006 precession and the frame bias. It is computed at whole hours TT and interpolated by a cubic through
@@ -29,14 +29,14 @@ TOO_OLD = 101  # error code in addition to those of Vallado's program
 _LOWEST_M, _HIGHEST_M = units.EARTH_RADIUS_M - 50e3, 1e9  # SGP4 may continue below the ground, and beyond the Moon
 # Meanings of the error codes of Vallado's program.
 REASONS = {
-    1: "its mean eccentricity has left 0 to 1: drag has used the orbit up, or the set is of no orbit",
-    2: "its mean motion is not above 0: the set is of no orbit",
-    3: "its perturbed eccentricity has left 0 to 1: the set is of no orbit that lasts",
+    1: "its mean eccentricity has left 0 to 1: the orbit has decayed, or the set does not describe an orbit",
+    2: "its mean motion is not above 0: the set does not describe an orbit",
+    3: "its perturbed eccentricity has left 0 to 1: the set does not describe a closed orbit",
     4: "its orbit has shrunk to nothing (the semi-latus rectum is below 0)",
     5: "its orbit runs below the ground",
     6: "it has decayed (its distance is less than the Earth's radius)",
 }
-_ASTRAY = "it has decayed or gone astray"
+_ASTRAY = "it has decayed, or its state is impossible"
 _OUT_OF_DATE = (
     f"it is more than {MOST_YEARS:g} years from the epoch of the elements, where they no longer describe the orbit"
 )
@@ -106,7 +106,7 @@ def find_failures(position_m: np.ndarray, velocity_m_s: np.ndarray, error: np.nd
 
 
 def describe_error(error: int) -> str:
-    """Describe in words why there is no state, from an error code; 0 stands for a state that is physically impossible."""
+    """Describe in words why there is no state, from an error code; 0 means a state that is physically impossible."""
     return _OUT_OF_DATE if error == TOO_OLD else REASONS.get(error, _ASTRAY)
 
 
@@ -119,6 +119,10 @@ def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, erro
     epochs : instants (time)
     bad : (time,) mask of failures
     error : (time,) error codes
+
+    Returns
+    -------
+    one sentence that says what to do
     """
     first = int(np.argmax(bad))
     code = int(error[first])

@@ -217,7 +217,7 @@ def _find_line_problem(which: int, line: str) -> str | None:
         what = "is truncated" if len(line) < LINE_LENGTH else "is too long"
         return f"{what}: {len(line)} characters, an element line has {LINE_LENGTH}: fetch the set again"
     if not (line.isascii() and line.isprintable()):
-        return "holds a character that no element set has: fetch the set again"
+        return "contains a character that an element set cannot contain: fetch the set again"
     expected = str(compute_checksum(line))
     if line[68] != expected:
         return f"wrong checksum: its digits add up to {expected}, its last is '{line[68]}': fetch the set again"
@@ -274,7 +274,9 @@ def format_tle(elements: ElementSet) -> tuple[str, str]:
         return elements.line1, elements.line2
     number, code = elements.norad_id, f"{elements.norad_id:05d}"
     if number > _HIGHEST_ALPHA5:
-        raise CatalogError(f"{elements.label}: its number is above {_HIGHEST_ALPHA5}, no TLE can name it: write .json")
+        raise CatalogError(
+            f"{elements.label}: its number is above {_HIGHEST_ALPHA5}, the largest of a TLE: write .json"
+        )
     if number > 99_999:
         code = f"{_ALPHA5[number // 10_000 - 10]}{number % 10_000:04d}"
     epoch, e = elements.epoch_utc, round(elements.eccentricity * 1e7)

@@ -1,4 +1,4 @@
-"""Pole, Sun and Moon tabulated for an integrator, which asks for one instant at a time.
+"""Pole, Sun and Moon tabulated for an integrator, which requests one instant at a time.
 
 Positions are computed every quarter of an hour, one day at a time, and interpolated by a cubic through the four nearest
 instants: within 1e-11 rad. The instants are counted from the start of the run, so a result has the same bits whatever was
@@ -24,13 +24,13 @@ _NOWHERE = (0.0, 0.0, 0.0)
 
 
 class Almanac:
-    """Pole, Sun and Moon at any instant of a run. A body that is not wanted is at (0, 0, 0).
+    """Pole, Sun and Moon at any instant of a run. A body that is not needed is at (0, 0, 0).
 
     Parameters
     ----------
     start_utc : start of the run
-    sun : whether the Sun is wanted
-    moon : whether the Moon is wanted
+    sun : whether the Sun is needed
+    moon : whether the Moon is needed
     """
 
     def __init__(self, start_utc: datetime.datetime, *, sun: bool, moon: bool) -> None:

@@ -99,8 +99,12 @@ def _narrow_to_minimum(
 
     Parameters
     ----------
-    value : the function
+    value : function of instants (time,) [s] with values (time,)
     low, high : (bracket,) ends [s]
+
+    Returns
+    -------
+    instants (bracket,) [s], and the values there
     """
     steps = np.arange(_PARTS + 1) / _PARTS
     while True:
@@ -118,8 +122,12 @@ def _find_crossings(value: Callable[[np.ndarray], np.ndarray], low: np.ndarray, 
 
     Parameters
     ----------
-    value : the function
+    value : function of instants (time,) [s] with values (time,)
     low, high : (bracket,) ends [s], at which its signs differ
+
+    Returns
+    -------
+    instants (bracket,) [s]
     """
     steps = np.arange(_PARTS + 1) / _PARTS
     while len(low) and np.max(high - low) > _WITHIN_S:

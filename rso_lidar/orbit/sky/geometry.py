@@ -1,6 +1,6 @@
 """Angles and distances among spacecraft, Sun and Earth.
 
-Vectors are (time, 3) [m] in root axes from the Earth's centre, unless a function says otherwise. The Earth is a sphere of
+Vectors are (time, 3) [m] in root axes from the Earth's centre, unless a function states otherwise. The Earth is a sphere of
 its equatorial radius, without air. Against the ellipsoid its limb is up to 21 km too high: 0.5 degree seen from 400 km over
 a pole, 0.03 degree from GEO.
 """

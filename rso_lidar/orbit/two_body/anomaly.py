@@ -77,7 +77,7 @@ def eccentric_from_mean(mean_anomaly_rad: np.ndarray | float, eccentricity: np.n
     ellipse = e < 1.0
     turns = np.where(ellipse, math.tau * np.round(mean / math.tau), 0.0)
     m, inner = mean - turns, np.where(ellipse, e, 0.0)
-    # the root lies between 0 and this bound
+    # the root is between 0 and this bound
     most = np.where(ellipse, np.minimum(np.abs(m) / np.maximum(1.0 - inner, 1e-300), math.pi), 0.0)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         outer = np.minimum(np.abs(m) / np.maximum(e - 1.0, 1e-300), np.cbrt(6.0 * np.abs(m)))
@@ -135,7 +135,7 @@ def mean_from_true(true_anomaly_rad: np.ndarray | float, eccentricity: np.ndarra
 def start_eccentric_anomaly(mean_anomaly_rad: np.ndarray, eccentricity: np.ndarray | float) -> np.ndarray:
     """Return an ellipse's eccentric anomaly within 1e-3 of itself, mean anomaly in [-pi, pi] (Markley 1995, eqs. 15-20).
 
-    Markley, Kepler Equation Solver, Celestial Mechanics 63: the root of a cubic that stands for Kepler's equation.
+    Markley, Kepler Equation Solver, Celestial Mechanics 63: the root of a cubic that approximates Kepler's equation.
     """
     m, e = mean_anomaly_rad, eccentricity
     less, mm = 1.0 - e, m * m

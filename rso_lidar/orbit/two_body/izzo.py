@@ -74,6 +74,10 @@ def find_all_orbits(time: float, q: float, lam: float) -> list[tuple[int, Branch
     ----------
     time : scaled time
     q, lam : see `compute_scaled_time`
+
+    Returns
+    -------
+    number of revolutions, branch and x of each orbit
     """
     roots: list[tuple[int, Branch | None, float]] = []
     for revolutions in range(int(time / math.pi) + 1):
@@ -91,6 +95,10 @@ def find_orbits(time: float, q: float, lam: float, revolutions: int) -> list[tup
     ----------
     time : scaled time
     q, lam, revolutions : see `compute_scaled_time`
+
+    Returns
+    -------
+    branch and x of each orbit
     """
     if revolutions == 0:
         return [(None, _solve_single(time, q, lam))]
@@ -115,6 +123,10 @@ def _solve_single(time: float, q: float, lam: float) -> float:
     ----------
     time : scaled time
     q, lam : see `compute_scaled_time`
+
+    Returns
+    -------
+    x of the orbit
     """
     at_0, at_1 = compute_scaled_time(0.0, q, lam, 0), compute_scaled_time(1.0, q, lam, 0)
     if time >= at_0:
@@ -141,6 +153,10 @@ def _solve(
     start : starting value of x
     bracket : low and high x that enclose one root
     slope : sign of T' inside the bracket
+
+    Returns
+    -------
+    the root x
     """
     low, high = bracket
     x = start if low < start < high else 0.5 * (low + high)
@@ -168,6 +184,10 @@ def _find_least_time(q: float, lam: float, revolutions: int) -> float:
     Parameters
     ----------
     q, lam, revolutions : see `compute_scaled_time`
+
+    Returns
+    -------
+    x of the least time
     """
     low, high, x = -1.0, 1.0, 0.0
     for _ in range(_STEPS):

@@ -64,12 +64,10 @@ class ClassicalElements(Part):
             raise ValueError("needs exactly one of true_anomaly_deg and mean_anomaly_deg: give one of them")
         if self.perigee_m < units.EARTH_RADIUS_M:
             low_km = (units.EARTH_RADIUS_M - self.perigee_m) / units.KM
-            raise ValueError(
-                f"semi_major_axis_km: the perigee lies {low_km:.1f} km below the Earth's surface: raise it"
-            )
+            raise ValueError(f"semi_major_axis_km: the perigee is {low_km:.1f} km below the Earth's surface: raise it")
         if self.true_anomaly_deg is not None and 1.0 + e * math.cos(self.true_anomaly_deg * units.DEG) <= 0.0:
             limit = math.acos(-1.0 / e) / units.DEG
-            raise ValueError(f"true_anomaly_deg: lies beyond the asymptote: keep it within {limit:.3f} of perigee")
+            raise ValueError(f"true_anomaly_deg: is beyond the asymptote: keep it within {limit:.3f} of perigee")
         return self
 
     @property
@@ -110,7 +108,16 @@ class Kepler(ClassicalElements):
         return BodyState(*propagate_two_body(start.position_m, start.velocity_m_s, epochs.since(self.epoch_utc)))
 
     def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of position [m/s] and velocity [m/s2] (…, 3) of its states."""
+        """Return the derivatives of position and velocity, by point-mass gravity.
+
+        Parameters
+        ----------
+        state : position and velocity (…, 3) in inertial axes
+
+        Returns
+        -------
+        derivatives [m/s], [m/s2], each (…, 3)
+        """
         return two_body_rates(state)
 
 
@@ -131,7 +138,9 @@ class State(Part):
             )
         speed = float(np.linalg.norm(self.velocity_m_s))
         if np.linalg.norm(np.cross(self.position_m, self.velocity_m_s)) <= 1e-9 * radius * speed:
-            raise ValueError("velocity_m_s: is along position_m, a fall through the Earth's centre: give it a side")
+            raise ValueError(
+                "velocity_m_s: is parallel to position_m, a fall through the Earth's centre: give it a component across"
+            )
         return self
 
     def states(self, epochs: Epochs) -> BodyState:
@@ -140,7 +149,16 @@ class State(Part):
         return BodyState(*propagate_two_body(position, velocity, epochs.since(self.epoch_utc)))
 
     def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of position [m/s] and velocity [m/s2] (…, 3) of its states."""
+        """Return the derivatives of position and velocity, by point-mass gravity.
+
+        Parameters
+        ----------
+        state : position and velocity (…, 3) in inertial axes
+
+        Returns
+        -------
+        derivatives [m/s], [m/s2], each (…, 3)
+        """
         return two_body_rates(state)
 
 
@@ -276,6 +294,17 @@ class _Ellipse:
 
 
 def _propagate_one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Propagate one state by universal variables to one time.
+
+    Parameters
+    ----------
+    r, v : (3,) state [m], [m/s]
+    dt_s : time [s]
+
+    Returns
+    -------
+    position and velocity (3,) [m], [m/s], and whether the iteration failed
+    """
     position, velocity, bad = propagate_universal(r, v, np.array([dt_s]), inverse_semi_major_axis(r, v))
     return position[0], velocity[0], bool(bad[0])
 

@@ -82,7 +82,7 @@ def solve_lambert_all(
     if arc.scaled_time > math.pi * (MOST_REVOLUTIONS + 1):
         raise ScenarioError(
             f"duration_s: {duration_s:g} s leave time for some {arc.scaled_time / math.pi:.3g} revolutions, and orbits of "
-            f"up to {MOST_REVOLUTIONS} are listed: give less, or ask solve_lambert for one number of revolutions"
+            f"up to {MOST_REVOLUTIONS} are listed: give less, or give solve_lambert one number of revolutions"
         )
     ways: tuple[Literal["short", "long"], ...] = ("short", "long")
     return tuple(
@@ -123,7 +123,7 @@ def solve_lambert(
     Raises
     ------
     ScenarioError
-        if a parameter makes no sense, or there is no such orbit; the message says how many revolutions are possible
+        if a parameter is invalid, or there is no such orbit; the message states how many revolutions are possible
     """
     for name, word, known in (("way", way, get_args(Way)), ("branch", branch, get_args(Branch))):
         if word not in known:
@@ -144,7 +144,7 @@ def solve_lambert(
             if which in (None, branch):
                 return Transfer(*arc.velocities(x, chosen), revolutions, which, chosen)
     most = int(arc.scaled_time / math.pi)
-    while most and not find_orbits(*problem, most):  # there may be no time for `most`
+    while most and not find_orbits(*problem, most):  # the time may be too short for `most`
         most -= 1
     raise ScenarioError(
         f"revolutions: {duration_s:g} s leave no time for {revolutions}; at most {most} the {chosen} way: "
@@ -184,7 +184,21 @@ class _Geometry:
         gm_m3_s2: float,
         normal: Sequence[float] | np.ndarray | None,
     ) -> _Geometry:
-        """Check the inputs and compute the triangle; the parameters are those of `solve_lambert`."""
+        """Check the inputs and compute the triangle.
+
+        Parameters
+        ----------
+        from_m, to_m, duration_s, gm_m3_s2, normal : as for `solve_lambert`
+
+        Returns
+        -------
+        the triangle
+
+        Raises
+        ------
+        ScenarioError
+            if an input makes no sense
+        """
         start, end = _vector("from_m", from_m), _vector("to_m", to_m)
         for name, value in (("duration_s", duration_s), ("gm_m3_s2", gm_m3_s2)):
             if not isinstance(value, int | float | np.number) or not math.isfinite(value):
@@ -209,7 +223,7 @@ class _Geometry:
             given = _vector("normal", normal)
             pole = given - u1 * float(np.sum(given * u1))
             if np.linalg.norm(pole) <= _PARALLEL * np.linalg.norm(given):
-                raise ScenarioError("lambert: the normal is along the positions: give one across them")
+                raise ScenarioError("lambert: the normal is parallel to the positions: give one across them")
         chord = float(np.linalg.norm(end - start))
         half = 0.5 * (r1 + r2 + chord)
         return _Geometry(

@@ -64,7 +64,7 @@ class _AlongAnAxis(ProximityOperation):
     def _somewhere(self) -> Self:
         if self.from_m == self.to_m:
             raise ValueError(
-                f"to_m: begins and ends at {self.to_m:g} m, so there is nothing to fly: change one of the two"
+                f"to_m: begins and ends at {self.to_m:g} m, so the approach has no length: change one of the two"
             )
         if self.speed_m_s is not None and self.duration_s is not None:
             raise ValueError("needs one of speed_m_s and duration_s, not both: leave one out")
@@ -105,6 +105,19 @@ class _AlongAnAxis(ProximityOperation):
     def _plan_hops(
         self, n: float, each_s: float, step_m: float, hops: int
     ) -> tuple[tuple[Leg, ...], tuple[PlannedImpulse, ...]]:
+        """Plan equal hops along the axis.
+
+        Parameters
+        ----------
+        n : mean motion of the body [rad/s]
+        each_s : duration of a hop [s]
+        step_m : length of a hop, with its sign [m]
+        hops : number of hops
+
+        Returns
+        -------
+        the legs, and the impulses before, between and after them
+        """
         arrival, legs, impulses = np.zeros(3), [], []
         for k in range(hops):
             start = self._at(self.from_m + k * step_m)
@@ -166,7 +179,7 @@ class CoElliptic(ProximityOperation):
     def _gets_there(self) -> Self:
         if self.radial_m == 0.0:
             raise ValueError(
-                "radial_m: at the body's own height nothing drifts: go above or below, or use station_keeping"
+                "radial_m: at the body's height there is no drift: give a height above or below, or use station_keeping"
             )
         if (self.to_m is None) == (self.duration_s is None):
             raise ValueError("needs exactly one of to_m and duration_s: give one of them")

@@ -31,6 +31,10 @@ def _make_ellipse(
     radial_m, cross_m : amplitudes b and q [m]
     phase_rad, ahead_rad : phase, and phase difference a [rad]
     height_m, centre_m : height h and initial along-track position c of the centre [m]
+
+    Returns
+    -------
+    the leg, which begins at time 0
     """
     s, c = math.sin(phase_rad), math.cos(phase_rad)
     position = (height_m + radial_m * c, centre_m - 2.0 * radial_m * s, cross_m * math.sin(phase_rad + ahead_rad))
@@ -128,13 +132,13 @@ class SafetyEllipse(ProximityOperation):
         if slant < 1e-9:
             raise ValueError(
                 f"phase_difference_deg: at {self.phase_difference_deg:g} height and cross-track vanish together, and the "
-                "ellipse crosses the track: take 0 or 180, or what is near"
+                "ellipse crosses the track: give 0 or 180, or a value near them"
             )
         if abs(self.height_m) >= self.radial_m * slant * (1.0 - 1e-9):
             raise ValueError(
-                f"drift_m: walking {self.drift_m:g} m each revolution lifts the ellipse's centre by {self.height_m:.4g} m, "
-                "and seen along the track it no longer goes round the body: walk less, take a larger radial_m, or a "
-                "phase_difference_deg nearer to 0 or 180"
+                f"drift_m: walking {self.drift_m:g} m each revolution raises the ellipse's centre by {self.height_m:.4g} m, "
+                "and in projection along the track it no longer encloses the body: give a smaller drift_m, a larger "
+                "radial_m, or a phase_difference_deg nearer to 0 or 180"
             )
         return self
 
@@ -148,7 +152,7 @@ class SafetyEllipse(ProximityOperation):
         """Least distance from the track [m] in projection along it: the separation whatever the along-track error."""
         ahead = self.phase_difference_deg * units.DEG
 
-        def seen(u: np.ndarray) -> np.ndarray:
+        def projected_distance(u: np.ndarray) -> np.ndarray:
             out, across = self.height_m + self.radial_m * np.cos(u), self.cross_track_m * np.sin(u + ahead)
             distance: np.ndarray = np.sqrt(out * out + across * across)
             return distance
@@ -156,8 +160,8 @@ class SafetyEllipse(ProximityOperation):
         centre, width = 0.0, math.pi
         for _ in range(6):
             angles = centre + width * np.linspace(-1.0, 1.0, 2001)
-            centre, width = float(angles[np.argmin(seen(angles))]), width / 500.0
-        return float(seen(np.array([centre]))[0])
+            centre, width = float(angles[np.argmin(projected_distance(angles))]), width / 500.0
+        return float(projected_distance(np.array([centre]))[0])
 
     def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
@@ -196,18 +200,28 @@ class Teardrop(ProximityOperation):
     @model_validator(mode="after")
     def _a_loop(self) -> Self:
         if self.cusp_m == 0.0:
-            raise ValueError("cusp_m: on the body's own height there is no loop: put it above or below")
+            raise ValueError("cusp_m: at the body's height a loop does not exist: give a height above or below")
         if (self.turn_m is None) == (self.period_s is None):
             raise ValueError("needs exactly one of turn_m and period_s: give one of them")
         if self.turn_m is not None and not -1.0 < self.turn_m / self.cusp_m < 1.0:
             raise ValueError(
                 f"turn_m: a loop with its cusp at {self.cusp_m:g} m turns nearer to the body's height than that, not at "
-                f"{self.turn_m:g} m: bring it nearer"
+                f"{self.turn_m:g} m: give a smaller turn_m"
             )
         return self
 
     def loop_s(self, mean_motion_rad_s: float) -> float:
-        """Return the duration of one loop [s] about a body of this mean motion [rad/s]."""
+        """Return the duration of one loop [s].
+
+        Parameters
+        ----------
+        mean_motion_rad_s : mean motion of the body [rad/s]
+
+        Raises
+        ------
+        ScenarioError
+            if `period_s` is not less than one revolution of the body
+        """
         if self.period_s is not None:
             if self.period_s >= math.tau / mean_motion_rad_s:
                 raise ScenarioError(

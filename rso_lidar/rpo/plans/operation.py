@@ -30,7 +30,7 @@ class ProximityOperation(RelativeMotion):
 
     It is good for near-circular chiefs and short distances. The error is up to 6 pi rho^2 / r per revolution of free
     flight, and up to 30 e rho (see `Hill`). In low orbit J2 moves a free body by up to 4.5 % of the separation per
-    revolution. `validity` says where that matters.
+    revolution. `validity` reports where that matters.
     """
 
     keep_out_m: NotNegative = Field(
@@ -45,7 +45,16 @@ class ProximityOperation(RelativeMotion):
 
     @abstractmethod
     def make_plan(self, mean_motion_rad_s: float) -> Plan:
-        """Return the plan about a body of this mean motion [rad/s], without checks."""
+        """Make the plan, without checks.
+
+        Parameters
+        ----------
+        mean_motion_rad_s : mean motion of the body that is approached [rad/s]
+
+        Returns
+        -------
+        the plan in rtn axes of that body, from time 0
+        """
 
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
         """Return the plan: legs, impulses, costs and safety.
@@ -69,6 +78,11 @@ class ProximityOperation(RelativeMotion):
         ----------
         epochs : instants
         chief : trajectory of the chief
+
+        Raises
+        ------
+        ScenarioError
+            if the path enters the keep-out sphere at an epoch
         """
         position, velocity = self.plan(epochs.start_utc, chief).relative(epochs.time_s)
         distance = np.sqrt(np.sum(position * position, axis=1))
@@ -78,7 +92,7 @@ class ProximityOperation(RelativeMotion):
         return position, velocity
 
     def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
-        """Return the instants [s] after the start of `epochs` at which the legs of the plan begin."""
+        """Return the instants at which the legs of the plan begin."""
         return np.array([leg.begin_s for leg in self.plan(epochs.start_utc, chief).legs])
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
@@ -99,7 +113,17 @@ class ProximityOperation(RelativeMotion):
         return named + self.describe_flattening(epochs, chief)
 
     def describe_flattening(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return a sentence if J2 moves the body in its free flight at these epochs; thrust along a path compensates it."""
+        """Report how far J2 moves the body in its free flight. Thrust along a path compensates it.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+
+        Returns
+        -------
+        one sentence; empty if the effect is small
+        """
         free_s = self.plan(epochs.start_utc, chief).free_s(epochs.time_s)
         return hill.describe_flattening(
             self.name,
@@ -125,6 +149,19 @@ def check_keep_out(plan: Plan, keep_out_m: float) -> Plan:
 
 
 def _keep_out_error(keep_out_m: float, nearest_m: float, at_s: float, position_m: np.ndarray) -> ScenarioError:
+    """Make the error of a path that enters the keep-out sphere.
+
+    Parameters
+    ----------
+    keep_out_m : radius of the sphere [m]
+    nearest_m : distance from the body [m]
+    at_s : time of the plan [s]
+    position_m : position (3,) in rtn axes [m]
+
+    Returns
+    -------
+    the error
+    """
     where = ", ".join(f"{part:.4g}" for part in position_m)
     return ScenarioError(
         f"keep_out_m: at {at_s:.1f} s the path is {nearest_m:.4g} m from the body ({where} m in rtn), inside the sphere of "
@@ -144,7 +181,7 @@ def check_lengths(operation: Any, mean_motion_rad_s: float) -> None:
             at = f"{name}[{int(np.argmax(sizes_m > radius_m))}]" if rows.ndim == 2 else name
             raise ScenarioError(
                 f"{at}: {float(sizes_m.max()) / units.KM:.4g} km is farther than the body is from the Earth's centre, "
-                f"{radius_m / units.KM:.0f} km, and Clohessy-Wiltshire means nothing there: come nearer, or use lambert"
+                f"{radius_m / units.KM:.0f} km, where Clohessy-Wiltshire does not apply: come nearer, or use lambert"
             )
 
 
@@ -157,6 +194,10 @@ def check_plan(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
     operation : the part it was made from
     far : whether it may go beyond the radius of the body's orbit
 
+    Returns
+    -------
+    the same plan
+
     Raises
     ------
     ScenarioError
@@ -167,7 +208,7 @@ def check_plan(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
     if not plan.duration_s <= LONGEST_S:
         raise ScenarioError(
             f"{key}: the plan takes {format_years(plan.duration_s)} years, and plans are for up to "
-            f"{format_years(LONGEST_S)}: fly it in less"
+            f"{format_years(LONGEST_S)}: give a shorter time"
         )
     speeds_m_s, places_m = [impulse.size_m_s for impulse in plan.impulses], [0.0]
     for leg, begin_s, end_s in plan.stretches():
@@ -177,13 +218,13 @@ def check_plan(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
     if not max(speeds_m_s) <= FASTEST_M_S:
         raise ScenarioError(
             f"{key}: the plan needs {max(speeds_m_s):.3g} m/s, faster than bodies pass each other near the Earth, at most "
-            f"{FASTEST_M_S:g} m/s: take longer, or go less far"
+            f"{FASTEST_M_S:g} m/s: give a longer time or a shorter way"
         )
     radius_m = float(np.cbrt(units.EARTH_GM_M3_S2 / plan.mean_motion_rad_s**2))
     if not far and not max(places_m) <= radius_m:
         raise ScenarioError(
             f"{key}: the plan leads {max(places_m) / units.KM:.4g} km away, farther than the body is from the Earth's "
-            f"centre, {radius_m / units.KM:.0f} km, and Clohessy-Wiltshire means nothing there: plan a shorter time, or use "
+            f"centre, {radius_m / units.KM:.0f} km, where Clohessy-Wiltshire does not apply: plan a shorter time, or use "
             "lambert"
         )
     return plan

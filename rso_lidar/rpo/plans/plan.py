@@ -60,7 +60,7 @@ class Leg:
 
 
 def make_coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray, mean_motion_rad_s: float) -> Leg:
-    """Make a leg of free flight.
+    """Return a leg of free flight.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def make_coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray,
 
 
 def make_line(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray | None = None) -> Leg:
-    """Make a leg held to a straight line at a constant velocity, or to a point.
+    """Return a leg held to a straight line at a constant velocity, or to a point.
 
     Parameters
     ----------
@@ -134,7 +134,16 @@ class Plan:
         object.__setattr__(self, "_begins", np.array([leg.begin_s for leg in self.legs]))
 
     def relative(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3); at an impulse, those after it."""
+        """Return the state at instants of the plan; at an impulse, the state after it.
+
+        Parameters
+        ----------
+        time_s : instants (time,) since the start of the plan [s]
+
+        Returns
+        -------
+        position [m] and velocity [m/s], each (time, 3), in rtn axes
+        """
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         position, velocity = np.empty((len(times), 3)), np.empty((len(times), 3))
         leg = np.maximum(np.searchsorted(self._begins, times, side="right") - 1, 0)
@@ -149,7 +158,16 @@ class Plan:
         return math.tau / self.mean_motion_rad_s
 
     def control_m_s2(self, time_s: np.ndarray) -> np.ndarray:
-        """Return the acceleration (time, 3) [m/s2] by which thrust holds the path, zero in free flight."""
+        """Return the acceleration by which thrust holds the path; zero in free flight.
+
+        Parameters
+        ----------
+        time_s : instants (time,) since the start of the plan [s]
+
+        Returns
+        -------
+        (time, 3) [m/s2] in rtn axes
+        """
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         n, leg = self.mean_motion_rad_s, np.maximum(np.searchsorted(self._begins, times, side="right") - 1, 0)
         control = np.zeros((len(times), 3))
@@ -200,7 +218,12 @@ class Plan:
         )
 
     def free_s(self, time_s: np.ndarray) -> float:
-        """Return the time of free flight [s] from time 0 to the last of these instants, or back to the first."""
+        """Return the time of free flight from time 0 to the last of these instants, or back to the first [s].
+
+        Parameters
+        ----------
+        time_s : instants (time,) since the start of the plan [s]
+        """
         last_s, first_s = float(np.max(time_s, initial=0.0)), float(np.min(time_s, initial=0.0))
         ends = [*self._begins[1:].tolist(), math.inf]
         free = [(leg, end_s) for leg, end_s in zip(self.legs, ends, strict=True) if leg.acceleration_m_s2 is None]
@@ -213,7 +236,12 @@ class Plan:
         return self.nearest()[0]
 
     def passive_safety_m(self, horizon_s: float | None = None) -> float:
-        """Return the least distance [m] to the body if thrust stops for good at any instant; see `passive_safety`."""
+        """Return the least distance to the body if thrust stops for good at any instant [m]; see `passive_safety`.
+
+        Parameters
+        ----------
+        horizon_s : time for which the drift after the failure is followed [s]; None for two revolutions of the body
+        """
         return self.passive_safety(horizon_s).distance_m
 
     def passive_safety(self, horizon_s: float | None = None) -> PassiveSafety:
@@ -246,6 +274,19 @@ class Plan:
     def _find_nearest_adrift(
         self, path: Path, begin_s: float, failure_s: float, until_s: float
     ) -> tuple[float, float, float]:
+        """Find the closest approach of a drift after a failure.
+
+        Parameters
+        ----------
+        path : drift as a function of time since the failure
+        begin_s : start of the leg [s]
+        failure_s : instant of the failure, since the start of the leg [s]
+        until_s : end of the drift [s]
+
+        Returns
+        -------
+        distance [m], instant of the failure [s], and instant of the closest approach [s]
+        """
         spans = self._spans(until_s, _FINE_REVOLUTIONS)
         distance, nearest_s = min(find_closest_approach(path, begin_s, *span) for span in spans)
         return distance, begin_s + failure_s, nearest_s
@@ -260,6 +301,10 @@ class Plan:
         leg : the leg
         begin_s, length_s : its begin and length [s]
         span : from, to and step of the samples of the drift [s]
+
+        Returns
+        -------
+        distance [m], instant of the failure [s], and instant of the nearest approach [s]
         """
         n, (from_s, to_s, step_s) = self.mean_motion_rad_s, span
         low, high, best = 0.0, length_s, (math.inf, 0.0, 0.0)

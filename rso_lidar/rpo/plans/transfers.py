@@ -96,6 +96,10 @@ def _plan_transfer(
     duration_s : time between the impulses [s]
     n : mean motion of the body [rad/s]
     stop : whether a second impulse stops it
+
+    Returns
+    -------
+    the plan
     """
     departure = solve_departure_m_s(start, aim, duration_s, n)
     leg = make_coast(0.0, start, departure, n)
@@ -130,9 +134,7 @@ class Waypoints(ProximityOperation):
             "Mean speed along the straight line between positions [m/s]. Give exactly one of this and `times_s`."
         ),
     )
-    stop: Flag = Field(
-        default=False, description="Whether the craft stops at each position, with an impulse of its own."
-    )
+    stop: Flag = Field(default=False, description="Whether the craft stops at each position, with a separate impulse.")
     hold_s: Wait = Field(
         default=0.0,
         description="Time for which thrust holds the craft at each intermediate position [s]; it needs `stop`.",
@@ -143,17 +145,18 @@ class Waypoints(ProximityOperation):
         if (self.times_s is None) == (self.speed_m_s is None):
             raise ValueError("needs exactly one of times_s and speed_m_s: give one of them")
         if self.hold_s > 0.0 and not self.stop:
-            raise ValueError("hold_s: to stay at a place it must stop there: set stop = true, or leave hold_s out")
+            raise ValueError("hold_s: to hold a position it must stop there: set stop = true, or leave hold_s out")
         if self.times_s is None:
             for k, (one, other) in enumerate(pairwise(self.positions_m)):
                 if one == other:
                     raise ValueError(
-                        f"positions_m[{k + 1}]: is the place before it, no way to fly: leave it out, or use times_s"
+                        f"positions_m[{k + 1}]: is the same as the position before it: leave it out, or use times_s"
                     )
             return self
         if len(self.times_s) != len(self.positions_m):
             raise ValueError(
-                f"times_s: {len(self.times_s)} times for {len(self.positions_m)} places in positions_m: give as many"
+                f"times_s: {len(self.times_s)} times for {len(self.positions_m)} positions in positions_m: "
+                "give as many times as positions"
             )
         if self.times_s[0] != 0.0:
             raise ValueError(f"times_s[0]: a plan begins at 0, not at {self.times_s[0]:g} s: count from there")
@@ -196,8 +199,8 @@ class Lambert(ProximityOperation):
 
     It is exact for two-body motion at any distance and about a chief of any eccentricity: the difference of two
     propagated orbits in the rtn axes of the chief's own propagated one. Perturbations common to both (J2, drag) are
-    left out. In low orbit the difference of J2 is up to 4.5 % of the separation per revolution, by numerical
-    integration, and less if it starts at a node. After `duration_s`, control and passive safety are
+    left out. In low orbit the difference of J2 is up to 4.5 % of the separation per revolution (by numerical
+    integration). It is less if it starts at a node. After `duration_s`, control and passive safety are
     Clohessy-Wiltshire's.
 
     `revolutions` are whole ones about the Earth before arrival; if left out, the number with the least cost. From one
@@ -238,7 +241,7 @@ class Lambert(ProximityOperation):
     )
 
     def make_plan(self, mean_motion_rad_s: float) -> Plan:
-        """Return the plan about a body on a circular orbit of this mean motion [rad/s]."""
+        """Make the plan about a body on a circular orbit, without checks."""
         radius = float(np.cbrt(units.EARTH_GM_M3_S2 / mean_motion_rad_s**2))
         speed = radius * mean_motion_rad_s
         return _plan_lambert(self, (radius, 0.0, 0.0), (0.0, speed, 0.0))
@@ -273,6 +276,15 @@ def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[fl
     ----------
     part : the operation
     chief_m, chief_m_s : (3,) state of the chief in inertial axes [m], [m/s]
+
+    Returns
+    -------
+    the plan with the least delta-v of those that the part allows
+
+    Raises
+    ------
+    ScenarioError
+        if no orbit fits
     """
     r0, v0 = np.array(chief_m), np.array(chief_m_s)
     r1, v1 = kepler.propagate_two_body(r0, v0, np.array([part.duration_s]))

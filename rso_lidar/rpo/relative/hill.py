@@ -36,8 +36,8 @@ class Hill(RelativeState):
     """Clohessy-Wiltshire motion about a chief on a near-circular orbit, with a constant acceleration in rtn axes.
 
     The mean motion is that of the chief's osculating orbit at `start_utc`, whatever the chief's own model. Let rho be
-    the greatest separation and r the orbit's radius. The error against two-body motion is up to 6 pi rho^2 / r per
-    revolution (2.7 m at 1 km in low orbit), and up to 30 e rho (to e = 0.5).
+    the greatest separation and r the orbit's radius. The error against two-body motion per revolution is up to
+    6 pi rho^2 / r, which is 2.7 m at 1 km in low orbit. An eccentricity e up to 0.5 adds up to 30 e rho.
 
     With `curvilinear` the equations hold for height, arc along the track and arc across it instead of x, y, z. Then the
     error is up to 15 pi h^2 / r per revolution, with h the greatest height or arc across. The arc along the track does

@@ -24,7 +24,7 @@ class Nonlinear(RelativeState):
     """The difference of two orbits: the chief's, from its osculating state at `start_utc`, and the body's beside it.
 
     Both are propagated under the same `forces`, or by two-body motion without them. Their difference is taken in the
-    rtn axes of the chief so propagated, not of its own model (a TLE). It is then applied in the chief's actual axes. It
+    rtn axes of the chief thus propagated, not of its model (a TLE). It is then applied in the chief's actual axes. It
     is exact for any separation and eccentricity, except for forces left out. Both bodies have the same drag and light
     pressure per mass.
     """
@@ -51,7 +51,18 @@ class Nonlinear(RelativeState):
         return find_relative_state(flown, self._flown(body, epochs), self._rates(start, flown, epochs))
 
     def _rates(self, start: BodyState, flown: BodyState, epochs: Epochs) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the derivatives (time, 3) of the chief's states under the forces; None where its orbital plane is fixed."""
+        """Return the derivatives of the chief's states under the forces; None if its orbital plane is fixed.
+
+        Parameters
+        ----------
+        start : state of the chief at the start
+        flown : states of the chief at the epochs (time, 3)
+        epochs : instants
+
+        Returns
+        -------
+        derivatives [m/s], [m/s2], each (time, 3)
+        """
         if self.forces is None:
             return None
         return flown.velocity_m_s, state_rates(_PropagatedChief(self, start), epochs, flown)[1]

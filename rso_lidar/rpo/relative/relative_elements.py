@@ -163,13 +163,22 @@ class _MeanElementOrbit:
 def _find_start_elements(
     part: RelativeElements, start_utc: datetime.datetime, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the elements of the chief and of the body, rows (6,); the result is cached.
+    """Compute the orbital elements of the chief and of the body at the start. The result is cached.
 
     Parameters
     ----------
     part : the motion
     start_utc : instant of the state
     chief_m, chief_m_s : (3,) state of the chief in GCRS axes [m], [m/s]
+
+    Returns
+    -------
+    elements of the chief and of the body, each (6,)
+
+    Raises
+    ------
+    ScenarioError
+        if an element is more than half the chief's orbit
     """
     state = rotate_to_equator(BodyState(np.array(chief_m), np.array(chief_m_s)), Epochs(start_utc, np.zeros(1)))
     of = (mean_from_osculating if part.j2 else quasi_nonsingular_from_state)(state.position_m, state.velocity_m_s)
@@ -178,12 +187,12 @@ def _find_start_elements(
         if abs(value) > half_m:
             raise ScenarioError(
                 f"{name}: {value / units.KM:.4g} km is more than half the chief's orbit, {half_m / units.KM:.0f} km either "
-                "way, beyond which angles begin again: make it smaller"
+                "way, beyond which angles repeat: make it smaller"
             )
     body = add_relative_elements(of, part.elements_m)
     if not (body[0] > 0.0 and body[0] * (1.0 - math.hypot(body[2], body[3])) > units.EARTH_RADIUS_M):
         raise ScenarioError(
-            "delta_a_m, delta_ex_m, delta_ey_m: they put the body's own perigee inside the Earth: make them smaller"
+            "delta_a_m, delta_ex_m, delta_ey_m: they put the body's perigee inside the Earth: make them smaller"
         )
     for row in (of, body):
         row.flags.writeable = False

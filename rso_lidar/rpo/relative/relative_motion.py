@@ -32,7 +32,17 @@ class RelativeMotion(Part):
         """
 
     def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
-        """Return the instants [s] after the start of `epochs` at which the relative velocity jumps or has a corner."""
+        """Return the instants at which the relative velocity jumps or has a corner.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+
+        Returns
+        -------
+        times since the `start_utc` of `epochs` [s]
+        """
         return np.empty(0)
 
     @abstractmethod

@@ -170,6 +170,15 @@ class _ChiefOrbit:
         s_slope, c_slope = cos + e * (cos * cos - sin * sin), -sin - 2.0 * e_sin * cos
 
         def put(axis: int, sign: float, tilde: np.ndarray, slope: np.ndarray) -> None:
+            """Convert one component from scaled coordinates and store it.
+
+            Parameters
+            ----------
+            axis : index of the component
+            sign : sign of the component in the paper's axes
+            tilde : (time,) scaled component
+            slope : (time,) its derivative by the true anomaly
+            """
             position[:, axis] = sign * tilde / rho
             velocity[:, axis] = (sign * self.k2) * (rho * slope + e_sin * tilde)
 

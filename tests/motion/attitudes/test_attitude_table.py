@@ -91,7 +91,9 @@ def test_a_quaternion_is_read_in_the_order_and_direction_that_the_file_says(tmp_
 def test_the_first_version_must_say_its_direction(tmp_path):
     # 504.0-B-1 makes ATTITUDE_DIR obligatory; 504.0-B-2 has none, and always goes from A to B
     path = saved(tmp_path, HEAD + segment(rows(QUARTER), ATTITUDE_DIR=None))
-    with pytest.raises(ScenarioError, match="line 4: the metadata lack ATTITUDE_DIR: add it") as error:
+    with pytest.raises(
+        ScenarioError, match="line 4: the metadata lack ATTITUDE_DIR, which the standard requires: add it"
+    ) as error:
         flown(AttitudeTable(file=path), [0.0])
     assert "\n" not in str(error.value)
 
@@ -179,7 +181,7 @@ def test_segments_and_objects(tmp_path):
     assert error.value.bad.tolist() == [False, True, True]
     with pytest.raises(ScenarioError, match="several objects"):
         flown(AttitudeTable(file=path), [0.0])
-    with pytest.raises(ScenarioError, match="no object 'OTTER'; did you mean 'OTHER'"):
+    with pytest.raises(ScenarioError, match="unknown object 'OTTER'; did you mean 'OTHER'"):
         flown(AttitudeTable(file=path, object="OTTER"), [0.0])
 
 

@@ -196,7 +196,7 @@ def test_one_of_several_objects(tmp_path):
         assert Ephemeris(file=path, object=name).states(epochs).velocity_m_s[0, 0] == pytest.approx(2000.0, rel=1e-12)
     with pytest.raises(ScenarioError, match=r"several objects \(SAT \(2024-001A\), OTHER \(2024-002B\)\)"):
         Ephemeris(file=path).states(epochs)
-    with pytest.raises(ScenarioError, match="no object 'OTHRE'; did you mean 'OTHER'"):
+    with pytest.raises(ScenarioError, match="unknown object 'OTHRE'; did you mean 'OTHER'"):
         Ephemeris(file=path, object="OTHRE").states(epochs)
 
 
@@ -209,7 +209,7 @@ def test_what_the_file_says_about_interpolation_holds(tmp_path):
     square = Ephemeris(file=saved(tmp_path, HEAD + segment(rows, extra=extra), "b"))
     np.testing.assert_allclose(square.states(epochs).position_m[0, 0], 7002.25e3, rtol=1e-14)
     odd = Ephemeris(file=saved(tmp_path, HEAD + segment(rows, extra="INTERPOLATION = CHEBYSHEV\n"), "c"))
-    with pytest.raises(ScenarioError, match="INTERPOLATION chebyshev is not known"):
+    with pytest.raises(ScenarioError, match="INTERPOLATION chebyshev is not supported"):
         odd.states(epochs)
     assert odd.replace(interpolation="hermite").states(epochs)
 
@@ -294,7 +294,7 @@ def test_a_number_is_written_in_ascii_digits(tmp_path, word):
     ("text", "says"),
     [
         (HEAD + segment(straight(range(5)), "ITRF2014"), "line 8: reference frame ITRF2014 turns with the Earth"),
-        (HEAD + segment(straight(range(5)), "MOON_ME"), "line 8: reference frame MOON_ME is not known"),
+        (HEAD + segment(straight(range(5)), "MOON_ME"), "line 8: reference frame MOON_ME is not supported"),
         (
             HEAD + segment(straight(range(5)), "TEME", extra="REF_FRAME_EPOCH = 2000-01-01T00:00:00\n"),
             "TEME of a fixed",
@@ -303,14 +303,17 @@ def test_a_number_is_written_in_ascii_digits(tmp_path, word):
             HEAD + segment(straight(range(5)), center="MARS BARYCENTER"),
             "line 7: CENTER_NAME MARS BARYCENTER: only EARTH",
         ),
-        (HEAD + segment(straight(range(5)), system="TDB"), "line 9: TIME_SYSTEM TDB is not known"),
+        (HEAD + segment(straight(range(5)), system="TDB"), "line 9: TIME_SYSTEM TDB is not supported"),
         (HEAD + segment(straight(range(5))).replace("REF_FRAME = GCRF\n", ""), "line 4: the metadata lack REF_FRAME"),
         (HEAD + segment(straight(range(1))), "line 4: the segment has 1 rows"),
         (HEAD + segment(["2024-09-17T12:00:00 1 2 3 4 5", *straight(range(1, 3))]), "line 11: has 6 words"),
         (HEAD + segment(["2024-09-17T12:00:00 1 2 3 4 5 x", *straight(range(1, 3))]), "line 11: Z_DOT 'x'"),
         (HEAD + segment(["2024-09-17T12:00:00 nan 2 3 4 5 6", *straight(range(1, 3))]), "line 11: X is nan"),
         (HEAD + segment(["2024-09-17T12:00:00 1e99 2 3 4 5 6", *straight(range(1, 3))]), "line 11: X is 1e99"),
-        (HEAD + segment(["2024-13-17T12:00:00 1 2 3 4 5 6", *straight(range(1, 3))]), "line 11: epoch .*no such day"),
+        (
+            HEAD + segment(["2024-13-17T12:00:00 1 2 3 4 5 6", *straight(range(1, 3))]),
+            "line 11: epoch .*day does not exist",
+        ),
         (HEAD + segment(straight([0, 2, 1])), "line 13: its epoch is not 1 ns or more after"),
         (HEAD + segment(straight([0, 1, 1])), "line 13: its epoch is not 1 ns or more after"),
         (

@@ -146,5 +146,5 @@ def test_open_orbits_are_refused():
             argument_of_perigee_deg=0.0,
             true_anomaly_deg=0.0,
         )
-    with pytest.raises(PropagationError, match="none belong"):
+    with pytest.raises(PropagationError, match="this state has none"):
         mean_from_osculating(np.array([7e6, 0.0, 0.0]), np.array([0.0, 12e3, 0.0]))

@@ -120,7 +120,7 @@ def test_files_that_are_no_catalogues(tmp_path):
         "binary.tle": (b"\x89PNG\r\n\x1a\n\xff\xfe\x00", "not UTF-8 text"),
         "nul.tle": (b"1 \0", "not UTF-8 text"),
         "empty.tle": (b" \n", "is empty"),
-        "page.html": (b"<html>\n<p>404</p>\n</html>", "holds no two-line element set"),
+        "page.html": (b"<html>\n<p>404</p>\n</html>", "does not contain a two-line element set"),
     }
     for name, (content, message) in cases.items():
         (tmp_path / name).write_bytes(content)

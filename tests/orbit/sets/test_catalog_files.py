@@ -168,15 +168,15 @@ def test_a_spoilt_beginning_spoils_no_record(form):
 def test_texts_that_are_no_catalogue_are_one_line():
     cases = {
         "": "is empty",
-        "[]": "holds no two-line element set",
+        "[]": "does not contain a two-line element set",
         "{}": None,
-        "[[[": "holds no two-line",
-        "[" * 100_000 + '"': "holds no two-line",
+        "[[[": "does not contain a two-line",
+        "[" * 100_000 + '"': "does not contain a two-line",
         '<!DOCTYPE x [<!ENTITY a "b">]><omm>&a;</omm>': "declares a DOCTYPE",
-        "<ndm></ndm>": "holds no two-line",
+        "<ndm></ndm>": "does not contain a two-line",
         "EPOCH,MEAN_MOTION,BSTAR\n1,2,3": "column NORAD_CAT_ID, ECCENTRICITY",
         ",".join([*RECORD, "BSTAR"]): "column 'BSTAR' is given twice",
-        ",".join(RECORD): "holds no two-line",
+        ",".join(RECORD): "does not contain a two-line",
         '[{"NORAD_CAT_ID": ' + "9" * 5000 + "}]": None,
     }
     for text, message in cases.items():
@@ -195,7 +195,7 @@ def test_the_same_set_twice_is_kept_once(tmp_path):
     catalog = Catalog.from_text("\n".join([*BOTH, "T", *TERRASAR, *ENVISAT_2020, TERRASAR[0], other]))
     assert (len(catalog), catalog.duplicates) == (3, 2)
     (problem,) = catalog.problems
-    assert "line 15: NORAD 31698 has other elements here than at line 8 for the same epoch" in problem
+    assert "line 15: NORAD 31698 has other elements than at line 8 for the same epoch" in problem
     # those of one object in the order of epochs
     assert [entry.line1 for entry in catalog.objects()[27386]] == [ENVISAT_2013[0], ENVISAT_2020[0]]
 
@@ -226,7 +226,7 @@ def test_what_is_written_is_read_again(suffix, tmp_path):
     assert [entry.omm() for entry in again] == [entry.omm() for entry in catalog]
     with pytest.raises(CatalogError, match="not a format of catalogues"):
         catalog.write(tmp_path / "out.xls")
-    with pytest.raises(CatalogError, match="no TLE can name it"):
+    with pytest.raises(CatalogError, match="the largest of a TLE"):
         Catalog.from_text(kvn(RECORD)).write(tmp_path / "out.tle")
 
 

@@ -119,7 +119,7 @@ def test_what_no_tle_can_hold():
     (only,) = parse_lines(LINES, "file")
     bare = ElementSet(**{**only.__dict__, "line1": "", "line2": ""})
     assert format_tle(ElementSet(**{**bare.__dict__, "norad_id": 270000}))[0].startswith("1 T0000U 07026A   26074.5")
-    with pytest.raises(CatalogError, match="above 339999, no TLE can name it"):
+    with pytest.raises(CatalogError, match="above 339999, the largest of a TLE"):
         format_tle(ElementSet(**{**bare.__dict__, "norad_id": 340000}))
     with pytest.raises(CatalogError, match="do not fit the columns"):
         format_tle(ElementSet(**{**bare.__dict__, "mean_motion_dot_rev_day2": 12.5}))
@@ -191,8 +191,8 @@ def test_a_set_that_no_tle_can_hold_does_not_stop_the_others(tmp_path):
     with pytest.warns(RsoLidarWarning) as told:
         Catalog(tuple(sets), where="some.json").write(tmp_path / "some.tle")
     assert [str(warning.message) for warning in told] == [
-        "some.json: 2 of 4 element sets are left out, the first is NORAD 340000: its number is above 339999, no TLE can "
-        "name it: write .json"
+        "some.json: 2 of 4 element sets are left out, the first is NORAD 340000: its number is above 339999, the "
+        "largest of a TLE: write .json"
     ]
     assert [entry.norad_id for entry in Catalog.from_file(tmp_path / "some.tle")] == [7, 9]
     with pytest.raises(CatalogError, match="above 339999"):

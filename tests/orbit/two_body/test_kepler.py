@@ -311,5 +311,5 @@ def test_impossible_orbits_are_refused(changes, message):
 def test_impossible_states_are_refused():
     with pytest.raises(ScenarioError, match="metres from the centre"):
         State(epoch_utc=EPOCH, position_m=(42164.0, 0.0, 0.0), velocity_m_s=(0.0, 3.07, 0.0))
-    with pytest.raises(ScenarioError, match="give it a side"):
+    with pytest.raises(ScenarioError, match="give it a component across"):
         State(epoch_utc=EPOCH, position_m=(7e6, 0.0, 0.0), velocity_m_s=(10.0, 0.0, 0.0))

@@ -130,7 +130,7 @@ def test_half_a_revolution_needs_a_plane():
     orbit = solve_lambert(START, end, 4000.0, normal=(0.0, -1.0, 1.0))
     assert np.linalg.norm(landed(START, orbit, 4000.0)[0] - end) < 2e-6
     assert np.cross(START, orbit.departure_m_s)[1] < 0.0
-    with pytest.raises(ScenarioError, match="normal is along the positions"):
+    with pytest.raises(ScenarioError, match="normal is parallel to the positions"):
         solve_lambert(START, end, 4000.0, normal=(1.0, 0.0, 0.0))
 
 

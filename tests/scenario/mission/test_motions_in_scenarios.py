@@ -123,7 +123,7 @@ def test_an_unknown_key_of_an_attitude_names_its_place(name, load):
         ("v_bar_approach", None, "speed_m_s = 0.4", "speed_m_s = 0.4, duration_s = 9", ["follower.motion", "not both"]),
         ("hop", None, "duration_s = 2000.0", "duration_s = 0", ["follower.motion.duration_s", "infinite speed"]),
         ("hop", None, "stop =", "keep_out_m = 400.0, stop =", ["follower.motion", "keep_out_m"]),
-        ("rendezvous", None, "duration_s = 2100.0", "duration_s = -5", ["follower.motion.duration_s", "back in time"]),
+        ("rendezvous", None, "duration_s = 2100.0", "duration_s = -5", ["follower.motion.duration_s", "is negative"]),
         ("waypoints", None, "900.0, 1800.0]", "900.0, 930.0]", ["follower.motion", "times_s[2]", "hold"]),
         ("teardrop", None, "period_s = 1500.0", "period_s = 9000.0", ["follower.motion", "period_s", "revolution"]),
         ("lambert", None, "duration_s = 2100.0", "duration_s = 2100.0, revolutions = 3", ["follower.motion", "revolutions"]),
