@@ -21,4 +21,6 @@ def multiply(primaries, apd, rng, base=None, by=avalanche.multiply):
 
 def amplify(filters, quiet, excess, gain, rng, by=amplification.amplify):
     """Return amplitudes (row, step) with noise."""
-    return by(filters, quiet, excess, gain, row_noise(rng, len(quiet)).draw(AMPLIFIER, 1, filters.n)[0])
+    amplitude = np.empty(quiet.shape, np.float32)
+    by(filters, quiet, excess, gain, row_noise(rng, len(quiet)).draw(AMPLIFIER, 1, filters.n)[0], amplitude)
+    return amplitude

@@ -108,8 +108,8 @@ def simulate_analog(
         photons.pulse_step_s,
         photons.pulse_power_per_s.tobytes(),
     )
-    primaries, amplitude = (np.empty(light.shape, np.float32) for _ in range(2))
-    electrons = primaries if rng is None else np.empty(light.shape, np.float32)
+    n_rows = len(rows.pixel)
+    primaries, quiet, excess, electrons, amplitude = (np.empty((n_rows, n), np.float32) for _ in range(5))
     base = (base_rate_per_s(gsfl.quantum_efficiency, camera, photons) * plan.step_s).astype(np.float32)[rows.pixel]
     common = float(base.min(initial=np.inf)) if len(base) else 0.0
     pixel_gain = camera.gain[rows.pixel].astype(np.float32)
@@ -118,30 +118,28 @@ def simulate_analog(
     noise = None if rng is None else RowNoise.of(rows, rng)
     blocks = split_rows(rows, _ROWS_AT_ONCE)
 
-    def amplify_block(block: slice, quiet: np.ndarray, excess: np.ndarray) -> None:
-        assert noise is not None
+    def amplify_block(block: slice, noise: RowNoise) -> None:
         words = noise.select(block).draw(AMPLIFIER, 1, n)[0]
         overlap.select(block).carry(words)
-        amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], words)
+        amplify(amplifier, quiet[block], excess[block], pixel_gain[block], words, amplitude[block])
 
-    def simulate_block(block: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Return the mean behind the amplifier, and the excess of the electrons before it, both at the gain of rest."""
-        primaries[block], quiet = convolve_light(light[block], filters, _LEAST_PRIMARIES)
+    def simulate_block(block: slice) -> None:
+        """Write the mean behind the amplifier, and the excess of the electrons before it, both at the gain of rest."""
+        convolve_light(light[block], filters, _LEAST_PRIMARIES, primaries[block], quiet[block])
         if noise is None:
-            amplitude[block] = quiet * pixel_gain[block, None]
-            return quiet, quiet
+            np.multiply(quiet[block], pixel_gain[block, None], out=amplitude[block])
+            return
         again = overlap.select(block)
         again.carry(primaries[block])
-        excess = primaries[block] + base[block, None]
-        electrons[block] = multiply(excess, gsfl.apd, noise.select(block), base=common)
+        expected = np.add(primaries[block], base[block, None], out=excess[block])
+        electrons[block] = multiply(expected, gsfl.apd, noise.select(block), base=common)
         again.carry(electrons[block])
-        excess *= -gain
-        excess += electrons[block]
+        expected *= -gain
+        expected += electrons[block]
         if gsfl.droop is None:  # under a droop the whole array decides the gain
-            amplify_block(block, quiet, excess)
-        return quiet, excess
+            amplify_block(block, noise)
 
-    simulated = run_in_threads(threads, simulate_block, blocks)
+    run_in_threads(threads, simulate_block, blocks)
     relative = None
     if gsfl.maps is not None:
         relative = pixel_gain[:, None]
@@ -150,9 +148,9 @@ def simulate_analog(
         steady_per_s = background_electrons_per_s(gsfl, photons)
         sag = solve_drooped_gain(gsfl.droop, rows, electrons - steady, steady_per_s, plan.step_s) - np.float32(1.0)
         relative = (sag + np.float32(1.0)) * (np.float32(1.0) if relative is None else relative)
-        for block, (quiet, excess) in zip(blocks, simulated, strict=True):
-            excess += electrons[block] * sag[block]
-            amplify_block(block, quiet, excess)
+        excess += electrons * sag
+        for block in blocks:
+            amplify_block(block, noise)
     if rng is None:
         electrons = gain * primaries
     if gsfl.saturation is not None:

@@ -72,8 +72,9 @@ def amplify(
     excess: np.ndarray,
     gain: np.ndarray,
     words: np.ndarray,
-) -> np.ndarray:
-    """Return the amplitude (row, step) [electrons] with noise, under the gain of each row.
+    amplitude: np.ndarray,
+) -> None:
+    """Write the amplitude (row, step) [electrons] with noise, under the gain of each row.
 
     Parameters
     ----------
@@ -82,10 +83,9 @@ def amplify(
     excess : (row, step) what the electrons before the amplifier are more than their mean [electrons].
     gain : (row) factor of both.
     words : (row, step) random words of the amplifier's own noise.
+    amplitude : (row, step) float32, written.
     """
-    amplitude: np.ndarray = np.empty(quiet.shape, np.float32)
     amplify_rows(quiet, excess, gain, filters.taps, filters.noise_electrons, build_normal_table(), words, amplitude)
-    return amplitude
 
 
 @kernel

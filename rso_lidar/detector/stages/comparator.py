@@ -252,25 +252,52 @@ def refine_crossings(
     latch : (trace) a step at which the row is above; the crossing lies before it.
     earliest : (trace) the first step to look at. A row that is above from there on crosses there.
     """
-    step = latch.copy()
-    back = np.flatnonzero(step > earliest)
-    while len(back):
-        back = back[amplitude[row[back], step[back] - 1] >= threshold[back]]
-        step[back] -= 1
-        back = back[step[back] > earliest[back]]
-    around = np.clip(step[:, None] + np.arange(-2, 2), 0, amplitude.shape[1] - 1)
-    scale, half = (np.float32(8.0) / threshold).astype(np.float32), np.float32(0.5)  # single precision: twice as fast
-    two_before, before, after, two_after = np.arcsinh(amplitude[row[:, None], around].T * scale)
-    level = np.float32(math.asinh(8.0))
-    # Divided differences about the step before the crossing. Newton's method finds the root, from the straight line on.
-    slope, bend = after - before, half * (after - before - before + two_before)
-    twist = (two_after - two_before - np.float32(3.0) * slope) * np.float32(1.0 / 6.0)
-    place = np.divide(level - before, slope, out=np.ones_like(slope), where=slope > 0.0)
-    least = np.float32(0.2) * np.abs(slope) + np.float32(1e-9)
-    for _ in range(3):
-        further = bend + (place + 1) * twist
-        steep = slope + (place + place - 1) * further + place * (place - 1) * twist
-        value = before + place * (slope + (place - 1) * further)
-        place = np.clip(place - (value - level) / np.maximum(steep, least), 0, 1)
-    crossing: np.ndarray = np.where((step <= earliest) | (before >= level), step.astype(float), step - 1.0 + place)
+    crossing = np.empty(len(row))
+    cross_edges(
+        packed(amplitude, np.float32),
+        packed(row, np.int64),
+        packed(threshold, np.float32),
+        packed(latch, np.int64),
+        packed(earliest, np.int64),
+        crossing,
+    )
     return crossing
+
+
+@kernel
+def cross_edges(
+    amplitude: np.ndarray,
+    row: np.ndarray,
+    threshold: np.ndarray,
+    latch: np.ndarray,
+    earliest: np.ndarray,
+    crossing: np.ndarray,
+) -> None:
+    """Write where (trace) [steps] each edge crosses, with arguments as in `refine_crossings`."""
+    level, last = np.float32(math.asinh(8.0)), amplitude.shape[1] - 1
+    for trace in range(len(row)):
+        values, step = amplitude[row[trace]], latch[trace]
+        while step > earliest[trace] and values[step - 1] >= threshold[trace]:
+            step -= 1
+        crossing[trace] = step
+        if step <= earliest[trace]:
+            continue
+        scale = np.float32(8.0) / threshold[trace]
+        two_before = math.asinh(values[max(step - 2, 0)] * scale)
+        before, after = math.asinh(values[step - 1] * scale), math.asinh(values[step] * scale)
+        two_after = math.asinh(values[min(step + 1, last)] * scale)
+        if before >= level:  # the threshold and its scale are rounded
+            continue
+        # Divided differences about the step before the crossing. Newton's method finds the root, from the straight line on.
+        slope = after - before
+        bend = np.float32(0.5) * (after - before - before + two_before)
+        twist = (two_after - two_before - np.float32(3.0) * slope) * np.float32(1.0 / 6.0)
+        place = (level - before) / slope if slope > np.float32(0.0) else np.float32(1.0)
+        least = np.float32(0.2) * abs(slope) + np.float32(1e-9)
+        one = np.float32(1.0)
+        for _ in range(3):
+            further = bend + (place + one) * twist
+            steep = slope + (place + place - one) * further + place * (place - one) * twist
+            value = before + place * (slope + (place - one) * further)
+            place = min(max(place - (value - level) / max(steep, least), np.float32(0.0)), one)
+        crossing[trace] = step - 1.0 + place

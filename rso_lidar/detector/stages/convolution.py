@@ -49,9 +49,13 @@ class PulseFilters(NamedTuple):
 
 
 def convolve_light(
-    light: np.ndarray, filters: PulseFilters, least_primaries: np.float32
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return expected primaries and amplitude (row, step): light behind two filters.
+    light: np.ndarray,
+    filters: PulseFilters,
+    least_primaries: np.float32,
+    primaries: np.ndarray,
+    amplitude: np.ndarray,
+) -> None:
+    """Write expected primaries and amplitude (row, step), float32: light behind two filters.
 
     A transform costs the same whatever is lit. Little of a row is, so a response is added for each lit step.
 
@@ -60,10 +64,9 @@ def convolve_light(
     light : (row, step) expected photons, float32.
     filters : of the pulse, and of the pulse and the amplifier.
     least_primaries : fewer primaries in a step count as none.
+    primaries, amplitude : (row, step) float32, written.
     """
-    primaries, amplitude = np.empty(light.shape, np.float32), np.empty(light.shape, np.float32)
     convolve_rows(light, filters.pulse_response, filters.amplified_response, least_primaries, primaries, amplitude)
-    return primaries, amplitude
 
 
 @kernel

@@ -11,7 +11,14 @@ from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.chain.traces import arm_rows, latch_rows
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.readout import Readout
-from rso_lidar.detector.stages.comparator import NEAR, NEVER, find_first_crossings, find_latches
+from rso_lidar.detector.stages.comparator import (
+    NEAR,
+    NEVER,
+    cross_edges,
+    find_first_crossings,
+    find_latches,
+    refine_crossings,
+)
 from rso_lidar.detector.stages.sampling import sample_rows, store_samples
 from rso_lidar.detector.stages.time_axis import place_rows
 from tests.detector.returns_for_tests import returns
@@ -44,6 +51,23 @@ def test_rows_latch_at_the_same_step(n_rows):
     watched = (step >= first[:, None]) & (step + 1 < last[:, None])
     near = (np.maximum(amplitude[:, :-1], amplitude[:, 1:]) > 9.5) & watched
     assert np.array_equal(latch == NEAR, (crossing == NEVER) & ~arming & near.any(axis=1))
+
+
+def test_edges_cross_at_the_same_place():
+    """Noise of all steepness: float32's rounding of asinh, 2e-7 of some 4, over a slope of the straight line's fifth."""
+    rng = np.random.default_rng(5)
+    amplitude = (10.0 + np.cumsum(4.0 * rng.standard_normal((5000, 30)), axis=1)).astype(np.float32)
+    threshold = rng.uniform(8.0, 12.0, 5000).astype(np.float32)
+    latch = find_latches(
+        amplitude, np.zeros_like(amplitude), threshold, np.zeros(5000), *steps(5000)[2:4], np.zeros(5000, bool), **QUIET
+    )
+    row = np.flatnonzero(latch > 0)
+    assert len(row) > 1000
+    given = amplitude, row, threshold[row], latch[row], np.maximum(latch[row] - 3, 0)
+    place, expected = refine_crossings(*given), reference.refine_crossings(*given)
+    assert np.quantile(np.abs(place - expected), 0.99) < 1e-5 and np.abs(place - expected).max() < 1e-3
+    assert np.array_equal(place == np.floor(place), expected == np.floor(expected))
+    assert len(cross_edges.dispatcher.signatures) == 1
 
 
 def test_a_flash_latches_alike_and_no_draw_differs(monkeypatch):

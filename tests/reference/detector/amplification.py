@@ -4,8 +4,8 @@ from rso_lidar.detector.stages.alias_tables import NORMAL_PER_SIGMA, NORMAL_ZERO
 from tests.reference.detector.alias_tables import look_up
 
 
-def amplify(filters, quiet, excess, gain, words):
-    """Return the amplitude (row, step) [electrons] with noise from the same random words, under the gain of each row."""
+def amplify(filters, quiet, excess, gain, words, amplitude):
+    """Write the amplitude (row, step) [electrons] with noise from the same random words, under the gain of each row."""
     from scipy.fft import irfft, rfft
 
     white = (
@@ -14,6 +14,5 @@ def amplify(filters, quiet, excess, gain, words):
         * filters.noise_electrons
     )
     white += excess * gain[:, None]
-    amplitude = irfft(rfft(white, axis=1, overwrite_x=True) * filters.shot, filters.n, axis=1, overwrite_x=True)
+    amplitude[:] = irfft(rfft(white, axis=1, overwrite_x=True) * filters.shot, filters.n, axis=1, overwrite_x=True)
     amplitude += quiet * gain[:, None]
-    return amplitude

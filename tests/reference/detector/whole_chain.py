@@ -33,6 +33,7 @@ _REPLACED = (
     (overlap, "copy_shared", overlap_oracle),
     (traces, "find_latches", comparator_oracle),
     (comparator, "find_latches", comparator_oracle),
+    (traces, "refine_crossings", comparator_oracle),
     (traces, "store_samples", sampling_oracle),
     (range_gate, "store_samples", sampling_oracle),
     (false_triggers, "draw_onward", false_triggers_oracle),
