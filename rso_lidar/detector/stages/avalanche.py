@@ -34,6 +34,7 @@ COARSE = 8  # means are made of a multiple of this, and of parts of a primary be
 PARTS = 8  # of a primary, in which the finer table goes up; a power of two, so that nothing is rounded
 PART = 1.0 / PARTS  # of a primary
 FINE = PARTS * COARSE  # parts in which the coarser table goes up
+_PER_WORD = 1.0 / 4294967296.0
 _NEGLIGIBLE = 1e-14  # tails below this probability are cut
 
 
@@ -110,9 +111,11 @@ def multiply_rows(
     part, parts_of_one, parts_of_table = np.float32(PART), np.float32(PARTS), np.uint64(FINE)
     spread, skew = math.sqrt(second), third / second**1.5
     n_rows, n = expected.shape
+    rare, rest_of = np.empty(n, np.int64), np.empty(n, np.float32)
     for row in range(n_rows):
         means, drawn = expected[row], electrons[row]
         word, fine_word, rest_word = words[0, row], words[1, row], words[2, row]
+        n_rare = 0  # the steps that take long go into loops of their own, which keeps this one in registers
         for step in range(n):
             mean = means[step]
             if mean == floor:
@@ -128,36 +131,46 @@ def multiply_rows(
                     if many > 0:
                         total += draw_from_table(word[step], coarse_log2, coarse, many, coarse_first[many])
                     rest = mean - np.float32(parts) * part
-                # A Poisson number of avalanches of the rest, which is less than a part: rarely one.
-                chance = (rest_word[step] + 0.5) * (1.0 / 4294967296.0)
-                if chance < rest:
-                    share = math.exp(-rest)
-                    none = 1.0 - share
-                    number, stage = 0, int(AVALANCHE_MORE)
-                    while chance < none:  # the chance of more than `number`
-                        number += 1
-                        share *= rest / number
-                        none -= share
-                        more = draw_block(noise.key, step, noise.start[row], noise.pixel[row], stage)
-                        stage += 1
-                        total += draw_from_table(more[0], single_log2, single, 0, least_one)
                 drawn[step] = total
+                if (rest_word[step] + 0.5) * _PER_WORD < rest:  # rarely, for that is less than a part
+                    rare[n_rare], rest_of[n_rare] = step, rest
+                    n_rare += 1
             else:
                 number = draw_from_table(word[step], normal_log2, normal, 0, least_normal)
                 z = (number - float(NORMAL_ZERO)) * (1.0 / float(NORMAL_PER_SIGMA))
                 root = math.sqrt(np.float64(mean))
-                skewness = skew / max(root, 1e-30)  # 0 for a mean of 0, which is drawn here without skewness only
                 if mean > parabolic:
-                    b = skewness * (1.0 / 6.0)
+                    b = skew * (1.0 / 6.0) / max(root, 1e-30)  # 0 for a mean of 0, drawn here without skewness only
                     b += 2.0 / 3.0 * b * b * b
                     shape = (1.0 - b * b - 0.5 * b * b * b * b) * z + b * (z * z - 1.0)  # the root of 1 - 2 b², to b⁴
+                    drawn[step] = gain * mean + spread * root * shape
                 else:
-                    t = skewness * (1.0 / 3.0)  # t³ + 3t = skewness, by Newton
-                    for _ in range(3):
-                        t -= (t * (t * t + 3.0) - skewness) / (3.0 * (t * t + 1.0))
-                    w = math.sqrt(math.log1p(t * t))
-                    shape = math.expm1(w * (z - 0.5 * w)) / t
-                drawn[step] = gain * mean + spread * root * shape
+                    drawn[step] = z
+                    rare[n_rare], rest_of[n_rare] = step, 0.0
+                    n_rare += 1
+        for k in range(n_rare):
+            step, rest = rare[k], rest_of[k]
+            mean = means[step]
+            if mean > exact:
+                z, root = np.float64(drawn[step]), math.sqrt(np.float64(mean))
+                skewness = skew / root
+                t = skewness * (1.0 / 3.0)  # t³ + 3t = skewness, by Newton
+                for _ in range(3):
+                    t -= (t * (t * t + 3.0) - skewness) / (3.0 * (t * t + 1.0))
+                w = math.sqrt(math.log1p(t * t))
+                drawn[step] = gain * mean + spread * root * math.expm1(w * (z - 0.5 * w)) / t
+                continue
+            # A Poisson number of avalanches of the rest.
+            chance, share = (rest_word[step] + 0.5) * _PER_WORD, math.exp(-np.float64(rest))
+            none = 1.0 - share
+            number, stage = 0, int(AVALANCHE_MORE)
+            while chance < none:  # the chance of more than `number`
+                number += 1
+                share *= rest / number
+                none -= share
+                more = draw_block(noise.key, step, noise.start[row], noise.pixel[row], stage)
+                stage += 1
+                drawn[step] += draw_from_table(more[0], single_log2, single, 0, least_one)
 
 
 def parabolic_from(apd: Apd) -> float:

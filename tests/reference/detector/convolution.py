@@ -6,5 +6,7 @@ def convolve_light(light, filters, least_primaries, primaries, amplitude):
     from scipy.fft import irfft, rfft
 
     spectrum, n = rfft(light, axis=1), light.shape[1]
-    primaries[:], amplitude[:] = (irfft(spectrum * factors, n, axis=1) for factors in (filters.pulse, filters.amplified))
+    primaries[:], amplitude[:] = (
+        irfft(spectrum * factors, n, axis=1) for factors in (filters.pulse, filters.amplified)
+    )
     primaries *= primaries >= least_primaries
