@@ -112,3 +112,11 @@ rays_per_pixel = 4
 def text() -> str:
     """Return a small scenario that needs no orbit and takes little time."""
     return BENCH
+
+
+@pytest.fixture
+def library(tmp_path, monkeypatch) -> Path:
+    """Use a library of models that is not there yet, and return its folder."""
+    folder = tmp_path / "library"
+    monkeypatch.setenv("RSO_LIDAR_MODELS", str(folder))
+    return folder

@@ -4,6 +4,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import rso_lidar as rl
 from rso_lidar.cli import main
 
 
@@ -11,6 +12,15 @@ from rso_lidar.cli import main
 def bench(text, tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def recorded(text, tmp_path):
+    """Record the bench from nearby with the fast detector, and return the file."""
+    path = tmp_path / "bench.h5"
+    near = text.replace("[1000, 0, 0]", "[200, 0, 0]") + '\n[lidar.detector]\ntype = "empirical"\n'
+    rl.save(path, rl.simulate(rl.Scenario.loads(near)))
     return path
 
 

@@ -10,13 +10,6 @@ from tests.scene.meshes.test_mesh import BOX, binary_stl
 
 
 @pytest.fixture
-def library(tmp_path, monkeypatch):
-    folder = tmp_path / "library"
-    monkeypatch.setenv("RSO_LIDAR_MODELS", str(folder))
-    return folder
-
-
-@pytest.fixture
 def mesh(tmp_path):
     path = tmp_path / "sat.stl"
     path.write_bytes(binary_stl(np.concatenate([BOX * 1000, BOX[:1] * 0])))

@@ -38,13 +38,8 @@ def test_a_picture_and_a_table(call, bench, tmp_path, monkeypatch):
         (["--set", "target=[]", "--set", "ptu.point={type='fixed'}"], "has no target to look at"),
     ],
 )
-def test_refused_in_one_line(call, bench, tmp_path, monkeypatch, arguments, said):
-    monkeypatch.chdir(tmp_path)
-    before = sorted(tmp_path.iterdir())
-    status, printed, errors = call(bench, *arguments)
-    assert (status, printed, len(errors)) == (2, "", 1)
-    assert said in errors[0]
-    assert sorted(tmp_path.iterdir()) == before
+def test_refused_in_one_line(refused, arguments, said):
+    refused(arguments, said)
 
 
 def test_an_output_that_exists_is_kept(call, bench, tmp_path):

@@ -13,11 +13,8 @@ from rso_lidar.study.track_quality.evaluation import AXES, Tracking
 
 
 @pytest.fixture
-def bench(text, tmp_path):
-    path = tmp_path / "bench.h5"
-    near = text.replace("[1000, 0, 0]", "[200, 0, 0]") + '\n[lidar.detector]\ntype = "empirical"\n'
-    rl.save(path, rl.simulate(rl.Scenario.loads(near)))
-    return path
+def bench(recorded):
+    return recorded
 
 
 @pytest.fixture

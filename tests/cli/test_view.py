@@ -6,16 +6,12 @@ from functools import partial
 import pytest
 from PIL import Image
 
-import rso_lidar as rl
 from rso_lidar.study.recorded_runs import display as module
 
 
 @pytest.fixture
-def bench(text, tmp_path):
-    path = tmp_path / "bench.h5"
-    near = text.replace("[1000, 0, 0]", "[200, 0, 0]") + '\n[lidar.detector]\ntype = "empirical"\n'
-    rl.save(path, rl.simulate(rl.Scenario.loads(near)))
-    return path
+def bench(recorded):
+    return recorded
 
 
 @pytest.fixture

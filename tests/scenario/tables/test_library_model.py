@@ -21,13 +21,6 @@ normal = [1.0, 0.0, 0.0]
 
 
 @pytest.fixture
-def library(tmp_path, monkeypatch):
-    folder = tmp_path / "library"
-    monkeypatch.setenv("RSO_LIDAR_MODELS", str(folder))
-    return folder
-
-
-@pytest.fixture
 def craft(tmp_path, library):
     """Put a craft of a bus and a flap, drawn in decimetres, into the library; return what puts it there anew."""
     path = tmp_path / "craft.glb"

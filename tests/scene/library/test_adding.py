@@ -27,14 +27,6 @@ SOLIDS = (
 
 
 @pytest.fixture
-def library(tmp_path, monkeypatch):
-    """Use a library that is not there yet."""
-    folder = tmp_path / "library"
-    monkeypatch.setenv("RSO_LIDAR_MODELS", str(folder))
-    return folder
-
-
-@pytest.fixture
 def box(tmp_path):
     """Write a box of 1 x 2 x 3 units, times a factor, as STL."""
 
