@@ -1,0 +1,55 @@
+"""Tests lie where the module lies that they test: tests/<room>/test_<module>.py, and test_<module>_<aspect>.py beside it."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE, TESTS = ROOT / "rso_lidar", ROOT / "tests"
+ACROSS = {"golden", "house", "peers", "physics", "property"}  # folders of tests that hold across rooms
+
+# Tests of several modules of a room, or of all that a user brings or reads.
+SPANNING = {
+    "cli/test_cli.py",
+    "cli/test_help.py",
+    "cli/test_outputs.py",
+    "detector/chain/test_addressed_noise.py",
+    "detector/chain/test_frame_noise.py",
+    "detector/chain/test_several_rows.py",
+    "detector/chain/test_values.py",
+    "picture/plots/test_over_time.py",
+    "scenario/mission/test_motions_in_scenarios.py",
+    "scenario/mission/test_trusted_code.py",
+    "scenario/test_python_detector.py",
+    "scene/materials/test_brdf.py",
+    "scene/materials/test_own_material.py",
+    "scene/materials/test_two_directions.py",
+    "shapes/test_models.py",
+    "shapes/test_rounding.py",
+    "shapes/test_silhouettes.py",
+    "shapes/test_targets.py",
+    "study/passes/test_screening_sets.py",
+    "study/trades/test_worked_studies.py",
+    "test_examples.py",
+    "test_names.py",
+    "test_seams.py",
+}
+
+
+def is_about_a_module(test):
+    """Return whether a test's file is named after a module of the package in the same folder."""
+    name = test.stem.removeprefix("test_")
+    words = name.split("_")
+    stems = {"_".join(words[:count]) for count in range(1, len(words) + 1)}
+    return any((PACKAGE / test.parent / f"{stem}.py").is_file() for stem in stems)
+
+
+def test_tests_lie_where_their_module_lies():
+    tests = [file.relative_to(TESTS) for file in TESTS.rglob("test_*.py")]
+    tests = [test for test in tests if test.parts[0] not in ACROSS]
+    assert len(tests) > 150
+    astray = {test.as_posix() for test in tests if not is_about_a_module(test)}
+    assert astray == SPANNING, "move it to its module's folder and name, or list it as one of several modules"
+
+
+def test_a_name_tells_the_module():
+    assert is_about_a_module(Path("scene/test_labels.py")) and is_about_a_module(Path("scene/test_labels_oracle.py"))
+    assert not is_about_a_module(Path("scene/test_casting.py")) and not is_about_a_module(Path("optics/test_labels.py"))
