@@ -1,4 +1,6 @@
-"""Philox4x32-10 in NumPy, as Salmon et al. (SC 2011) write it: the oracle of `rso_lidar.philox`."""
+"""Philox4x32-10 in NumPy, as Salmon et al. (SC 2011) write it: the oracle of `rso_lidar.philox.fill_row` and
+`rso_lidar.detector.stages.row_noise.fill_rows`.
+"""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Draws from alias tables in NumPy: the oracle of `draw_from_table`."""
+"""Draws from alias tables in NumPy: the oracle of `rso_lidar.detector.stages.alias_tables.draw_from_table`."""
 
 import numpy as np
 

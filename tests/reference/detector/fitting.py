@@ -3,12 +3,13 @@
 import numpy as np
 
 from rso_lidar.detector.ranging.matched_filter import PHASES, ROUNDS, ROUNDS_CLIPPED, Matched
+from tests.reference.detector.peaks import locate_vertices, raise_to_highest
 
 
 def fit_first_pulses(samples, start, least, matched, clipped):
     """Return the sample of the first peak of each trace, and place [samples] and height fitted there."""
     peak = first_peak(samples, np.asarray(start), least)
-    guess = peak + vertex(samples, peak)
+    guess = peak + locate_vertices(samples, peak)
     if clipped is not None:
         peak, guess = middle_of_plateau(clipped, peak, guess)
     return peak, *fit(matched, samples, guess, clipped)
@@ -36,8 +37,8 @@ def fit_all_pulses(
             mask = None if clipped is None else clipped[rows]
             guess = place[rows, slot]
             if sweep == 0:
-                peak = highest_near(alone, peaks[rows, slot])
-                guess = peak + vertex(alone, peak)
+                peak = raise_to_highest(alone, peaks[rows, slot])
+                guess = peak + locate_vertices(alone, peak)
                 if mask is not None:
                     guess = middle_of_plateau(mask, peak, guess)[1]
             place[rows, slot], height[rows, slot] = fit(matched, alone, guess, mask)
@@ -129,7 +130,7 @@ def first_peak(samples: np.ndarray, start: np.ndarray, least: float) -> np.ndarr
     row = np.arange(len(samples))
     none = np.flatnonzero(~top[row, peak])
     peak[none] = samples[none].argmax(axis=1)
-    return highest_near(samples, peak)
+    return raise_to_highest(samples, peak)
 
 
 def _smoothed(samples: np.ndarray) -> np.ndarray:
@@ -221,21 +222,3 @@ def subtract_others(
             curve = matched.curve(samples.shape[1], place[rows, other])
             alone[rows] -= height[rows, other, None].astype(np.float32) * curve
     return alone
-
-
-def highest_near(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
-    """Return the highest of each peak and its two neighbours."""
-    row, last = np.arange(len(samples)), samples.shape[1] - 1
-    near = np.stack([peak, np.maximum(peak - 1, 0), np.minimum(peak + 1, last)])
-    highest: np.ndarray = near[samples[row, near].argmax(axis=0), row]
-    return highest
-
-
-def vertex(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
-    """Return how far the parabola through a peak and its neighbours has its vertex behind the peak [samples]."""
-    row = np.arange(len(samples))
-    middle = np.clip(peak, 1, samples.shape[1] - 2)
-    left, top, right = (samples[row, middle + k].astype(float) for k in (-1, 0, 1))
-    bend = left - 2.0 * top + right
-    shift = np.divide(0.5 * (left - right), bend, out=np.zeros_like(bend), where=bend < 0.0)
-    return np.where(middle == peak, np.clip(shift, -1.0, 1.0), 0.0)

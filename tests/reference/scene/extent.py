@@ -1,4 +1,4 @@
-"""Outlines of pieces in NumPy, by Qhull."""
+"""Outlines of pieces in NumPy, by Qhull: the oracle of `rso_lidar.scene.casting.extent`."""
 
 from itertools import pairwise
 

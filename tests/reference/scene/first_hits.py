@@ -1,4 +1,6 @@
-"""The first hits of rays in NumPy, by embreex, which asks embree for one ray after another."""
+"""First hits of rays in NumPy, by embreex, which asks embree for one ray after another: the oracle of
+`rso_lidar.scene.casting.first_hits`.
+"""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""The labels of pixels in NumPy."""
+"""Labels of pixels in NumPy: the oracle of `rso_lidar.scene.labels.sum_weights` and `rso_lidar.scene.labels.label_pixels`."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The cut between two pieces in NumPy."""
+"""The cut between two pieces in NumPy: the oracle of `rso_lidar.scene.surfaces.pieces`."""
 
 import numpy as np
 

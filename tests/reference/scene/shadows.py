@@ -1,4 +1,4 @@
-"""Shadows in NumPy, by embreex."""
+"""Shadows in NumPy, by embreex: the oracle of `rso_lidar.scene.casting.shadows`."""
 
 import numpy as np
 

@@ -1,4 +1,6 @@
-"""Oracle of the kernels in `motion.gimbal.drive`: both axes of a drive at once, by matrices."""
+"""Both axes of a drive at once, by matrices: the oracle of `rso_lidar.motion.gimbal.drive.advance_first_order` and
+`rso_lidar.motion.gimbal.drive.advance_second_order`.
+"""
 
 import math
 
