@@ -1,7 +1,7 @@
 """Every exception and warning that rso_lidar raises on purpose.
 
-A message reads *where: what: what to do*. The command line prints it as one line and exits with status 2 when the input
-was bad (`RsoLidarError` that is a `ValueError`) and 1 when a run failed.
+A message reads *where: what: what to do*. The command line prints it as one line. It exits with status 2 after bad input (a
+`RsoLidarError` that is a `ValueError`), and with status 1 after a failed run.
 """
 
 import difflib
@@ -22,13 +22,13 @@ class ScenarioError(RsoLidarError, ValueError):
 
 
 class SettingError(ScenarioError):
-    """A ``place=value`` that has no place in a scenario."""
+    """A ``place=value`` setting whose place does not exist in a scenario."""
 
 
 class FieldError(ScenarioError):
-    """Fields of a part that are not as they must be.
+    """Invalid fields of a part.
 
-    `problems` holds the place of each, step by step, and its kind in pydantic's words.
+    `problems` holds, for each, the path of its keys and pydantic's name of the problem.
     """
 
     def __init__(self, message: str, problems: Sequence[tuple[tuple[str | int, ...], str]] = ()) -> None:
@@ -37,7 +37,7 @@ class FieldError(ScenarioError):
 
 
 class RecordError(RsoLidarError, TypeError, ValueError):
-    """An array that does not fit the statement of a record's field: its type (a TypeError) or its shape (a ValueError)."""
+    """An array of the wrong type (a TypeError) or shape (a ValueError) for its field of a record."""
 
 
 class MeshError(RsoLidarError, ValueError):
@@ -45,16 +45,23 @@ class MeshError(RsoLidarError, ValueError):
 
 
 class CatalogError(RsoLidarError, ValueError):
-    """A catalogue of element sets that cannot be read, or lacks what was asked for."""
+    """A catalogue of element sets that cannot be read, or lacks the requested object."""
 
 
 class PropagationError(RsoLidarError, ValueError):
-    """A motion that has no answer at some epochs.
+    """A motion that is undefined at some epochs.
 
     `bad` is the boolean mask (time) of those epochs.
     """
 
     def __init__(self, message: str, bad: np.ndarray | None = None) -> None:
+        """Take the message of the error.
+
+        Parameters
+        ----------
+        message : *where: what: what to do*.
+        bad : boolean mask (time) of the epochs without an answer.
+        """
         super().__init__(message)
         self.bad = np.zeros(0, dtype=bool) if bad is None else np.asarray(bad, dtype=bool)
 
@@ -64,7 +71,7 @@ class RecordingError(RsoLidarError, ValueError):
 
 
 class RunError(RsoLidarError, RuntimeError):
-    """A run that began well and could not go on, such as a full disk. The command line exits with status 1."""
+    """A run that started but could not finish, such as on a full disk. The command line exits with status 1."""
 
 
 class RsoLidarWarning(UserWarning):
@@ -85,7 +92,7 @@ def suppress_warnings() -> Iterator[None]:
 
 
 def has_warnings_enabled() -> bool:
-    """Return whether warnings are shown here: what to warn of may cost time to find."""
+    """Return whether warnings are shown here, for callers that must compute something to decide on one."""
     return not _suppressed.get()
 
 
@@ -97,7 +104,7 @@ def warn(message: str) -> None:
 
 @contextmanager
 def add_place(place: str) -> Iterator[None]:
-    """Put a place before the message of an error raised on purpose inside.
+    """Prefix the message of an `RsoLidarError` raised in this context with a place.
 
     >>> with add_place("tdrs.motion"):
     ...     raise ScenarioError("no such thing; name another")
@@ -117,9 +124,8 @@ def add_place(place: str) -> Iterator[None]:
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest known word, or an empty string.
 
-    A suffix has too few letters for a share of them to mean anything: one is near another only if a single slip of the
-    hand (a letter too many, missing, wrong, or swapped with its neighbour) leads from one to the other and the first
-    letter is right.
+    A file suffix is too short for a similarity ratio. Two suffixes are near if they start with the same letter and differ
+    by one edit: an insertion, a deletion, a substitution or a swap of neighbours.
 
     >>> did_you_mean("natural_freq_hz", ["natural_hz", "damping"])
     "; did you mean 'natural_hz'?"
@@ -134,7 +140,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def _is_one_slip(word: str, meant: str) -> bool:
-    """Return whether one letter more, less or other, or two neighbours swapped, turn a word into another."""
+    """Return whether two words differ by one edit: an insertion, deletion, substitution or swap of neighbours."""
     start = 0
     while start < min(len(word), len(meant)) and word[start] == meant[start]:
         start += 1

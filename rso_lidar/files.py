@@ -1,6 +1,6 @@
 """Files: read whole and within bounds, written whole or not at all, and by one process at a time.
 
-Only regular files are read: no pipe, device or huge file is read without end.
+Reading refuses pipes, devices and files above a size limit, so that it always ends.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from typing import IO, Any
 from rso_lidar.errors import RecordingError, RsoLidarError, RunError, did_you_mean
 from rso_lidar.interruption import defer_signals, remove_on_signal
 
-MOST_BYTES = 256 * 2**20  # of a catalogue, a table or a picture; the whole public catalogue as OMM has some 40 MiB
+MOST_BYTES = 256 * 2**20  # of a catalogue, a table or an image; the whole public catalogue as OMM has about 40 MiB
 _MIB = 2**20
-_LOOK_S = 0.1  # is_locked holds a lock for microseconds; another process waits up to this long for it
+_LOCK_WAIT_S = 0.1  # longer than is_locked holds a lock, which is microseconds
 _POLL_S = 0.02  # between two attempts to take a lock
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 _drafts: dict[Path, os.stat_result] = {}  # temporary files of this process, as they were made
 _CURES = {
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room"),
     **dict.fromkeys(_REFUSED, "allow writing there"),
-    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR, errno.ESTALE), "make its folder again"),
+    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR, errno.ESTALE), "create its folder again"),
 }
 
 
 def convert_path(given: Any, error: type[RsoLidarError]) -> Path:
-    """Return a path, or raise `error` for what is none."""
+    """Convert a user's argument to a path; raise `error` if it is not one."""
     try:
         return Path(given)
     except TypeError:
-        raise error(f"{given!r:.60}: is no path; give a text or a pathlib.Path") from None
+        raise error(f"{given!r:.60}: not a path; give a str or a pathlib.Path") from None
 
 
 def expand_user(path: str | os.PathLike[str]) -> Path:
-    """Return a path with a leading ``~`` expanded; as it is where there is no such user, so that no such file is found.
+    """Return a path with its leading ``~`` expanded; unchanged if there is no such user, so that no file is found.
 
     >>> expand_user("~no_such_user/a.tle").parts
     ('~no_such_user', 'a.tle')
@@ -51,18 +51,24 @@ def expand_user(path: str | os.PathLike[str]) -> Path:
 
 
 def check_regular(path: Path, most_bytes: int, error: type[RsoLidarError], what: str = "file") -> os.stat_result:
-    """Check that a file is regular and has at most so many bytes, and return its status.
+    """Check that a file is regular and not larger than a limit, and return its status.
 
     Parameters
     ----------
-    path : the file.
-    most_bytes : the largest size that is read [byte].
-    error : the class of what is raised.
-    what : what the file should be, in words.
+    path : of the file.
+    most_bytes : largest allowed size [byte].
+    error : class of the error to raise.
+    what : kind of file that is expected, for messages.
+
+    Returns
+    -------
+    os.stat_result
+        Status of the file.
 
     Raises
     ------
-    error : there is no such file, it is a folder, a pipe, a socket or a device, or it is too large.
+    error
+        If the file is missing, is a folder, pipe, socket or device, or is too large.
     """
     try:
         status = path.stat()
@@ -80,14 +86,32 @@ def check_regular(path: Path, most_bytes: int, error: type[RsoLidarError], what:
 
 
 def read_bytes(path: Path, most_bytes: int, error: type[RsoLidarError], what: str = "file") -> bytes:
-    """Return the content of a regular file of at most so many bytes; the parameters are those of `check_regular`."""
+    """Read a regular file that is not larger than a limit.
+
+    Parameters
+    ----------
+    path : of the file.
+    most_bytes : largest allowed size [byte].
+    error : class of the error to raise.
+    what : kind of file that is expected, for messages.
+
+    Returns
+    -------
+    bytes
+        Whole content of the file.
+
+    Raises
+    ------
+    error
+        If `check_regular` refuses the file, or it cannot be read.
+    """
     check_regular(path, most_bytes, error, what)
     try:
-        # O_NONBLOCK: what takes the file's place now, such as a pipe, does not block.
+        # O_NONBLOCK: a pipe that replaces the file after the check does not block.
         with os.fdopen(
             os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)), "rb"
         ) as file:
-            # A file of /proc has no size, and one that is written to grows. None: it would block, as the kernel's log does.
+            # Files of /proc report no size, and a log may grow after the check. read() gives None where it would block.
             content = file.read(most_bytes + 1) or b""
     except OSError as problem:
         raise error(f"{path}: cannot be read ({_reason(problem)}); check its permissions") from None
@@ -97,7 +121,25 @@ def read_bytes(path: Path, most_bytes: int, error: type[RsoLidarError], what: st
 
 
 def read_text(path: Path, most_bytes: int, error: type[RsoLidarError], what: str = "text file") -> str:
-    """Return the UTF-8 text of a regular file of at most so many bytes, without a byte order mark."""
+    """Read a UTF-8 text file that is not larger than a limit.
+
+    Parameters
+    ----------
+    path : of the file.
+    most_bytes : largest allowed size [byte].
+    error : class of the error to raise.
+    what : kind of file that is expected, for messages.
+
+    Returns
+    -------
+    str
+        The text, without a byte order mark.
+
+    Raises
+    ------
+    error
+        If `check_regular` refuses the file, or it is not UTF-8.
+    """
     try:
         return read_bytes(path, most_bytes, error, what).decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -117,7 +159,7 @@ def _reason(problem: BaseException) -> str:
 
 
 def advise_on_write(number: int | None) -> str:
-    """Return what to do about a write that the system refused with an error number; None where it gave none.
+    """Return what to do about a failed write, by the system's error number; `number` may be None.
 
     >>> advise_on_write(errno.ENOSPC), advise_on_write(errno.EROFS), advise_on_write(errno.EIO)
     ('make room', 'allow writing there', 'check the disk')
@@ -127,11 +169,11 @@ def advise_on_write(number: int | None) -> str:
 
 @contextmanager
 def write_atomically(place: Path) -> Iterator[Path]:
-    """Return, as a context, a new file beside `place` to write to; it takes the name `place` when all went well.
+    """Create a file beside `place` to write to, and rename it to `place` when the context ends without an error.
 
-    So a run that is stopped half way leaves no half file, and an older one stays until the new one is whole. The new
-    file is nobody else's: its name is the first of x.part.png, x.part1.png, ... that is free. Where another program
-    replaces it meanwhile, nothing is published.
+    A run that stops half way leaves no partial file, and an older file stays until the new one is complete. The
+    temporary name is the first free one of x.part.png, x.part1.png, and so on. If another program replaces that file,
+    nothing is renamed and a `RunError` is raised.
     """
     draft: Path | None = None
     held = ExitStack()
@@ -159,39 +201,44 @@ def write_atomically(place: Path) -> Iterator[Path]:
     except (FileNotFoundError, NotADirectoryError) as error:
         if draft is not None:
             raise make_write_error(place, error) from None
-        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first") from None
+        raise RecordingError(f"{place}: there is no folder {place.parent}; create it first") from None
     except OSError as error:
         raise make_write_error(place, error) from None
     finally:
         remove()
-        held.close()  # as long as it is open, no other file gets its inode
+        held.close()  # while it is open, no other file can get its inode
 
 
 def make_write_error(place: Path, error: OSError) -> RunError:
-    """Return the error for a file or folder that could not be written to its end, with advice that fits the reason."""
+    """Make the error for a file or folder that could not be written completely, with advice that fits the reason."""
     if not place.parent.is_dir():
         return RunError(
-            f"{place}: could not be written: its folder was removed or renamed; make it again and run again"
+            f"{place}: could not be written: its folder was removed or renamed; create it again, then run again"
         )
     why = error.strerror or error
     return RunError(f"{place}: could not be written: {why}; {advise_on_write(error.errno)} and run again")
 
 
 def is_same(path: Path, made: os.stat_result) -> bool:
-    """Return whether what lies at a path, links not followed, is the file or folder of an earlier look."""
+    """Return whether a path still leads to the file or folder with this earlier status; links are not followed."""
     with suppress(OSError):
         return os.path.samestat(path.lstat(), made)
     return False
 
 
 def check_draft(draft: Path, made: os.stat_result, place: Path) -> None:
-    """Raise a `RunError` where a temporary file or folder is no longer what was made there, or is empty.
+    """Check that a temporary file or folder is still the one that this process made, and is not empty.
 
     Parameters
     ----------
-    draft : of the temporary file or folder.
-    made : what it was when it was made.
+    draft : path of the temporary file or folder.
+    made : its status when it was made.
     place : the output, for the message.
+
+    Raises
+    ------
+    RunError
+        If another program removed, replaced or emptied it.
     """
     if not draft.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
@@ -201,38 +248,46 @@ def check_draft(draft: Path, made: os.stat_result, place: Path) -> None:
         return
     else:
         what = "emptied"
-    raise RunError(f"{place}: is not written, for another program {what} its temporary file {draft.name}; run again")
+    raise RunError(f"{place}: not written: another program {what} its temporary file {draft.name}; run again")
 
 
 def check_stream(stream: IO[Any], draft: Path, place: Path) -> None:
-    """Raise a `RunError` where a temporary file, open and written from its beginning, was replaced or cut short.
+    """Flush an open temporary file, and check that it was not replaced or truncated since it was opened.
 
     Parameters
     ----------
-    stream : the open file; it is flushed.
+    stream : the open file, written from its beginning.
     draft : path of the file.
     place : the output, for the message.
+
+    Raises
+    ------
+    RunError
+        If another program replaced or truncated it.
     """
     stream.flush()
     held = os.fstat(stream.fileno())
     if held.st_size:
         check_draft(draft, held, place)
     if held.st_size != os.lseek(stream.fileno(), 0, os.SEEK_CUR):
-        raise RunError(
-            f"{place}: is not written, for another program cut short its temporary file {draft.name}; run again"
-        )
+        raise RunError(f"{place}: not written: another program truncated its temporary file {draft.name}; run again")
 
 
 def check_writable(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrite: bool = False) -> Path:
-    """Check that a file may be written at a path, and return the path with a leading ``~`` expanded.
+    """Check that a file may be written at a path, and expand its leading ``~``.
 
-    Every command and function that writes a file calls this before it begins, so that all refuse in the same way.
+    Every command and function that writes a file calls this first, so that all of them refuse in the same way.
 
     Parameters
     ----------
     path : of the file to write.
-    suffixes : those that it may have, in lower case; empty, any.
-    overwrite : whether an older file may be replaced.
+    suffixes : allowed suffixes, in lower case; empty to allow any.
+    overwrite : whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+        The expanded path.
 
     Raises
     ------
@@ -243,7 +298,7 @@ def check_writable(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *
         place = Path(path).expanduser()
         check_suffix(place, suffixes)
         with suppress(FileNotFoundError, NotADirectoryError):
-            place.lstat()  # which says, as `exists` does not, why a name cannot even be looked up
+            place.lstat()  # unlike `exists`, it raises the reason why a name cannot be looked up
         if place.is_dir():
             raise RecordingError(f"{place}: is a folder; name a file in it")
         if place.exists() and not place.is_file():
@@ -251,7 +306,7 @@ def check_writable(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *
         if place.exists() and not overwrite:
             raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
         if not place.parent.is_dir():
-            raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+            raise RecordingError(f"{place}: there is no folder {place.parent}; create it first")
         if not can_write_in(place.parent):
             raise RecordingError(f"{place}: the folder may not be written to; choose another")
     except (OSError, RuntimeError, ValueError) as error:  # a name too long, no such user, a NUL character
@@ -263,12 +318,12 @@ def check_writable(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *
 
 
 def can_write_in(folder: Path) -> bool:
-    """Return whether this process, as the user that it acts as, may make files in a folder."""
+    """Return whether the effective user of this process may create files in a folder."""
     return os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids)
 
 
 def check_suffix(place: Path, suffixes: Sequence[str]) -> None:
-    """Raise an error where a path has none of these suffixes (lower case); an empty list allows all."""
+    """Check that a path has one of some suffixes (lower case); an empty sequence allows all."""
     suffix = place.suffix.lower()
     if suffixes and suffix not in suffixes:
         what = f"unknown suffix '{place.suffix}'" if suffix else "the name has no suffix"
@@ -277,7 +332,24 @@ def check_suffix(place: Path, suffixes: Sequence[str]) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
-    """Write a text as UTF-8 with plain line feeds, whole or not at all, and return its path."""
+    """Write a text file as UTF-8 with plain line feeds, completely or not at all.
+
+    Parameters
+    ----------
+    path : of the file.
+    text : its content.
+    overwrite : whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+        Where the file is, ``~`` expanded.
+
+    Raises
+    ------
+    RecordingError
+        If the file exists already, or may not be written there.
+    """
     place = check_writable(path, overwrite=overwrite)
     with write_atomically(place) as draft:
         draft.write_text(text, encoding="utf-8", newline="\n")
@@ -285,21 +357,23 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
 
 
 @contextmanager
-def hold_lock(path: Path, *, wait_s: float = _LOOK_S, busy: str | None = None) -> Iterator[None]:
-    """Hold a lock file, as a context, so that no other process writes what it guards.
+def hold_lock(path: Path, *, wait_s: float = _LOCK_WAIT_S, busy: str | None = None) -> Iterator[None]:
+    """Hold a lock file during a context, so that no other process writes the file that it guards.
 
-    The system releases the lock of a process that is killed. The file is removed when the context ends.
+    The system releases the lock of a process that is killed. The lock file is removed when the context ends.
 
     Parameters
     ----------
-    path : the lock's own file, ``.<name>.lock`` beside what it guards.
-    wait_s : how long to wait for another process to release it [s].
-    busy : the message where it was not released; by default, that another run is writing the file.
+    path : of the lock file, ``.<name>.lock`` beside the file that it guards.
+    wait_s : longest wait for another process to release it [s].
+    busy : message if it was not released; by default, that another run is writing the file.
 
     Raises
     ------
-    RecordingError : another process holds the lock, or the folder may not be written.
-    RunError : the file system refuses the lock file for another reason, such as a full disk.
+    RecordingError
+        If another process holds the lock, or the folder may not be written.
+    RunError
+        If the file system refuses the lock file for another reason, such as a full disk.
     """
     from filelock import FileLock, Timeout
 
@@ -309,8 +383,8 @@ def hold_lock(path: Path, *, wait_s: float = _LOOK_S, busy: str | None = None) -
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
         lock.acquire(timeout=wait_s, poll_interval=_POLL_S)
     except Timeout:
-        says = busy or f"{path.name[1:-5]}: another run is writing it; wait, or give another name"
-        raise RecordingError(says) from None
+        message = busy or f"{path.name[1:-5]}: another run is writing it; wait, or give another name"
+        raise RecordingError(message) from None
     except OSError as error:
         if error.errno in _REFUSED:
             raise RecordingError(
@@ -323,14 +397,14 @@ def hold_lock(path: Path, *, wait_s: float = _LOOK_S, busy: str | None = None) -
         with remove_on_signal(path.unlink):
             yield
     finally:
-        if os.name == "posix":  # while it is held: filelock refuses a lock whose file is gone, and takes a new one
+        if os.name == "posix":  # while locked: filelock then notices that its file is gone, and acquires a new one
             with suppress(OSError):
                 path.unlink()
         lock.release()
 
 
 def is_locked(path: Path) -> bool | None:
-    """Return whether a running process holds a lock file; None where that cannot be found out."""
+    """Return whether a running process holds a lock file; None if that cannot be determined."""
     from filelock import lock_descriptor
 
     try:
@@ -348,7 +422,7 @@ def is_locked(path: Path) -> bool | None:
 
 
 def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
-    """Return the path of a CSV of columns by name (arrays of one length), written whole or not at all."""
+    """Write a table of columns by name (arrays of one length) as CSV, completely or not at all, and return its path."""
     with write_atomically(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table)
@@ -357,17 +431,17 @@ def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
 
 
 def _new(place: Path) -> tuple[Path, IO[bytes]]:
-    """Open a file that was not there before, empty, beside `place` and with its suffix; return its path, and it."""
+    """Create an empty file beside `place`, with its suffix and a name that is free; return its path and the open file."""
     for number in itertools.count():
         draft = place.with_name(f"{place.stem}.part{number or ''}{place.suffix}")
         try:
             return draft, draft.open("xb")  # never through a link
         except FileExistsError:
             continue
-    raise AssertionError("counting has no end")
+    raise AssertionError("unreachable: itertools.count is infinite")
 
 
 def count_bytes(path: Path) -> int:
-    """Return the size of a file, or of all files in a folder."""
+    """Return the size of a file, or of all files in a folder [byte]."""
     files_in = path.rglob("*") if path.is_dir() else [path]
     return sum(file.stat().st_size for file in files_in if file.is_file())

@@ -1,13 +1,13 @@
-"""Ctrl-C and SIGTERM on the command line: the process ends at once, with one line, whatever it is doing.
+"""Ctrl-C and SIGTERM on the command line: the process ends immediately and prints one line.
 
-A Python signal handler runs only between two steps of the main thread. It raises its exception in the middle of an import,
-and it waits while the main thread compiles or casts. So the command line does not use one: a thread reads the number of the
-signal from a pipe, removes what the run would have removed, writes the line and ends the process. Recordings stay whole,
-because each frame is on the disk once it is written, as after a kill.
+A Python signal handler runs only between two bytecodes of the main thread. It can raise its exception inside an import, and
+it waits while the main thread compiles or casts. The command line therefore uses no handler. A thread reads the signal's
+number from a pipe, removes the temporary files, prints the line and ends the process. Recordings stay intact, because each
+frame is flushed to disk when it is written.
 
-`import rso_lidar` in a user's own program installs nothing: there Ctrl-C raises `KeyboardInterrupt`, as anywhere in Python.
+`import rso_lidar` in a user's program installs nothing: there Ctrl-C raises `KeyboardInterrupt`, as usual in Python.
 
-This module is the first that the package imports, so it imports little: until it has run, Ctrl-C is Python's own.
+The package imports this module first, and it imports little: before it has run, Python handles Ctrl-C itself.
 """
 
 import os
@@ -18,10 +18,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 _WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
-_CRITICAL_S = 1.0  # how long a short step may hold up the end of the process
+_CRITICAL_S = 1.0  # longest wait for a step protected by `defer_signals`
 _COMMAND = "rso-lidar"
 
-_ending = threading.Lock()  # taken by whoever ends the process: the watching thread, or the command itself
+_ending = threading.Lock()  # acquired by the thread that ends the process: the watching thread or the main thread
 _critical = threading.RLock()
 _removals: list[Callable[[], object]] = []
 _advice: Callable[[], str] | None = None
@@ -29,13 +29,13 @@ _is_watched = False
 
 
 def watch_if_command_line() -> None:
-    """Watch for signals where this process is the command line itself, not a program or a worker that imports it.
+    """Watch for signals if this process is the command line, not a program or a worker that imports the package.
 
-    To be called before the package imports anything else: the imports take most of a short command's time.
+    Call it before all other imports of the package, which take most of the time of a short command.
     """
     if os.name != "posix" or not _is_command_line() or threading.current_thread() is not threading.main_thread():
         return
-    global _is_watched  # noqa: PLW0603  # a process is watched once
+    global _is_watched  # noqa: PLW0603  # each process is watched once
     _is_watched = True
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
@@ -43,7 +43,7 @@ def watch_if_command_line() -> None:
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     for name in _WORDS:
         number = signal.Signals[name]
-        if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup, and in the background of a shell script
+        if signal.getsignal(number) != signal.SIG_IGN:  # ignored under nohup and in the background of a shell script
             signal.signal(number, lambda *_: None)  # the number still goes to the pipe
 
 
@@ -51,7 +51,7 @@ def _is_command_line() -> bool:
     """Return whether Python was started for the command line: as `rso-lidar`, or as `python -m rso_lidar`."""
     program = (getattr(sys, "argv", None) or [""])[0]
     given = getattr(sys, "orig_argv", [])
-    if program == "-m":  # while Python looks for the module, which imports the package
+    if program == "-m":  # while Python locates the module, which imports the package
         return "rso_lidar" in given[given.index("-m") + 1 :][:1] if "-m" in given else "-mrso_lidar" in given
     # A worker has the arguments of its parent in sys.argv, but was not started with them.
     return program in given and os.path.basename(program).removesuffix(".exe") == _COMMAND  # noqa: PTH119  # pathlib takes 5 ms
@@ -66,35 +66,35 @@ def _wait_for_signal(pipe: int) -> None:
 
 
 def _end(number: int) -> None:
-    """End this process for a signal: status 128 and its number, one line, and nothing temporary left behind."""
+    """End this process after a signal: remove temporary files, print one line, exit with status 128 + n."""
     if not _ending.acquire(blocking=False):
-        return  # the command is done and is leaving
+        return  # the command has finished and is exiting
     _critical.acquire(timeout=_CRITICAL_S)
-    for remove in _removals.copy():  # in order, so that workers end last and cannot report errors
+    for remove in _removals.copy():  # in this order workers end last, and cannot report errors
         with suppress(Exception):
             remove()
     with suppress(Exception):
         os.write(
             2, f"{format_ending(number)}\n".encode(errors="backslashreplace")
-        )  # no lock of Python's stream is in the way
+        )  # unbuffered: Python's stream may be locked
     os._exit(128 + number)
 
 
 def format_ending(number: int) -> str:
     """Return the line that ends a command after a signal."""
-    told = _advice() if _advice is not None else ""
-    return " ".join((_WORDS[signal.Signals(number).name] + (f": {told}" if told else "")).split())
+    advice = _advice() if _advice is not None else ""
+    return " ".join((_WORDS[signal.Signals(number).name] + (f": {advice}" if advice else "")).split())
 
 
 def set_advice(advice: Callable[[], str] | None) -> None:
-    """Have an interrupted command say what is kept and how to go on; None says nothing."""
+    """Set the text that an interrupted command prints: what is kept, and how to resume. None prints nothing."""
     global _advice  # noqa: PLW0603  # a process runs one command
     _advice = advice
 
 
 @contextmanager
 def remove_on_signal(remove: Callable[[], object]) -> Iterator[None]:
-    """Have `remove` called where a signal ends the process inside: what a `finally` would do, but in another thread."""
+    """Call `remove` if a signal ends the process inside this context, where no `finally` would run."""
     _removals.append(remove)
     try:
         yield
@@ -104,7 +104,7 @@ def remove_on_signal(remove: Callable[[], object]) -> Iterator[None]:
 
 @contextmanager
 def make_temporary_folder() -> Iterator[str]:
-    """Return, as a context, a new folder in the system's place for temporary files, removed however the context ends."""
+    """Create a folder among the system's temporary files for the length of a context, also removed after a signal."""
     import shutil
     import tempfile
 
@@ -125,7 +125,7 @@ def make_temporary_folder() -> Iterator[str]:
 
 @contextmanager
 def defer_signals() -> Iterator[None]:
-    """Keep a signal waiting during a short step, and have processes that are started inside leave Ctrl-C to this one."""
+    """Defer signals during a short step; processes started inside it inherit a blocked Ctrl-C."""
     with _critical:
         if not hasattr(signal, "pthread_sigmask"):
             yield
@@ -138,6 +138,6 @@ def defer_signals() -> Iterator[None]:
 
 
 def ignore_late_signals() -> None:
-    """Begin the ordinary end of a command: from here on signals come too late; one that came before ends the process."""
+    """Ignore signals from here on, as the command exits; an earlier signal still ends the process."""
     if _is_watched:
         _ending.acquire()

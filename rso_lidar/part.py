@@ -1,8 +1,8 @@
-"""Part: the frozen base of all that a user describes, and the words for its fields.
+"""Part: the frozen base class of all that a user describes, and the types of its fields.
 
-A part is what its TOML table fills: same names, units, defaults. Scalars are strict (a text is not a number, a bool is
-not an int), containers are lax (a TOML list fills a tuple). Bad values raise `ScenarioError` with one line that names
-the place and the cure.
+A part is what its TOML table fills: same names, units, defaults. Scalars are strict: a text is not a number, and a bool is
+not an int. Containers are lax: a TOML list fills a tuple. A bad value raises a `ScenarioError`, one line that names the
+place and the cure.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ else:
     ModelMetaclass = type(BaseModel)
 
 
-# Nothing that is described here is beyond these, in any of the units that people say.
+# No physical quantity of a scenario lies outside these limits, in any unit of a key.
 GREATEST, _LEAST = 1e12, 1e-12
-# Quaternions are written with four digits or more; a norm farther off than that is a mistake, not rounding.
+# Quaternions are written with four digits or more: a larger error of the norm is a mistake, not rounding.
 UNIT_NORM_WITHIN = 1e-3
 
 
@@ -46,7 +46,7 @@ def _with_offset(instant: datetime.datetime) -> datetime.datetime:
 
 def _measurable(value: float) -> float:
     if abs(value) > GREATEST:
-        raise ValueError(f"{value:g} is beyond {GREATEST:g}; check the number and its unit")
+        raise ValueError(f"{value:g} exceeds {GREATEST:g} in magnitude; check the number and its unit")
     return value
 
 
@@ -59,7 +59,7 @@ def _not_vanishing(value: float) -> float:
 def _unit(quaternion: tuple[float, ...]) -> tuple[float, ...]:
     norm = float(np.linalg.norm(quaternion))
     if abs(norm - 1.0) > UNIT_NORM_WITHIN:
-        raise ValueError(f"a unit quaternion x, y, z, w is needed, but the norm is {norm:.6g}; divide by it")
+        raise ValueError(f"needs a unit quaternion x, y, z, w, but its norm is {norm:.6g}; divide by the norm")
     return quaternion
 
 
@@ -85,7 +85,7 @@ Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_un
 
 
 class _PartMeta(ModelMetaclass):
-    """Turns pydantic's report of a bad value into one `ScenarioError`, for `Part(...)` written in Python."""
+    """Metaclass of parts: `Part(...)` turns pydantic's report of a bad value into one `ScenarioError`."""
 
     def __call__(cls, *args: Any, **fields: Any) -> Any:
         try:
@@ -95,7 +95,7 @@ class _PartMeta(ModelMetaclass):
 
 
 class Part(BaseModel, metaclass=_PartMeta):
-    """The base of all that a user describes: frozen, no unknown keys, no NaN or infinity."""
+    """Base class of all that a user describes: frozen, no unknown keys, no NaN or infinity."""
 
     model_config = ConfigDict(
         frozen=True,
@@ -103,18 +103,18 @@ class Part(BaseModel, metaclass=_PartMeta):
         allow_inf_nan=False,
         protected_namespaces=(),
         validate_default=False,
-        defer_build=True,  # what checks a part is made when one is first asked for: few scenarios use them all
+        defer_build=True,  # the validator of a part is built at its first use: few scenarios use all parts
     )
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """Describe the `type` of a part, if it has one, by the first line of the class."""
+        """Use the first line of a class's docstring as the description of its field `type`, if it has one."""
         tag = cls.__pydantic_fields__.get("type")
         if tag is not None and tag.description is None:
             tag.description = (cls.__doc__ or "").strip().partition("\n")[0].replace("``", "`")
 
     def __eq__(self, other: object) -> bool:
-        """Two parts are equal where their fields are, whatever has been worked out from them."""
+        """Compare the fields of two parts of one class; cached properties do not count."""
         return type(other) is type(self) and all(self.__dict__[name] == other.__dict__[name] for name in self._names())
 
     def __hash__(self) -> int:
@@ -125,32 +125,39 @@ class Part(BaseModel, metaclass=_PartMeta):
         return cls.__pydantic_fields__
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with some fields changed, validated like a new part.
+        """Return a copy with some fields changed, validated like a new part; pydantic's `model_copy` does not validate.
 
-        Unlike pydantic's own ``model_copy``, which does not validate.
+        Parameters
+        ----------
+        **changes : new values by the names of their fields, in the units of those names.
+
+        Raises
+        ------
+        ScenarioError
+            If a name is unknown or a value is not allowed.
         """
         fields = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self)(**{**fields, **changes})
 
 
 class Seam:
-    """Annotation of a field that takes one of some parts, or any Python object that follows a protocol.
+    """Annotation of a field that takes a part of a closed set, or any Python object that follows a protocol.
 
-    What a TOML file can say stays the closed, checked set of parts. From Python, an object of any other class passes as
-    it is when it has the protocol's methods. Materials, motions, attitudes and detectors are such fields::
+    A TOML file can describe only the parts of the closed set. From Python, an object of another class is accepted unchanged
+    if it has the methods of the protocol. Materials, motions, attitudes and detectors are such fields::
 
         AnyMaterial = Annotated[DescribedMaterial | Material, Seam(DescribedMaterial, Material)]
 
         class Target(Part):
             material: AnyMaterial | None = None
 
-    A dump of the part, and so the text that a recording keeps, holds ``{ type = "python", object = "module.Class(...)" }``
-    in the object's place. Reading such a table is an error that asks for the object again; see `python_objects` for how to
-    find the objects before a dump.
+    A dump of the part holds ``{ type = "python", object = "module.Class(...)" }`` in place of the object, and so does the
+    text that a recording keeps. Such a table cannot be read back: it raises an error that names the object.
+    `python_objects` finds the objects before a dump.
 
     Parameters
     ----------
-    described : the annotation of the closed set: a union of parts, with its discriminator and validators.
+    described : annotation of the closed set: a union of parts, with its discriminator and validators.
     protocol : a protocol decorated with `typing.runtime_checkable`.
     """
 
@@ -158,7 +165,7 @@ class Seam:
         self.described, self.protocol = described, protocol
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        """Return the schema of the described parts, with a way past it for objects."""
+        """Return the schema of the described parts, which lets objects of the protocol pass."""
         serialize = core_schema.wrap_serializer_function_ser_schema(self._serialize, info_arg=True)
         described = handler.generate_schema(self.described)
         return core_schema.no_info_wrap_validator_function(self._validate, described, serialization=serialize)
@@ -170,12 +177,12 @@ class Seam:
         if isinstance(value, Mapping) and value.get("type") == _PYTHON:
             raise ValueError(
                 f"stands for the Python object {value.get('object', '')!s:.60}, which a text cannot hold; "
-                "give the object again in Python, with replace(...)"
+                "set the object again in Python, with replace(...)"
             )
         if self._is_described(value):
             return validate(value)
         if isinstance(value, type) and isinstance(value, self.protocol):  # the class has the methods too
-            raise ValueError(f"is the class {value.__name__}; give an object of it, such as {value.__name__}()")
+            raise ValueError(f"is the class {value.__name__}; give an instance, such as {value.__name__}()")
         if not isinstance(value, self.protocol):
             members = {**self.protocol.__annotations__, **vars(self.protocol)}
             methods = ", ".join(sorted(name for name in members if not name.startswith("_")))
@@ -193,23 +200,23 @@ class Seam:
         return python_table(value)
 
 
-_PYTHON = "python"  # the type of the table that stands for a Python object
+_PYTHON = "python"  # `type` of the table that stands for a Python object
 _TOML_TYPES = (str, int, float, list, tuple, Mapping, datetime.date, datetime.time, types.NoneType)
 
 
 class _Objects(list[object]):
-    """Collects the objects that a dump meets."""
+    """The Python objects that a dump found."""
 
 
 def python_objects(part: BaseModel) -> list[object]:
-    """Return the Python objects that a part and all parts in it hold in fields marked with `Seam`."""
+    """Return the Python objects in the fields marked with `Seam` of a part and of all parts inside it."""
     found = _Objects()
     part.model_dump(context=found)
     return list(found)
 
 
 def dump_part(value: object) -> dict[str, Any]:
-    """Return the table of a part, without keys that are not set, or the one that stands for another object."""
+    """Return the table of a part without unset keys, or the table that stands for a Python object."""
     return value.model_dump(exclude_none=True) if isinstance(value, Part) else python_table(value)
 
 
@@ -219,12 +226,12 @@ def python_table(value: object) -> dict[str, Any]:
 
 
 def kind_of(value: object) -> str:
-    """Return the `type` of a part, or a text for another object as `name_object` gives it."""
+    """Return the `type` of a part, or the `name_object` of any other object."""
     return value.type if isinstance(value, Part) and hasattr(value, "type") else name_object(value)
 
 
 def name_object(value: object) -> str:
-    """Return a text for an object without its address in memory, such as ``velvet.Velvet(sheen=0.2)``."""
+    """Return a text that describes an object without its memory address, such as ``velvet.Velvet(sheen=0.2)``."""
     cls = type(value)
     text = " ".join(repr(value).split())
     if " at 0x" in text or len(text) > _LONGEST_REPR:
@@ -236,9 +243,21 @@ _LONGEST_REPR = 200  # characters
 
 
 def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
-    """Return one line, ``place: what: what to do``, for the first problem of a validation, and how many more there are."""
+    """Describe the first problem of a validation in one line, *place: what: what to do*, and count the others.
+
+    Parameters
+    ----------
+    error : pydantic's report.
+    part : class that was validated.
+    raw : the values given for its fields, to tell which member of a union was meant.
+
+    Returns
+    -------
+    str
+        The line, without a full stop.
+    """
     problems = error.errors(include_url=False)
-    # A key that is not known often leaves another missing: the misspelling is what to tell.
+    # A misspelt key often leaves another key missing: the misspelling is the problem to report.
     first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     loc = first["loc"]
@@ -250,7 +269,21 @@ def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
 
 
 def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple[str, type[BaseModel] | None]:
-    """Return the dotted TOML place of an error, union tags left out, and the part class that holds its last key."""
+    """Convert pydantic's path of an error to a dotted TOML key, without the tags of unions.
+
+    Parameters
+    ----------
+    loc : pydantic's path: keys, places in lists, and the tags of unions.
+    part : class that was validated.
+    raw : the values given for its fields.
+
+    Returns
+    -------
+    str
+        The key, such as ``target[0].motion.file``.
+    type or None
+        The part class that holds the last key.
+    """
     words: list[str] = []
     owner: type[BaseModel] | None = part
     here: type[BaseModel] | None = part
@@ -262,10 +295,10 @@ def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple
             here = _choose(annotation, raw)
             continue
         if _tag(raw) == step and (here is None or step not in here.model_fields):
-            continue  # pydantic names the branch of a union; the reader's file does not
-        untold = _named(annotation, step) if here is None and _tag(raw) is None else None
-        if untold is not None:
-            here = untold  # a table that leaves its type to the default
+            continue  # pydantic's path contains the tag of a union; the TOML key does not
+        default = _find_by_type(annotation, step) if here is None and _tag(raw) is None else None
+        if default is not None:
+            here = default  # a table that leaves out its default type
             continue
         owner = here
         words.append(step if not words else f".{step}")
@@ -279,8 +312,8 @@ def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple
     return "".join(words), owner
 
 
-def _named(annotation: Any, tag: str) -> type[BaseModel] | None:
-    """Return the part class of that type among those an annotation allows."""
+def _find_by_type(annotation: Any, tag: str) -> type[BaseModel] | None:
+    """Return the part class with this `type` among those that an annotation allows."""
     found = (cls for cls in _part_classes(annotation) if "type" in cls.model_fields)
     return next((cls for cls in found if cls.model_fields["type"].default == tag), None)
 
@@ -291,7 +324,7 @@ def _tag(raw: Any) -> str | None:
 
 
 def _choose(annotation: Any, raw: Any) -> type[BaseModel] | None:
-    """Return the part class that `raw` was meant to be, among those an annotation allows."""
+    """Return the part class that the values `raw` are meant for, among those that an annotation allows."""
     classes = list(_part_classes(annotation))
     tag = _tag(raw)
     for cls in classes:
@@ -308,7 +341,7 @@ def _part_classes(annotation: Any) -> list[type[BaseModel]]:
 
 
 def _what(problem: Any, owner: type[BaseModel] | None) -> str:
-    """Return what is wrong and what to do, in our words where pydantic's would puzzle a reader of TOML."""
+    """Return what is wrong and what to do, in words of TOML rather than of pydantic."""
     kind, context = problem["type"], problem.get("ctx", {})
     value = problem.get("input")
     if kind == "extra_forbidden":
@@ -332,13 +365,13 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
     if kind == "too_short":
         return f"needs at least {context['min_length']} entries, not {context['actual_length']}; add some"
     if kind == "too_long":
-        return f"needs {context['max_length']} entries, not {context.get('actual_length') or 'more'}; leave some out"
+        return f"needs {context['max_length']} entries, not {context.get('actual_length') or 'more'}; remove some"
     if kind in ("dict_type", "model_type", "model_attributes_type"):
         return f"needs a table, not {_show(value)}"
     if kind == "string_pattern_mismatch":
         if context["pattern"].startswith("^#"):
             return f"needs a colour such as '#a29225', not {_show(value)}"
-        return f"needs letters, digits, _ and -, a letter first, not {_show(value)}"
+        return f"needs a letter followed by letters, digits, _ or -, not {_show(value)}"
     if kind == "datetime_type":
         return f"needs a date and time without quotes, such as 2024-09-17T12:00:00Z, not {_show(value)}"
     if kind == "tuple_type":

@@ -88,7 +88,14 @@ class Link:
         velocity_m_s: np.ndarray,
         angular_velocity_rad_s: np.ndarray,
     ) -> None:
-        """Take parent_from_child as a pose, or as translation [m] (…, 3) and rotation matrix (…, 3, 3)."""
+        """Join a child to its parent.
+
+        Parameters
+        ----------
+        pose : parent_from_child, or its translation [m] (…, 3) and rotation matrix (…, 3, 3).
+        velocity_m_s : (…, 3) velocity of the child's origin relative to the parent, in parent axes [m/s].
+        angular_velocity_rad_s : (…, 3) of the child relative to the parent, in child axes [rad/s].
+        """
         known = None if isinstance(pose, tuple) else pose
         given = pose if isinstance(pose, tuple) else (pose.translation, pose.rotation.as_matrix())
         self.translation_m, self.matrix, self.velocity_m_s, self.angular_velocity_rad_s = (

@@ -1,4 +1,4 @@
-"""One function called in several processes, with what all calls share sent to each of them once."""
+"""A pool of worker processes that call one function; the data shared by all calls is sent to each process once."""
 
 from __future__ import annotations
 
@@ -18,17 +18,29 @@ from rso_lidar.interruption import defer_signals, make_temporary_folder, remove_
 
 _WARNINGS = "PYTHONWARNINGS"
 
-_work: Callable[..., Any]  # in a worker: the function that it is there for
+_work: Callable[..., Any]  # in a worker process: the function that it calls
 
 
 class Processes:
-    """A pool of fresh processes that each hold one function; a context manager.
+    """A pool of new processes that each hold one function; a context manager.
 
-    The function, and what it holds, must be picklable. A script that starts processes keeps its own work under
-    ``if __name__ == "__main__":``, for each of them reads the script's definitions.
+    The function and the objects that it refers to must be picklable. A script that starts processes needs
+    ``if __name__ == "__main__":`` around its own code, because each process imports the script.
     """
 
     def __init__(self, count: int, function: Callable[..., Any]) -> None:
+        """Start the pool.
+
+        Parameters
+        ----------
+        count : number of processes.
+        function : called in each process with the arguments of `submit`.
+
+        Raises
+        ------
+        ScenarioError
+            If the function cannot be pickled, or this process is a daemon.
+        """
         import multiprocessing
         from concurrent.futures import ProcessPoolExecutor
 
@@ -40,9 +52,9 @@ class Processes:
                 "leave out workers"
             ) from None
         if multiprocessing.current_process().daemon:
-            raise ScenarioError("workers: this process is a daemon itself, and may start none; leave out workers")
-        fresh = multiprocessing.get_context("spawn")  # what is forked inherits locks that other threads hold
-        # By a file: a process that dies before it has read so much leaves its parent waiting at a full pipe.
+            raise ScenarioError("workers: a daemon process cannot start processes; leave out workers")
+        fresh = multiprocessing.get_context("spawn")  # a forked process would inherit locks that other threads hold
+        # Sent by a file: a worker that dies early would leave its parent waiting at a full pipe.
         with ExitStack() as stack:
             file = Path(stack.enter_context(make_temporary_folder()), "function")
             file.write_bytes(sent)
@@ -63,22 +75,22 @@ class Processes:
             self._pool.shutdown(wait=True, cancel_futures=True)
 
     def abandon(self) -> None:
-        """End the processes without waiting for what they are at."""
+        """Terminate the processes without waiting for their calls."""
         for process in list(getattr(self._pool, "_processes", None) or ()):
             with suppress(OSError):
                 os.kill(process, signal.SIGTERM)
 
     def submit(self, *given: Any, **chosen: Any) -> Future[Any]:
-        """Return the future result of the function, called with what is given."""
+        """Call the function in one of the processes, and return the future of its result."""
         try:
-            with defer_signals():  # what is begun here is not torn out of its imports by Ctrl-C
+            with defer_signals():  # Ctrl-C must not interrupt the imports of a worker that starts here
                 return self._pool.submit(_call, *given, **chosen)
         except BrokenExecutor as error:
             raise _lost() from error
 
     @staticmethod
     def result(future: Future[Any]) -> Any:
-        """Return a result once it is there, or raise what the call raised; `RunError` where its process is gone."""
+        """Wait for a result, or raise what the call raised; raise `RunError` if its process has ended."""
         try:
             return future.result()
         except BrokenExecutor as error:
@@ -86,7 +98,7 @@ class Processes:
 
 
 def _start_quiet_tracker() -> None:
-    """Start the process that removes the semaphores of a killed run, without its warning that it does."""
+    """Start the process that removes the semaphores of a killed run, without its warning about them."""
     if os.name != "posix":
         return
     from multiprocessing import resource_tracker
@@ -103,17 +115,17 @@ def _start_quiet_tracker() -> None:
 
 def _lost() -> RunError:
     return RunError(
-        "workers: a process ended before its frame was made; there may be too little memory for so many: take fewer "
-        '(a script that starts them needs `if __name__ == "__main__":` about its own work)'
+        "workers: a process ended before its frame was made, perhaps for lack of memory; take fewer workers "
+        '(a script that starts workers needs `if __name__ == "__main__":` around its own code)'
     )
 
 
 def _begin(file: str) -> None:
-    """Make a process ready for calls of the function that a file holds."""
+    """Prepare a worker process: load its function from a file, and end when the parent process ends."""
     import multiprocessing
 
-    global _work  # noqa: PLW0603  # a process is there for one function
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started it decides when it ends
+    global _work  # noqa: PLW0603  # a worker process calls one function
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process decides when it ends
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
@@ -121,7 +133,7 @@ def _begin(file: str) -> None:
 
 
 def _end_with(parent: Any) -> None:
-    """End this process when its parent has ended, however that did."""
+    """End this process when its parent has ended, even if the parent was killed."""
     parent.join()
     os._exit(1)
 

@@ -1,4 +1,4 @@
-"""Where the data that travels with the package lies: `tle/`, `models/` and `examples/`."""
+"""Paths of the data shipped with the package: `tle/`, `models/` and `examples/`."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from pathlib import Path
 def shipped(name: str = "") -> Path:
     """Return the path of shipped data, such as ``shipped("tle/tdrs.tle")``.
 
-    In a wheel the folders lie inside the package, in an editable install beside it. The path need not exist.
+    A wheel has the folders inside the package, an editable install beside it. The path need not exist.
     """
     package = Path(__file__).resolve().parent
     inside = (package / "models" / "index.toml").is_file()
@@ -14,10 +14,10 @@ def shipped(name: str = "") -> Path:
 
 
 def find(path: str | Path, folder: Path | None = None) -> Path | None:
-    """Return the file that a user means by `path`, or None.
+    """Find the file that a user means by `path`; None if there is none.
 
-    Looked up as it stands where it is absolute, else beside `folder` (the scenario file's; the working folder if None),
-    else among the shipped data.
+    An absolute path is used as it is. A relative path is looked up in `folder` (by default the working folder), then among
+    the shipped data.
     """
     try:
         wanted = Path(path).expanduser()

@@ -10,9 +10,9 @@ from rso_lidar.errors import RsoLidarError
 
 MOST_BYTES = 8 * 2**20
 MOST_KEYS = 100_000
-DEEPEST = 32  # tables in tables, or steps of a dotted key
+DEEPEST = 32  # levels of nested tables, or parts of a dotted key
 
-# Quoted text and comments are ignored. A quoted step of a key still counts as a step.
+# Quoted text and comments are ignored. A quoted part of a dotted key still counts as one part.
 _QUOTED = re.compile(
     r'"""(?:\\.|[^\\])*?"""|' + r"'''.*?'''" + r'|"(?:\\.|[^"\\\n])*"' + r"|'[^'\n]*'" + r"|(#[^\n]*)", re.DOTALL
 )
@@ -21,37 +21,46 @@ _BRACKET = re.compile(r"[\[\]{}]")
 
 
 def parse_toml(text: str, where: str, error: type[RsoLidarError]) -> dict[str, Any]:
-    """Parse a TOML text after a check of its size and depth: tomllib takes gigabytes for some texts of a few 100 kB.
+    """Parse a TOML text after a check of its size and depth.
+
+    tomllib needs gigabytes of memory for some texts of a few 100 kB.
 
     Parameters
     ----------
-    text : the TOML.
-    where : its name in errors.
-    error : the class of what is raised.
+    text : the TOML text.
+    where : name of the text in messages, such as its path.
+    error : class of the error to raise.
+
+    Returns
+    -------
+    dict
 
     Raises
     ------
-    error : the text is no TOML, or is too long, too deep or of too many keys.
+    error
+        If the text is not TOML, is too long or nested too deeply, or has too many keys.
     """
     if not isinstance(text, str):
-        raise error(f"{where}: is no text but {text!r:.60}; give TOML as a str")
+        raise error(f"{where}: not a str but {text!r:.60}; give TOML as a str")
     if len(text) > MOST_BYTES:
         raise error(
-            f"{where}: has over {MOST_BYTES // 2**20} million characters; keep large tables in files of their own"
+            f"{where}: has over {MOST_BYTES // 2**20} million characters; move large tables to files of their own"
         )
     bare = _QUOTED.sub(lambda found: "" if found[1] else "q", text)
     steps = [found[0].count(".") + 1 for found in _DOTTED.finditer(bare)]
-    if bare.count("=") + sum(count for count in steps if count > 2) > MOST_KEYS:  # a number such as 1.5 has two steps
-        raise error(f"{where}: has over {MOST_KEYS:,} keys; keep large tables in files of their own")
+    if (
+        bare.count("=") + sum(count for count in steps if count > 2) > MOST_KEYS
+    ):  # a number such as 1.5 looks like a key of two parts
+        raise error(f"{where}: has over {MOST_KEYS:,} keys; move large tables to files of their own")
     deepest, depth = max(steps, default=0), 0
     for found in _BRACKET.finditer(bare):
         depth = depth + 1 if found[0] in "[{" else max(depth - 1, 0)
         deepest = max(deepest, depth)
     if deepest > DEEPEST:
-        raise error(f"{where}: is nested over {DEEPEST} levels deep; no table here is, so write it flat")
+        raise error(f"{where}: nested more than {DEEPEST} levels deep; no key needs that, so flatten it")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
-        raise error(f"{where}: not valid TOML: {problem}; mend that line") from None
+        raise error(f"{where}: not valid TOML: {problem}; correct that line") from None
     except (RecursionError, ValueError) as problem:
-        raise error(f"{where}: not readable as TOML ({problem}); mend it") from None
+        raise error(f"{where}: not readable as TOML ({problem}); correct the text") from None

@@ -237,7 +237,7 @@ def test_a_draft_is_not_made_through_a_link(tmp_path):
 def test_a_folder_that_is_removed_meanwhile_is_told_without_advice_that_does_not_fit(tmp_path):
     place = tmp_path / "out" / "a.csv"
     place.parent.mkdir()
-    said = r"a\.csv: could not be written: its folder was removed or renamed; make it again and run again$"
+    said = r"a\.csv: could not be written: its folder was removed or renamed; create it again, then run again$"
     with pytest.raises(RunError, match=said), write_atomically(place) as draft:
         draft.write_text("new")
         shutil.rmtree(place.parent)
@@ -250,7 +250,7 @@ def test_a_folder_that_is_removed_meanwhile_is_told_without_advice_that_does_not
         (errno.EDQUOT, "make room"),
         (errno.EROFS, "allow writing there"),
         (errno.EIO, "check the disk"),
-        (errno.ESTALE, "make its folder again"),
+        (errno.ESTALE, "create its folder again"),
     ],
 )
 def test_advice_fits_the_reason(tmp_path, number, cure):
@@ -267,7 +267,7 @@ def test_a_stream_that_is_cut_short_or_replaced_is_told(tmp_path):
         stream.write(b"x" * 100)
         check_stream(stream, draft, place)
         os.truncate(draft, 40)
-        with pytest.raises(RunError, match="another program cut short its temporary file"):
+        with pytest.raises(RunError, match="another program truncated its temporary file"):
             check_stream(stream, draft, place)
         os.truncate(draft, 100)
         check_stream(stream, draft, place)

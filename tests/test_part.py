@@ -147,7 +147,7 @@ def test_a_whole_number_is_a_number():
         ),
         ("[[wheel]]\nname = 'a'\naxis = [0, 'x', 1]", "wheel[0].axis[1]: should be a valid number, not 'x'"),
         ("[[wheel]]\nname = '1st wheel'\naxis = [0, 0, 1]", "wheel[0].name: "),
-        ("[mount]\nquaternion_xyzw = [0, 0, 0, 2]", "mount.quaternion_xyzw: a unit quaternion x, y, z, w is needed"),
+        ("[mount]\nquaternion_xyzw = [0, 0, 0, 2]", "mount.quaternion_xyzw: needs a unit quaternion x, y, z, w"),
         (
             "start_utc = 2024-09-17T12:00:00",
             "start_utc: a time without an offset is ambiguous; end it with Z or +00:00",
@@ -329,14 +329,14 @@ def test_a_dump_names_the_objects_and_cannot_be_read_again():
     dump = Choir(lead=Whistle(), row=(Chord(tones=4), Hum())).model_dump(exclude_none=True)
     assert dump["lead"] == {"type": "python", "object": f"{__name__}.Whistle(...)"}
     assert dump["row"] == ({"type": "python", "object": f"{__name__}.Chord(tones=4)"}, {"type": "hum", "level": 1.0})
-    with pytest.raises(ScenarioError, match=r"Choir: lead: stands for the Python object .*Whistle.*; give the object"):
+    with pytest.raises(ScenarioError, match=r"Choir: lead: stands for the Python object .*Whistle.*; set the object"):
         Choir(**dump)
 
 
 @pytest.mark.parametrize(
     ("voice", "message"),
     [
-        (Whistle, r"lead: is the class Whistle; give an object of it, such as Whistle\(\)"),
+        (Whistle, r"lead: is the class Whistle; give an instance, such as Whistle\(\)"),
         (object(), r"lead: needs a table with a 'type', a part, or an object with loudness \(the protocol Noisy\)"),
         ({"type": "hun"}, r"lead: unknown type 'hun'; did you mean 'hum'"),
         (5, "lead: needs a table"),

@@ -76,7 +76,7 @@ def test_what_cannot_be_sent_is_named():
 
 def test_a_daemon_is_told_that_it_may_start_none(monkeypatch):
     monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)
-    with pytest.raises(ScenarioError, match="workers: this process is a daemon itself"):
+    with pytest.raises(ScenarioError, match="workers: a daemon process cannot start processes"):
         Processes(1, os.getpid)
 
 

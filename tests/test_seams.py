@@ -89,7 +89,7 @@ def test_a_motion_that_answers_something_else_is_told():
 @pytest.mark.parametrize(
     ("motion", "message"),
     [
-        (Line, r"motion: is the class Line; give an object of it, such as Line\(\)"),
+        (Line, r"motion: is the class Line; give an instance, such as Line\(\)"),
         (object(), r"motion: needs a table with a 'type', a part, or an object with states \(the protocol Motion\)"),
     ],
 )

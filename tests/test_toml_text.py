@@ -29,14 +29,14 @@ BOMBS = {
     "a header of many steps": ("[a" + ".a" * 50_000 + "]", "levels deep"),
     "lists in lists": ("a = " + "[" * 50_000, "levels deep"),
     "tables in tables": ("a = " + "{a = " * 50_000, "levels deep"),
-    "many keys": ("".join(f"k{i} = 1\n" for i in range(MOST_KEYS + 1)), "keys; keep large tables"),
-    "many deep keys": ("".join(f"k{i}.{'a.' * 20}a = 1\n" for i in range(MOST_KEYS // 20)), "keys; keep large tables"),
+    "many keys": ("".join(f"k{i} = 1\n" for i in range(MOST_KEYS + 1)), "keys; move large tables"),
+    "many deep keys": ("".join(f"k{i}.{'a.' * 20}a = 1\n" for i in range(MOST_KEYS // 20)), "keys; move large tables"),
     "long": ("# " + "x" * MOST_BYTES, "million characters"),
     "quotes without end": ('a = "' * 100_000, "not valid TOML"),
     "long quotes without end": ('a = """' * 99_999, "TOML"),
     "a number of many digits": ("a = 1" + "0" * 5000, "not readable as TOML"),
-    "no text": (b"a = 1", "is no text"),
-    "nothing": (None, "is no text"),
+    "no text": (b"a = 1", "not a str"),
+    "nothing": (None, "not a str"),
 }
 
 

@@ -117,7 +117,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir()
     except FileNotFoundError:
-        raise RecordingError(f"{folder}: there is no folder {folder.parent}; make it first") from None
+        raise RecordingError(f"{folder}: there is no folder {folder.parent}; create it first") from None
     except OSError as error:
         raise RecordingError(f"{folder}: no folder can be made there ({error.strerror}); choose another") from None
 

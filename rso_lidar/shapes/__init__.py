@@ -1,4 +1,4 @@
-"""Parametric builders of the models that travel with the package; `python -m rso_lidar.shapes.write` writes models/."""
+"""Parametric builders of the shipped models; `python -m rso_lidar.shapes.write` writes models/."""
 
 from rso_lidar.public_names import limit_dir
 from rso_lidar.shapes.build import build, builders

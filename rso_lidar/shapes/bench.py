@@ -1,4 +1,4 @@
-"""Targets for the bench: shapes whose answer is known on paper."""
+"""Targets for tests: shapes whose signal has a closed form."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def plate() -> CraftModel:
 
 
 def sphere() -> CraftModel:
-    """Return a calibration sphere: all vertices at 1 m from the origin, facets a little inside."""
+    """Return a calibration sphere: all vertices at 1 m from the origin, facets slightly inside."""
     solid = ball(SPHERE_RADIUS_M, splits=SPHERE_SPLITS)
     nearest_m = float(np.linalg.norm(solid.vertices[solid.facets].mean(axis=1), axis=1).min())
     sag_mm = (SPHERE_RADIUS_M - nearest_m) / units.MM

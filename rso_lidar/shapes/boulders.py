@@ -1,22 +1,22 @@
-"""Boulders: how many of which size lie on the ground, and bodies in their place."""
+"""Boulders on the ground: their size distribution, and their solids."""
 
 import numpy as np
 
 from rso_lidar.shapes.solids import Solid
 
-_HEIGHT = 0.5  # of the diameter; 0.25 to 0.75 at landing sites (Golombek et al. 2003, J. Geophys. Res. 108)
-_OVAL = 0.2  # of the mean diameter, by which the axes of a boulder differ at most
-_ROUGH = 0.1  # of the radius, by which its corners are moved at most
-_SUNK = 0.15  # of the diameter, by which its skirt reaches below the ground at its middle
+_HEIGHT = 0.5  # over the diameter; 0.25 to 0.75 at landing sites (Golombek et al. 2003, J. Geophys. Res. 108)
+_OVAL = 0.2  # greatest difference of the axes of a boulder, share of the mean diameter
+_ROUGH = 0.1  # greatest displacement of a corner, share of the radius
+_SUNK = 0.15  # depth of its skirt below the ground, share of the diameter
 _SIDES, _RINGS = 12, 3
 _GRID = 2000
 
 
 def rock_decay_per_m(covered: float) -> float:
-    """Return q [1/m] of the share of ground under rocks larger than D, k exp(-q D), where all of them cover k = `covered`.
+    """Return the decay q [1/m] of the share of ground k exp(-q D) that is under rocks larger than D; k is `covered`.
 
-    Golombek and Rapp 1997 (J. Geophys. Res. 102, 4117), q = 1.79 + 0.152 / k, found at the landing sites of Mars; rocks
-    about Chang'E-3 on the Moon follow the same exponential form (Di et al. 2016, Planet. Space Sci. 120).
+    q = 1.79 + 0.152 / k was fitted to the landing sites of Mars (Golombek and Rapp 1997, J. Geophys. Res. 102, 4117).
+    Rocks near Chang'E-3 on the Moon have the same exponential form (Di et al. 2016, Planet. Space Sci. 120).
     """
     return 1.79 + 0.152 / covered
 
@@ -24,23 +24,31 @@ def rock_decay_per_m(covered: float) -> float:
 def rock_diameters(
     area_m2: float, smallest_m: float, largest_m: float, covered: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the diameters [m] of the rocks on an area, the largest first; rocks of all sizes cover the share `covered`."""
+    """Draw the diameters [m] of the rocks on an area, the largest first.
+
+    Parameters
+    ----------
+    area_m2 : of the ground [m2].
+    smallest_m, largest_m : limits of the diameters [m].
+    covered : share of the area under rocks of all sizes.
+    rng : of the rocks.
+    """
     if covered <= 0.0:
         return np.empty(0)
     q = rock_decay_per_m(covered)
     edges = np.geomspace(smallest_m, largest_m, _GRID)
     cover = covered * np.exp(-q * edges)
     middle = np.sqrt(edges[1:] * edges[:-1])
-    number = area_m2 * (cover[:-1] - cover[1:]) / (0.25 * np.pi * middle**2)  # in each bin, seen as discs
+    number = area_m2 * (cover[:-1] - cover[1:]) / (0.25 * np.pi * middle**2)  # in each bin; a rock covers a disc
     below = np.concatenate([[0.0], np.cumsum(number)])
     chosen = rng.random(rng.poisson(below[-1])) * below[-1]
     return np.sort(np.interp(chosen, below, edges))[::-1]
 
 
 def boulder(diameter_m: float, rng: np.random.Generator) -> Solid:
-    """Return a boulder about the origin of the ground: the upper half of an ellipsoid, rough, on a skirt below the ground.
+    """Make a boulder on the ground at the origin: the rough upper half of an ellipsoid, +z up, on a skirt below the ground.
 
-    It is closed underneath; +z is up.
+    It is closed underneath.
     """
     radius, height = 0.5 * diameter_m, _HEIGHT * diameter_m * rng.uniform(0.7, 1.3)
     oval, turn = 1.0 + _OVAL * rng.uniform(-0.5, 0.5), rng.uniform(0.0, 2.0 * np.pi)

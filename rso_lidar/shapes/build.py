@@ -1,4 +1,4 @@
-"""The list of builders, by the name that a scenario uses."""
+"""The builders of the shipped models, by the name that a scenario uses."""
 
 from __future__ import annotations
 
@@ -58,10 +58,24 @@ def builders() -> dict[str, Callable[[], CraftModel]]:
 
 
 def build(name: str) -> CraftModel:
-    """Return the model of that name, freshly built.
+    """Build a shipped model by its name.
 
-    >>> build("plate").size_m.tolist()
-    [0.002, 4.0, 4.0]
+    Parameters
+    ----------
+    name : of a builder, as listed by `builders`.
+
+    Returns
+    -------
+    CraftModel
+        The model, freshly built.
+
+        >>> build("plate").size_m.tolist()
+        [0.002, 4.0, 4.0]
+
+    Raises
+    ------
+    ScenarioError
+        If there is no builder of that name.
     """
     known = builders()
     if name not in known:

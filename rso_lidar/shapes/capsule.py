@@ -1,4 +1,4 @@
-"""A crew capsule of the Apollo shape: a blunt cone on a heat shield, the form that most capsules have."""
+"""A crew capsule of the Apollo shape: a blunt cone on a heat shield, the most common form of capsules."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TAN, COS, SIN = math.tan(CONE_DEG * DEG), math.cos(CONE_DEG * DEG), math.sin(CON
 _BEND = math.asin((RADIUS_M - CORNER_RADIUS_M) / (SHIELD_RADIUS_M - CORNER_RADIUS_M))  # where sphere meets corner
 _CORNER_M = RADIUS_M - CORNER_RADIUS_M, SHIELD_RADIUS_M - (SHIELD_RADIUS_M - CORNER_RADIUS_M) * math.cos(_BEND)
 _FOOT_M = _CORNER_M[0] + CORNER_RADIUS_M * COS, _CORNER_M[1] + CORNER_RADIUS_M * SIN  # where the cone begins
-TUNNEL_M = 2.80  # height at which the cone gives way to the docking tunnel
+TUNNEL_M = 2.80  # height at which the docking tunnel begins
 
 
 def capsule() -> CraftModel:
@@ -80,10 +80,18 @@ def _radius(height_m: float) -> float:
 
 
 def _on_cone(solid: Solid, height_m: float, azimuth_deg: float, proud_m: float = 0.0) -> Solid:
-    """Return a solid, drawn with +z outward and +x up the slope, laid on the cone; azimuth 180 faces the hatch."""
+    """Place a solid, drawn with +z outward and +x up the slope, on the cone.
+
+    Parameters
+    ----------
+    solid : to be placed.
+    height_m : of its origin above the foot [m].
+    azimuth_deg : about the axis [deg]; 180 is the side of the hatch.
+    proud_m : height above the surface [m].
+    """
     radius = _radius(height_m) + proud_m * COS
-    laid = solid.turn("z", 180).turn("y", 90.0 - CONE_DEG)
-    return laid.move(x=radius, z=height_m + proud_m * SIN).turn("z", azimuth_deg)
+    tilted = solid.turn("z", 180).turn("y", 90.0 - CONE_DEG)
+    return tilted.move(x=radius, z=height_m + proud_m * SIN).turn("z", azimuth_deg)
 
 
 def _heat_shield() -> Solid:
@@ -108,7 +116,7 @@ def _cabin() -> Solid:
 
 
 def _parachute_cover() -> Solid:
-    """Return the forward cover over parachutes and tunnel: the tip of the cone, a little proud, with a rounded top."""
+    """Return the forward cover over parachutes and tunnel: the raised tip of the cone, with a rounded top."""
     low = 2.28
     return revolve(
         [

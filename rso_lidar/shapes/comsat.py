@@ -148,7 +148,7 @@ def _middle_m() -> Point:
 
 def _east() -> tuple[Solid, Solid, Solid, Solid]:
     """Return the two east reflectors, the ribs behind them, their arms and their feeds."""
-    flat = 1e9  # a dish of so long a focus is a disc [m]
+    flat = 1e9  # focal length [m] at which a dish is a flat disc
     shell = _bend(dish(REFLECTOR_M, flat, 0.010, 10, 44))
     edge = 0.5 * REFLECTOR_M
     circle = [(edge * 0.62 * math.cos(a * DEG), edge * 0.62 * math.sin(a * DEG), -0.03) for a in range(0, 361, 15)]

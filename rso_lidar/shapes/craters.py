@@ -1,24 +1,32 @@
-"""Craters of small bodies without air: how many of which size, and what each does to the ground."""
+"""Craters on airless bodies: their size distribution, and the shape of the ground that they leave."""
 
 import math
 
 import numpy as np
 
-EQUILIBRIUM = 0.079  # craters larger than 1 m on a square metre, 10^-1.1: Trask 1966; Gault 1970, Radio Science 5
+EQUILIBRIUM = 0.079  # craters larger than 1 m per square metre, 10^-1.1: Trask 1966; Gault 1970, Radio Science 5
 DEPTH, RIM = (
     0.196,
     0.036,
 )  # of the diameter, fresh: Pike 1977, Impact and Explosion Cratering, simple craters of the Moon
-_DECAY = 3  # ejecta thin out as the third power of the distance: McGetchin et al. 1973, Earth Planet. Sci. Lett. 20
-_REACH = 3.0  # radii, where what the ejecta still add is taken off
+_DECAY = 3  # ejecta thin with the third power of the distance: McGetchin et al. 1973, Earth Planet. Sci. Lett. 20
+_REACH = 3.0  # radii at which the blanket of ejecta is cut off
 
 
 def crater_diameters(
     area_m2: float, smallest_m: float, largest_m: float, fraction: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the diameters [m] of the craters on an area, the largest first: `fraction` of the density in equilibrium.
+    """Draw the diameters [m] of the craters on an area, the largest first.
 
-    In equilibrium N(> D) = 0.079 D^-2 per square metre, whatever first made the craters: as many are worn away as are new.
+    In equilibrium, new craters replace eroded ones, and N(> D) = 0.079 D^-2 per square metre whatever the production
+    rate.
+
+    Parameters
+    ----------
+    area_m2 : of the ground [m2].
+    smallest_m, largest_m : limits of the diameters [m].
+    fraction : share of the density in equilibrium.
+    rng : of the craters.
     """
     per_m2 = fraction * EQUILIBRIUM * (smallest_m**-2 - largest_m**-2)
     number = rng.poisson(per_m2 * area_m2)
@@ -28,10 +36,12 @@ def crater_diameters(
 
 
 def crater_heights(distance: np.ndarray) -> np.ndarray:
-    """Return the height of a fresh crater [its diameters] above the old ground, at distances from its middle [its radii].
+    """Return the height of a fresh crater above the old ground.
 
-    A paraboloid from the floor to the rim's crest, and outside a blanket that thins with the third power of the distance;
-    depth is from crest to floor.
+    The height is in diameters, the distance from the middle in radii.
+
+    It is a paraboloid from the floor to the crest of the rim; the depth is from crest to floor. Outside lies a blanket
+    of ejecta that thins with the third power of the distance.
     """
     inside = RIM - DEPTH + DEPTH * distance**2
     end = _REACH**-_DECAY
@@ -48,10 +58,17 @@ def add_craters(
     fraction: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the heights [m] of cratered ground over a grid: `y_m` (row) and `x_m` (col) are evenly spaced [m].
+    """Generate the heights [m] of cratered ground on a grid (row, col).
 
-    Craters lie anywhere at random, also outside the grid as far as they reach into it. Each is worn to some share of its
-    fresh height, all shares alike likely, as in equilibrium; they are added up.
+    Craters lie at random, also outside the grid as far as their ejecta reach into it. Each is eroded to a share of its
+    fresh height that is uniformly distributed, as in equilibrium. Heights of overlapping craters add.
+
+    Parameters
+    ----------
+    x_m, y_m : evenly spaced coordinates of the columns and of the rows [m].
+    smallest_m, largest_m : limits of the diameters [m].
+    fraction : share of the density in equilibrium.
+    rng : of the craters.
     """
     heights = np.zeros((len(y_m), len(x_m)))
     margin = 0.5 * _REACH * largest_m
@@ -71,7 +88,14 @@ def add_craters(
 
 
 def _within(axis: np.ndarray, middle: float, reach: float) -> slice:
-    """Return the places of an even axis, rising or falling, that are within reach of a middle."""
+    """Return the slice of an evenly spaced axis, rising or falling, that lies within a distance of a point.
+
+    Parameters
+    ----------
+    axis : evenly spaced coordinates.
+    middle : the point.
+    reach : the distance.
+    """
     step = float(axis[1] - axis[0])
     ends = sorted(((middle - reach - axis[0]) / step, (middle + reach - axis[0]) / step))
     return slice(max(0, math.ceil(ends[0])), min(len(axis), math.floor(ends[1]) + 1))

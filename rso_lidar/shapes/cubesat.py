@@ -18,7 +18,7 @@ WALL_M = 0.0018  # thickness of a board of cells
 
 @dataclass(frozen=True)
 class _Form:
-    """The size of a CubeSat over its rails [m], and what it carries."""
+    """Size of a CubeSat over its rails [m], and its equipment."""
 
     side_m: tuple[float, float, float]
     boards: int  # in each wing
@@ -64,10 +64,24 @@ def cubesat_12u() -> CraftModel:
 
 
 def cubesat(units: int) -> CraftModel:
-    """Return a CubeSat of 1, 3, 6 or 12 units: +x the telescope, +y the left wing where there is one, cells to +z.
+    """Build a CubeSat: +x the telescope, +y the left wing where there is one, +z the side of the solar cells.
 
-    >>> [round(1000 * side) for side in cubesat(12).parts["rails"].vertices.max(axis=0)]
-    [183, 113, 113]
+    Parameters
+    ----------
+    units : 1, 3, 6 or 12 units of about 10 cm.
+
+    Returns
+    -------
+    CraftModel
+        The model; wings from three units on, hinged wings from six.
+
+        >>> [round(1000 * side) for side in cubesat(12).parts["rails"].vertices.max(axis=0)]
+        [183, 113, 113]
+
+    Raises
+    ------
+    ScenarioError
+        For any other number of units.
     """
     if units not in _FORMS:
         raise ScenarioError(f"cubesat: {units} units: there are CubeSats of {', '.join(map(str, _FORMS))} here")
@@ -198,12 +212,12 @@ def _hinges(form: _Form) -> tuple[Hinge, ...]:
 
 
 def _front(form: _Form, solid: Solid) -> Solid:
-    """Return a solid drawn about +z, front plate at 0, put at the place of the telescope."""
+    """Place a solid, drawn about +z with the front plate at z = 0, at the telescope."""
     return solid.move(z=0.5 * form.body_m[0]).facing((1, 0, 0)).move(y=form.telescope[1])
 
 
 def _telescope(form: _Form) -> Solid:
-    """Return the baffle of the telescope at the front: a hood with vanes, proud of the front plate."""
+    """Return the baffle of the telescope at the front: a hood with vanes that protrudes from the front plate."""
     s = form.telescope[0]
     hood = ring(0.0380 * s, 0.0400 * s, -0.004, 0.006, 48)
     vane = ring(0.0340 * s, 0.0385 * s, 0.0005, 0.0015, 48)

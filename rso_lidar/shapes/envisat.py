@@ -1,4 +1,4 @@
-"""Envisat, dead since 2012: eight tonnes and 26 m of it, the piece of debris that every removal study takes."""
+"""Envisat, inactive since 2012: eight tonnes and 26 m long, the reference target of debris-removal studies."""
 
 from __future__ import annotations
 

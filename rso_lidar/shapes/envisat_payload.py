@@ -112,7 +112,15 @@ def _baffles() -> Solid:
 def _hood(
     inner_m: float, outer_m: float, length_m: float, place_m: tuple[float, ...], direction: tuple[float, ...]
 ) -> Solid:
-    """Return a hood that widens from `place_m` along `direction`, with a floor."""
+    """Return a hood that widens along a direction, closed at its narrow end.
+
+    Parameters
+    ----------
+    inner_m, outer_m : radii at the closed and at the open end [m].
+    length_m : of the hood [m].
+    place_m : middle of the closed end [m].
+    direction : from the closed to the open end.
+    """
     shell = wall([(inner_m, 0.0), (outer_m, length_m)], 0.012, 22)
     return join(shell, cylinder(inner_m + 0.006, -0.02, 0.012, 22)).facing(direction).move(*place_m)
 

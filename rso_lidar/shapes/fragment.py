@@ -1,4 +1,4 @@
-"""Fragments of a break-up: torn plates, shards, pieces of panel and crumpled foil, each from a seed."""
+"""Fragments of a break-up: torn plates, shards, pieces of panel and crumpled foil, each from a random seed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Kind = Literal["plate", "shard", "panel", "foil"]
 
 
 class _Chunk(NamedTuple):
-    """A part of a fragment before it has a size: about 1 in radius."""
+    """Part of a fragment before scaling, about 1 in radius."""
 
     solid: Solid
     material: str
@@ -42,7 +42,7 @@ def debris_shard() -> CraftModel:
 
 
 def debris_panel() -> CraftModel:
-    """Return a piece of a solar panel, 1.2 m long: honeycomb that still has some cells."""
+    """Return a piece of a solar panel, 1.2 m long: honeycomb with some cells left."""
     return fragment(5, 1.20, "panel", name="debris_panel")
 
 
@@ -52,14 +52,30 @@ def debris_foil() -> CraftModel:
 
 
 def fragment(seed: int, longest_m: float, kind: Kind = "plate", name: str | None = None) -> CraftModel:
-    """Return a fragment whose longest side is `longest_m` [m]; the same seed always makes the same one.
+    """Build a fragment of a break-up; a seed always gives the same one.
 
-    A "plate" is torn and bent and has a stiffener, a "shard" is a sliver, a "panel" a slab with the solar cells that are
-    left, a "foil" a crumpled sheet. +x lies along the longest extent, +z across the thinnest; the origin is the middle of
-    the bounds. Every part is closed; thickness grows with size.
+    Every part is closed, and thickness scales with size.
 
-    >>> float(fragment(7, 0.4, "shard").size_m.max().round(9))
-    0.4
+    Parameters
+    ----------
+    seed : random seed, 0 or more.
+    longest_m : length of the longest side [m].
+    kind : "plate" (torn and bent, with stiffeners), "shard" (a sliver), "panel" (honeycomb with its remaining solar
+        cells) or "foil" (a crumpled sheet).
+    name : of the model; by default ``fragment_<kind>_<seed>``.
+
+    Returns
+    -------
+    CraftModel
+        With +x along the longest extent, +z along the thinnest, and the origin at the middle of the bounds.
+
+        >>> float(fragment(7, 0.4, "shard").size_m.max().round(9))
+        0.4
+
+    Raises
+    ------
+    ScenarioError
+        For an unknown kind, a length that is not positive, or a negative seed.
     """
     makers: dict[str, tuple[Callable[[np.random.Generator], dict[str, _Chunk]], ShapeFamily, float]] = {
         "plate": (_plate, "plate", 10.0),
@@ -71,9 +87,9 @@ def fragment(seed: int, longest_m: float, kind: Kind = "plate", name: str | None
         known = ", ".join(get_args(Kind))
         raise ScenarioError(f"fragment: unknown kind '{kind}'{did_you_mean(kind, makers)} (known: {known})")
     if not (math.isfinite(longest_m) and longest_m > 0.0):
-        raise ScenarioError(f"fragment: longest_m is {longest_m}: must be more than 0 m")
+        raise ScenarioError(f"fragment: longest_m is {longest_m}; give a length above 0 m")
     if seed < 0:
-        raise ScenarioError(f"fragment: seed is {seed}: must be 0 or more")
+        raise ScenarioError(f"fragment: seed is {seed}; give a whole number of 0 or more")
     make, family, fastest_deg_s = makers[kind]
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(get_args(Kind).index(kind),))))
     pieces = _scaled(make(rng), longest_m)
@@ -104,7 +120,7 @@ _WHAT: dict[str, str] = {
 
 
 def _scaled(chunks: dict[str, _Chunk], longest_m: float) -> dict[str, CraftPart]:
-    """Return the chunks as pieces, turned to the principal axes of their vertices, centred and scaled."""
+    """Turn chunks to the principal axes of their vertices, centre them and scale them to a length."""
     points = np.concatenate([chunk.solid.vertices for chunk in chunks.values()])
     centered = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(np.einsum("ij,ik->jk", centered, centered))
@@ -123,7 +139,19 @@ def _scaled(chunks: dict[str, _Chunk], longest_m: float) -> dict[str, CraftPart]
 
 
 def _outline(rng: np.random.Generator, corners: int, ragged: float, squeeze: float) -> np.ndarray:
-    """Return a torn outline (n, 2): a blob of `corners` long waves with teeth, longer than wide."""
+    """Draw a torn outline: a star-shaped curve of long waves with teeth.
+
+    Parameters
+    ----------
+    rng : of the fragment.
+    corners : number of the long waves.
+    ragged : height of the teeth, share of the radius.
+    squeeze : width over length.
+
+    Returns
+    -------
+    (n, 2) points, about 1 in radius.
+    """
     n = 16 * corners
     angle = np.arange(n) * (2.0 * math.pi / n)
     radius = 1.0 + sum(
@@ -135,7 +163,14 @@ def _outline(rng: np.random.Generator, corners: int, ragged: float, squeeze: flo
 
 
 def _sheet(outline: np.ndarray, thickness: float, rings: int) -> Solid:
-    """Return a flat plate within a star-shaped outline, with vertices inside so that it can be bent."""
+    """Make a flat plate within a star-shaped outline, with inner vertices so that it can be bent.
+
+    Parameters
+    ----------
+    outline : (n, 2) points.
+    thickness : in the unit of the outline.
+    rings : of facets between the middle and the outline.
+    """
     n = len(outline)
     share = np.arange(1, rings + 1) / rings
     layer = np.concatenate([np.zeros((1, 2)), (share[:, None, None] * outline).reshape(-1, 2)])
@@ -155,10 +190,17 @@ def _sheet(outline: np.ndarray, thickness: float, rings: int) -> Solid:
 
 
 def _bend(rng: np.random.Generator, solids: list[Solid], curl: float, folds: int, depth: float) -> list[Solid]:
-    """Return sheets creased `folds` times, by slopes up to `depth`, and rolled about one line.
+    """Crease sheets along random lines, then roll them about one line.
 
-    `curl` is the angle [rad] per unit length. Creases stay below 0.4 of the radius of the roll, so that nothing turns
-    inside out.
+    Creases stay below 0.4 of the rolling radius, so that no sheet turns inside out.
+
+    Parameters
+    ----------
+    rng : of the fragment.
+    solids : the sheets, bent alike.
+    curl : rolling angle per unit length [rad].
+    folds : number of creases.
+    depth : greatest slope of a crease.
     """
     heights = [np.zeros(len(solid.vertices)) for solid in solids]
     for _ in range(folds):
@@ -197,7 +239,7 @@ def _plate(rng: np.random.Generator) -> dict[str, _Chunk]:
 
 
 def _refined(solid: Solid, longest: float = 0.10) -> Solid:
-    """Return a solid with its long edges halved until none is longer than `longest`."""
+    """Halve the long edges of a solid until none is longer than `longest`."""
     vertices, facets = solid.vertices, solid.facets
     for _ in range(8):
         sides = np.sort(facets[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
@@ -240,7 +282,7 @@ def _shard(rng: np.random.Generator) -> dict[str, _Chunk]:
 
 
 def _panel(rng: np.random.Generator) -> dict[str, _Chunk]:
-    """Return a slab of honeycomb with one straight edge, torn elsewhere, and the cells that are left on it."""
+    """Return a slab of honeycomb with one straight edge, torn elsewhere, and the remaining cells."""
     outline = _outline(rng, 5, 0.10, 0.75)
     outline[:, 1] = np.maximum(outline[:, 1], -0.50 + 0.004 * np.cos(7.0 * outline[:, 0]))  # the edge of the panel
     slab = _sheet(outline, 0.030, 6)
@@ -261,7 +303,7 @@ def _panel(rng: np.random.Generator) -> dict[str, _Chunk]:
 
 
 def _polygon_test(outline: np.ndarray) -> Callable[[float, float], bool]:
-    """Return a function that tells whether a point is inside an outline that is a star about the origin."""
+    """Return a function that tests whether a point lies inside an outline that is star-shaped about the origin."""
     angle = np.arctan2(outline[:, 1], outline[:, 0])
     radius = np.hypot(outline[:, 0], outline[:, 1])
     order = np.argsort(angle)

@@ -102,6 +102,13 @@ def _bus() -> Solid:
 
 
 def _hexagon(radius: float, low: float, high: float) -> Solid:
+    """Return a hexagonal prism about +z.
+
+    Parameters
+    ----------
+    radius : to the corners [m].
+    low, high : z of the ends [m].
+    """
     corners = [(radius * math.cos(a * DEG), radius * math.sin(a * DEG)) for a in range(30, 390, 60)]
     return prism(corners, low, high)
 
@@ -265,6 +272,13 @@ def _instruments() -> Solid:
 
 
 def _tower(x: float, y: float, low: float, high: float) -> Solid:
+    """Return a thruster tower: a square post with a box at its free end.
+
+    Parameters
+    ----------
+    x, y : of the post [m].
+    low, high : z of its ends [m].
+    """
     return join(
         box((0.11, 0.11, high - low), (x, y, 0.5 * (low + high))),
         box((0.18, 0.18, 0.06), (x, y, low if low > -1 else high)),

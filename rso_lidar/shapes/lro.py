@@ -101,7 +101,7 @@ def lro() -> CraftModel:
                 position_m=(1.20, -0.16, -0.97),
                 axis=(0.0, 1.0, 0.0),
                 normal=(0.0, 0.0, -1.0),
-                travel_deg=(-90.0, 120.0),  # upward the bus is in the way
+                travel_deg=(-90.0, 120.0),  # the bus blocks the way up
             ),
             Hinge(
                 name="high_gain",

@@ -1,7 +1,8 @@
-"""The optical presets that the models name: statements for models/materials.toml, at 1064 and at 1570 nm.
+"""Optical presets of the models: the entries of models/materials.toml, at 1064 nm and at 1570 nm.
 
-Each splits a total hemispherical reflectance into a diffuse share and a specular lobe of modified Phong (Lafortune &
-Willems 1994: kd/pi + ks (n+2)/(2 pi) cos^n). The totals lean on tabulated data, the splits are engineering defaults.
+Each preset divides a total hemispherical reflectance into a diffuse and a specular share, as in the modified Phong model
+(Lafortune & Willems 1994: kd/pi + ks (n+2)/(2 pi) cos^n). Totals come from tabulated data; the division into shares is an
+engineering default.
 """
 
 from __future__ import annotations
@@ -20,7 +21,16 @@ def _phong(
     at_1570_nm: tuple[float, float, float] | None = None,
     crinkled: dict[str, float] | None = None,
 ) -> dict[str, Any]:
-    """Return the statement of a Phong lobe (k_d, k_s, n) at 1064 and at 1570 nm, the same where the second is left out."""
+    """Make the entry of a modified Phong surface for materials.toml.
+
+    Parameters
+    ----------
+    what, source, confidence : texts of the entry.
+    lobe : k_d, k_s and n at 1064 nm.
+    rgb : colour on screen, 0 to 1.
+    at_1570_nm : k_d, k_s and n at 1570 nm; by default those at 1064 nm.
+    crinkled : `tilt_deg` and `cell_mm` of creased foil.
+    """
     keys = ("diffuse", "specular", "exponent")
     return {
         "type": "crinkled" if crinkled else "phong",
@@ -41,7 +51,14 @@ def _lambertian(
     reflectance: tuple[float, float],
     rgb: tuple[float, float, float],
 ) -> dict[str, Any]:
-    """Return the statement of a Lambertian surface with its reflectance at 1064 and at 1570 nm."""
+    """Make the entry of a Lambertian surface for materials.toml.
+
+    Parameters
+    ----------
+    what, source, confidence : texts of the entry.
+    reflectance : at 1064 nm and at 1570 nm.
+    rgb : colour on screen, 0 to 1.
+    """
     return {
         "type": "lambertian",
         "reflectance": reflectance[0],
@@ -56,7 +73,7 @@ def _lambertian(
 _FOIL = {
     "tilt_deg": 5.0,
     "cell_mm": 50.0,
-}  # the mean over cells is then the smooth twin's; the size of a crease is assumed
+}  # the mean over cells equals that of the smooth material; the size of a crease is assumed
 
 MATERIALS: dict[str, dict[str, Any]] = {
     "lambertian_30": {

@@ -1,4 +1,4 @@
-"""A craft as its builder describes it: named parts, each a closed solid of one material with an estimated mass."""
+"""A model as its builder describes it: named parts, each a closed solid of one material with an estimated mass."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rso_lidar.shapes.solids import Solid
 class CraftPart:
     """Named part of a craft.
 
-    `mass_kg` is an estimate, spread evenly through the volume, or over the surface where `hollow`.
+    `mass_kg` is an estimate, uniform over the volume, or over the surface of a `hollow` part.
     """
 
     solid: Solid
@@ -24,13 +24,24 @@ class CraftPart:
     hollow: bool = False
 
     def turn(self, axis: str, angle_deg: float) -> CraftPart:
-        """Turn the part about the "x", "y" or "z" axis by a right-handed angle [deg]."""
+        """Turn the part about an axis of the model.
+
+        Parameters
+        ----------
+        axis : "x", "y" or "z".
+        angle_deg : right-handed angle [deg].
+
+        Returns
+        -------
+        CraftPart
+            The turned part; material and mass as before.
+        """
         return replace(self, solid=self.solid.turn(axis, angle_deg))
 
 
 @dataclass(frozen=True)
 class CraftModel:
-    """Craft: its parts, its hinges, and the statements about it that go into the index."""
+    """Model of a craft: its parts, its hinges, and its entries in the index."""
 
     name: str
     what: str
@@ -108,8 +119,9 @@ def wing_hinges(
 def _moments(model: CraftModel) -> tuple[np.ndarray, np.ndarray]:
     """Return centre of mass and inertia from exact integrals over tetrahedra (solid) or triangles (hollow).
 
-    With corners a, b, c and s = a + b + c, the second moment of a tetrahedron with its fourth corner at the origin is
-    V/20 (aa' + bb' + cc' + ss'), that of a triangle A/12 (aa' + bb' + cc' + ss'); inertia is tr(S) 1 - S.
+    Let a, b, c be the corners of a triangle and s = a + b + c. The second moment S of the tetrahedron between the
+    triangle and the origin is V/20 (aa' + bb' + cc' + ss'). That of the triangle alone is A/12 (aa' + bb' + cc' +
+    ss'). The inertia is tr(S) 1 - S.
     """
     first, second = np.zeros(3), np.zeros((3, 3))
     for piece in model.pieces.values():

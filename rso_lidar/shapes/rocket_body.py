@@ -1,4 +1,4 @@
-"""A spent cryogenic upper stage of the Centaur III class: the largest kind of debris there is to meet."""
+"""A spent cryogenic upper stage of the Centaur III class, among the largest debris."""
 
 from __future__ import annotations
 
@@ -84,7 +84,14 @@ def _tank() -> Solid:
 
 
 def _ribbed_skirt(low: float, high: float, rings: int, stringers: int) -> Solid:
-    """Return a thin cylinder about the tank, with frames and stringers outside."""
+    """Return a thin cylinder about the tank, with frames and stringers outside.
+
+    Parameters
+    ----------
+    low, high : z of its ends [m].
+    rings : number of frames.
+    stringers : number of stringers.
+    """
     shell = wall([(RADIUS_M - 0.004, low), (RADIUS_M - 0.004, high)], 0.012, 72)
     frames = [torus(RADIUS_M + 0.012, 0.014, 72, 4).move(z=low + k * (high - low) / (rings - 1)) for k in range(rings)]
     bar = box((0.022, 0.022, high - low), (RADIUS_M + 0.016, 0.0, 0.5 * (low + high)))
@@ -123,7 +130,7 @@ def _adapter_ring() -> Solid:
 
 
 def _bell(station: float) -> float:
-    """Return the inner radius of the bell at `station` 0 (throat) to 1 (exit) [m]: a parabola that starts steep."""
+    """Return the inner radius of the bell [m] at `station`, 0 (throat) to 1 (exit): a parabola, steepest at the throat."""
     return THROAT_RADIUS_M + (NOZZLE_EXIT_RADIUS_M - THROAT_RADIUS_M) * (1.75 * station - 0.75 * station**2)
 
 

@@ -12,8 +12,8 @@ from rso_lidar.units import DEG
 
 Point = Sequence[float]
 
-AXIS_M = 1e-9  # a point of a profile nearer to the axis lies on it: rounding moves a point by less than 1e-13 m
-_TIE = 1e-6  # components of a unit vector that differ by less are equal: the first one counts, whatever rounding says
+AXIS_M = 1e-9  # points of a profile closer to the axis count as on it; rounding errors are below 1e-13 m
+_TIE = 1e-6  # components of a unit vector that differ by less count as equal, so that rounding decides nothing
 
 
 class Solid(NamedTuple):
@@ -23,11 +23,32 @@ class Solid(NamedTuple):
     facets: np.ndarray
 
     def move(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
-        """Shift the solid by x, y and z [m]."""
+        """Shift the solid.
+
+        Parameters
+        ----------
+        x, y, z : displacement [m].
+
+        Returns
+        -------
+        Solid
+            The shifted solid.
+        """
         return Solid(self.vertices + np.array([x, y, z], dtype=float), self.facets)
 
     def turn(self, axis: str, angle_deg: float) -> Solid:
-        """Turn the solid about the "x", "y" or "z" axis by a right-handed angle [deg]."""
+        """Turn the solid about an axis through the origin.
+
+        Parameters
+        ----------
+        axis : "x", "y" or "z".
+        angle_deg : right-handed angle [deg].
+
+        Returns
+        -------
+        Solid
+            The turned solid.
+        """
         i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
         cos, sin = math.cos(angle_deg * DEG), math.sin(angle_deg * DEG)
         vertices = self.vertices.copy()
@@ -36,7 +57,19 @@ class Solid(NamedTuple):
         return Solid(vertices, self.facets)
 
     def facing(self, direction: Point) -> Solid:
-        """Return the solid with its +z turned to `direction`, by way of the shortest turn that keeps y level."""
+        """Turn the solid so that its +z points along a direction.
+
+        Its +x becomes normal to y, or to x where the direction is within 26 deg of y.
+
+        Parameters
+        ----------
+        direction : (x, y, z) of any length.
+
+        Returns
+        -------
+        Solid
+            The turned solid.
+        """
         z = np.asarray(direction, dtype=float)
         z = z / np.linalg.norm(z)
         side = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
@@ -45,7 +78,17 @@ class Solid(NamedTuple):
         return Solid(self.vertices @ np.array([x, np.cross(z, x), z]), self.facets)
 
     def mirror(self, axis: str) -> Solid:
-        """Mirror the solid across the plane normal to "x", "y" or "z"; facets stay outward."""
+        """Mirror the solid across a plane through the origin; facets still face outward.
+
+        Parameters
+        ----------
+        axis : "x", "y" or "z", the normal of the plane.
+
+        Returns
+        -------
+        Solid
+            The mirrored solid.
+        """
         sign = np.array([-1.0 if name == axis else 1.0 for name in "xyz"])
         return Solid(self.vertices * sign, self.facets[:, ::-1])
 
@@ -65,7 +108,7 @@ def join(*solids: Solid) -> Solid:
 
 
 def box(size_m: Point, center_m: Point = (0.0, 0.0, 0.0)) -> Solid:
-    """Return a box of `size_m` (x, y, z) about `center_m`.
+    """Return a box of size (x, y, z) [m] about a centre [m].
 
     >>> box((1, 2, 3)).volume_m3()
     6.0
@@ -101,10 +144,10 @@ def prism(outline_m: Iterable[Point], bottom_m: float, top_m: float) -> Solid:
 
 
 def revolve(profile_m: Iterable[Point], sides: int = 32) -> Solid:
-    """Return a profile of (radius, z) turned about +z.
+    """Revolve a profile of (radius, z) about +z.
 
-    A profile that begins and ends on the axis makes a closed body; one that stays off the axis is closed upon itself
-    and makes a ring. Either sense of the profile will do.
+    A profile that begins and ends on the axis encloses a body. Any other profile is closed by its last and first
+    points and makes a ring. Either sense of the profile is allowed.
     """
     profile = [(float(radius) if abs(radius) > AXIS_M else 0.0, float(z)) for radius, z in profile_m]
     solid_body = profile[0][0] == 0.0 and profile[-1][0] == 0.0
@@ -222,12 +265,12 @@ def dome(radius_m: float, height_m: float, rings: int = 10, sides: int = 48) -> 
 
 
 def ball(radius_m: float, center_m: Point = (0.0, 0.0, 0.0), splits: int = 2) -> Solid:
-    """Return an icosphere: an icosahedron with each facet divided in four several times, all vertices on the sphere.
+    """Return an icosphere: an icosahedron whose facets are divided in four repeatedly, with all vertices on the sphere.
 
     Parameters
     ----------
-    radius_m, center_m : of the sphere.
-    splits : how often facets are divided.
+    radius_m, center_m : of the sphere [m].
+    splits : number of divisions.
     """
     golden = 0.5 * (1.0 + math.sqrt(5.0))
     corners = [(a, b * golden, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
@@ -310,12 +353,9 @@ def lattice(x_m: Sequence[float], y_m: Sequence[float], opened: Iterable[tuple[i
 
     Parameters
     ----------
-    x_m, y_m
-        Ascending lines that rule the plate into cells [m].
-    opened
-        Cells (column, row) that are windows. Solid cells must not meet at a corner only.
-    thickness_m
-        Thickness [m].
+    x_m, y_m : ascending lines that divide the plate into cells [m].
+    opened : cells (column, row) that are windows; solid cells must not meet at a corner only.
+    thickness_m : of the plate [m].
     """
     columns, rows = len(x_m) - 1, len(y_m) - 1
     windows = set(opened)
@@ -339,7 +379,7 @@ def lattice(x_m: Sequence[float], y_m: Sequence[float], opened: Iterable[tuple[i
 
 
 def tiles(size_m: Point, count: tuple[int, int], gap_m: float, center_m: Point = (0.0, 0.0, 0.0)) -> Solid:
-    """Return a field of equal boxes with gaps between.
+    """Return a field of equal boxes separated by gaps.
 
     Parameters
     ----------
@@ -356,13 +396,12 @@ def tiles(size_m: Point, count: tuple[int, int], gap_m: float, center_m: Point =
 
 
 def skin(outlines_m: Sequence[Sequence[Point]]) -> Solid:
-    """Return the solid that a skin over several outlines encloses, closed by fans over the first and the last one.
+    """Return the solid inside a skin over several outlines, closed by fans over the first and the last outline.
 
     Parameters
     ----------
-    outlines_m
-        Outlines of equally many points (x, y, z) [m], corner by corner beside each other; the last one is seen
-        counter-clockwise from where it faces, or all of them clockwise: the solid is wound outward either way.
+    outlines_m : (outline, corner, 3) points [m], with equal numbers of corners, corresponding corners in the same
+        place. Either sense of the outlines is allowed: facets are turned outward.
     """
     outlines = np.asarray(outlines_m, dtype=float)
     number, corners = outlines.shape[:2]

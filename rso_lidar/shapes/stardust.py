@@ -154,7 +154,14 @@ def _bus() -> Solid:
 
 
 def _octagon(half_width: float, low: float, high: float, cut: float) -> list[Point]:
-    """Return an outline (y, z) with its corners cut off."""
+    """Return a rectangular outline (y, z) with its corners cut off.
+
+    Parameters
+    ----------
+    half_width : half of its extent along y [m].
+    low, high : z of its lower and upper side [m].
+    cut : length cut from each side at a corner [m].
+    """
     return [
         (half_width, low + cut),
         (half_width, high - cut),
@@ -168,7 +175,13 @@ def _octagon(half_width: float, low: float, high: float, cut: float) -> list[Poi
 
 
 def _upright(outline: list[Point], back: float, front: float) -> Solid:
-    """Return a plate with the outline (y, z) between two stations along x."""
+    """Return a plate with an outline in the y-z plane.
+
+    Parameters
+    ----------
+    outline : points (y, z) [m].
+    back, front : x of its faces [m].
+    """
     return skin([[(x, y, z) for y, z in outline] for x in (back, front)])
 
 

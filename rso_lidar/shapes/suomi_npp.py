@@ -105,7 +105,13 @@ def _on_earth_face(solid: Solid) -> Solid:
 
 
 def _upright(outline: list[tuple[float, float]], left_m: float, right_m: float) -> Solid:
-    """Return a convex outline (x, z), counter-clockwise with x to the right, drawn out from y = left to right."""
+    """Extrude a convex outline along y.
+
+    Parameters
+    ----------
+    outline : points (x, z) [m], counter-clockwise with x to the right.
+    left_m, right_m : y of the faces [m].
+    """
     return prism(outline, -right_m, -left_m).turn("x", 90)
 
 
@@ -230,7 +236,13 @@ def _star_trackers() -> Solid:
 
 
 def _dish_at(x: float, y: float, z: float, radius_m: float) -> Solid:
-    """Return a shallow dish that looks away from the Earth face, with rim, feed and three legs."""
+    """Return a shallow dish that looks away from the Earth face, with rim, feed and three legs.
+
+    Parameters
+    ----------
+    x, y, z : of its vertex, from the origin of the Earth face [m].
+    radius_m : of the dish [m].
+    """
     focal_length = 1.6 * radius_m
     reflector = dish(2 * radius_m, focal_length, 0.008, 6, 32)
     rim = torus(radius_m - 0.005, 0.008, 32, 6).move(z=radius_m**2 / (4 * focal_length))
@@ -242,7 +254,12 @@ def _dish_at(x: float, y: float, z: float, radius_m: float) -> Solid:
 
 
 def _patch_at(x: float, y: float, z: float) -> Solid:
-    """Return the ground plate of three short helices, for commands and telemetry, looking to -x."""
+    """Return the ground plate of three short helices, for commands and telemetry, facing -x.
+
+    Parameters
+    ----------
+    x, y, z : of the middle of the plate [m].
+    """
     plate = cylinder(0.15, -0.01, 0.01, 28)
     cups = [ball(0.034, (0.085, 0.0, 0.02), 1).turn("z", angle) for angle in (0, 120, 240)]
     return join(plate, *cups).facing((-1, 0, 0)).move(x, y, z)

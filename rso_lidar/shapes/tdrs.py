@@ -170,6 +170,15 @@ def _feed() -> Solid:
 def _radial_tube(
     inner_m: float, low_m: float, outer_m: float, high_m: float, angle_deg: float, radius_m: float
 ) -> Solid:
+    """Return a round bar in a plane that contains the z axis.
+
+    Parameters
+    ----------
+    inner_m, low_m : radius and z of one end [m].
+    outer_m, high_m : radius and z of the other end [m].
+    angle_deg : azimuth of the plane [deg].
+    radius_m : of the bar [m].
+    """
     return tube((inner_m, 0.0, low_m), (outer_m, 0.0, high_m), radius_m, 6).turn("z", angle_deg)
 
 
@@ -215,6 +224,13 @@ def _space_ground_link() -> Solid:
 
 
 def _at(radius: float, z: float, angle_deg: float) -> tuple[float, float, float]:
+    """Convert cylindrical to Cartesian coordinates.
+
+    Parameters
+    ----------
+    radius, z : [m].
+    angle_deg : azimuth [deg].
+    """
     return radius * math.cos(angle_deg * DEG), radius * math.sin(angle_deg * DEG), z
 
 

@@ -1,4 +1,4 @@
-"""Ground made by seed: craters, and boulders that stand among them."""
+"""Ground generated from a random seed: craters, and boulders among them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from rso_lidar.shapes.craters import add_craters
 from rso_lidar.shapes.solids import Solid, join
 
 _MOST_BOULDERS = 50_000
-_CRATERS, _ROCKS = 0, 1  # streams of chance, so that other rocks leave the craters as they are
+_CRATERS, _ROCKS = 0, 1  # random streams, so that the craters do not depend on the rocks
 
 
 @dataclass(frozen=True)
 class Abundance:
-    """Sizes from `smallest_m` to `largest_m`, and how many: `fraction` of equilibrium (craters) or of the area (rocks)."""
+    """Range of sizes [m] and abundance of craters or rocks.
+
+    `fraction` is the share of the equilibrium density (craters) or of the covered area (rocks).
+    """
 
     smallest_m: float
     largest_m: float
@@ -26,14 +29,28 @@ class Abundance:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Heights [m] about their mean (row, col), row 0 in the north; and what stands on them, None without any."""
+    """Heights [m] about their mean (row, col), row 0 in the north, and the boulders on them, if any."""
 
     heights_m: np.ndarray
     boulders: Solid | None
 
 
 def made_ground(seed: int, size_m: float, cell_m: float, craters: Abundance, rocks: Abundance) -> Ground:
-    """Return the ground that a seed makes: a square about the origin, x east, y north; the same each time."""
+    """Generate ground from a random seed: a square about the origin, x east, y north.
+
+    Parameters
+    ----------
+    seed : random seed; a seed always gives the same ground.
+    size_m : side of the square [m].
+    cell_m : spacing of the heights [m].
+    craters : sizes of the craters, and share of their equilibrium density.
+    rocks : sizes of the boulders, and share of the area that they cover.
+
+    Raises
+    ------
+    MeshError
+        If there are more than 50,000 boulders.
+    """
     n = round(size_m / cell_m) + 1
     at = (np.arange(n) - 0.5 * (n - 1)) * cell_m
     rng = np.random.default_rng([seed, _CRATERS])
@@ -47,8 +64,8 @@ def _boulders(heights: np.ndarray, cell_m: float, rocks: Abundance, rng: np.rand
     diameters = rock_diameters(side**2, rocks.smallest_m, rocks.largest_m, rocks.fraction, rng)
     if len(diameters) > _MOST_BOULDERS:
         raise MeshError(
-            f"terrain: {len(diameters):,} boulders of {rocks.smallest_m:g} m and more are over {_MOST_BOULDERS:,}; "
-            "raise boulder_min_m, or lower rock_fraction"
+            f"terrain: {len(diameters):,} boulders of {rocks.smallest_m:g} m or more exceed the limit of "
+            f"{_MOST_BOULDERS:,}; raise boulder_min_m, or lower rock_fraction"
         )
     if not len(diameters):
         return None
@@ -60,7 +77,18 @@ def _boulders(heights: np.ndarray, cell_m: float, rocks: Abundance, rng: np.rand
 
 
 def height_at(heights_m: np.ndarray, cell_m: float, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-    """Return heights [m] between those of a grid (row, col) about the origin, row 0 in the north: linear in x and in y."""
+    """Interpolate heights bilinearly in a grid about the origin.
+
+    Parameters
+    ----------
+    heights_m : (row, col) heights [m], row 0 in the north.
+    cell_m : spacing of the grid [m].
+    x_m, y_m : points, east and north of the origin [m]; those outside take the height of the edge.
+
+    Returns
+    -------
+    Heights [m], in the shape of the points.
+    """
     rows, cols = heights_m.shape
     col = np.clip(x_m / cell_m + 0.5 * (cols - 1), 0.0, cols - 1.0)
     row = np.clip(0.5 * (rows - 1) - y_m / cell_m, 0.0, rows - 1.0)

@@ -1,6 +1,6 @@
 """Models to files: one binary glTF per craft, and the two tables that describe them.
 
-`python -m rso_lidar.shapes.write [folder]` writes them, without a folder to where the package looks for them.
+`python -m rso_lidar.shapes.write [folder]` writes them, by default to where the package looks for them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _GENERATED = (
 
 
 def write(folder: Path) -> list[Path]:
-    """Return the files written into `folder`: every model as GLB, `index.toml` and `materials.toml`."""
+    """Write every model as GLB, `index.toml` and `materials.toml` into a folder, and return the paths of the files."""
     import tomli_w
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -47,7 +47,7 @@ def write(folder: Path) -> list[Path]:
 
 
 def statement(model: CraftModel, content: bytes) -> dict[str, Any]:
-    """Return the index entry of a model whose file is `content`."""
+    """Describe a model for the index; `content` is the content of its file."""
     return {
         "name": model.name,
         "file": f"{model.name}.glb",
@@ -74,7 +74,7 @@ def _rounded(values: np.ndarray, digits: int) -> list[float]:
 
 
 def glb(model: CraftModel) -> bytes:
-    """Return the model as binary glTF 2.0: one mesh and node per part, float32 metres as they stand (z up)."""
+    """Encode a model as binary glTF 2.0: one mesh and node per part, float32 coordinates [m] in the model's axes (z up)."""
     buffer = b""
     views: list[dict[str, Any]] = []
     accessors: list[dict[str, Any]] = []
@@ -90,7 +90,7 @@ def glb(model: CraftModel) -> bytes:
 
     meshes = []
     for name, piece in model.pieces.items():
-        # To 1e-9 m, so that rounding, which other processors do otherwise, changes no byte; + 0.0 turns -0.0 into 0.0
+        # Rounded to 1e-9 m, so that rounding errors of other processors change no byte; + 0.0 turns -0.0 into 0.0
         vertices = (np.round(piece.solid.vertices, 9) + 0.0).astype("<f4")
         wide = len(vertices) > 65535
         indices = piece.solid.facets.ravel().astype("<u4" if wide else "<u2")
@@ -125,7 +125,7 @@ def glb(model: CraftModel) -> bytes:
 
 
 def _appearance(name: str) -> dict[str, Any]:
-    """Return how a viewer shows a material; the lidar uses materials.toml, not this."""
+    """Return the glTF material that a viewer shows; the lidar uses materials.toml instead."""
     colour = [*MATERIALS[name]["display_rgb"], 1.0]
     look = {"baseColorFactor": colour, "metallicFactor": 0.0, "roughnessFactor": 0.7}
     return {"name": name, "pbrMetallicRoughness": look, "doubleSided": True}

@@ -1,4 +1,4 @@
-"""A spent second stage of the Zenit-2 class (SL-16): nine tonnes of tanks, the heaviest debris of the 850 km shell."""
+"""A spent second stage of the Zenit-2 class (SL-16): nine tonnes, the heaviest debris near 850 km altitude."""
 
 from __future__ import annotations
 
@@ -65,6 +65,13 @@ def zenit_stage() -> CraftModel:
 
 
 def _round(azimuth_deg: float, radius_m: float, z: float) -> tuple[float, float, float]:
+    """Convert cylindrical to Cartesian coordinates.
+
+    Parameters
+    ----------
+    azimuth_deg : [deg].
+    radius_m, z : [m].
+    """
     return radius_m * math.cos(azimuth_deg * DEG), radius_m * math.sin(azimuth_deg * DEG), z
 
 
@@ -153,6 +160,13 @@ def _adapter_ring() -> Solid:
 
 
 def _bell(station: float, throat_m: float, exit_m: float) -> float:
+    """Return the inner radius of a nozzle [m]: a parabola that is steepest at the throat.
+
+    Parameters
+    ----------
+    station : 0 at the throat to 1 at the exit.
+    throat_m, exit_m : radii [m].
+    """
     return throat_m + (exit_m - throat_m) * (1.7 * station - 0.7 * station**2)
 
 

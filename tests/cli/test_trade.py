@@ -94,7 +94,7 @@ def test_a_slash_at_the_end_makes_the_folder(call, text, tmp_path, monkeypatch):
     [
         (["-o", "x.jpg"], "unknown suffix '.jpg'"),
         (["-o", "x"], "no suffix"),
-        (["-o", "no/such/"], "no/such: there is no folder no; make it first"),
+        (["-o", "no/such/"], "no/such: there is no folder no; create it first"),
         (["-o", "mine.csv/"], "mine.csv: exists already"),
         (["-o", "no/such/x.csv"], "there is no folder"),
         (["-o", "~no_such_user/"], "~no_such_user"),

@@ -113,7 +113,7 @@ def test_an_older_export_is_replaced_only_when_asked(tmp_path, name):
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path, name):
-    with pytest.raises(RecordingError, match=rf"out.{name}: there is no folder .*nowhere; make it first"):
+    with pytest.raises(RecordingError, match=rf"out.{name}: there is no folder .*nowhere; create it first"):
         write(tmp_path / "nowhere", name, make_frames(1))
 
 
@@ -121,7 +121,7 @@ def test_a_name_that_no_disk_takes_is_one_line(tmp_path, name):
     with pytest.raises(RecordingError, match=r"cannot be written here \(File name too long\)"):
         export.save(tmp_path / f"{'x' * 254}.{name}", make_frames(1))
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(RecordingError, match=r"there is no folder .*file; make it first|Not a directory"):
+    with pytest.raises(RecordingError, match=r"there is no folder .*file; create it first|Not a directory"):
         write(tmp_path / "file", name, make_frames(1))
 
 

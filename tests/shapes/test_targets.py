@@ -171,9 +171,9 @@ def test_a_fragment_grows_in_all_directions():
             (1, 0.3, "plat"),
             r"^fragment: unknown kind 'plat'; did you mean 'plate'\? \(known: plate, shard, panel, foil\)$",
         ),
-        ((1, 0.0, "plate"), r"^fragment: longest_m is 0\.0: must be more than 0 m$"),
-        ((1, math.nan, "plate"), r"^fragment: longest_m is nan: must be more than 0 m$"),
-        ((-1, 0.3, "plate"), r"^fragment: seed is -1: must be 0 or more$"),
+        ((1, 0.0, "plate"), r"^fragment: longest_m is 0\.0; give a length above 0 m$"),
+        ((1, math.nan, "plate"), r"^fragment: longest_m is nan; give a length above 0 m$"),
+        ((-1, 0.3, "plate"), r"^fragment: seed is -1; give a whole number of 0 or more$"),
     ],
 )
 def test_a_fragment_that_cannot_be_is_one_line(arguments, line):

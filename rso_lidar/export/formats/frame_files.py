@@ -53,7 +53,7 @@ def write_frame_files(
                 lines.write(json.dumps({"file": name, **describe_frame(frame)}) + "\n")
         for name, size in sizes.items():
             if (draft / name).stat().st_size != size:
-                raise RunError(f"{place}: is not written, because another program cut short {name} in it; run again")
+                raise RunError(f"{place}: not written: another program truncated {name} in it; run again")
     return place
 
 

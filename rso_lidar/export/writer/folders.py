@@ -39,7 +39,7 @@ def check_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
         if place.exists() and not place.is_dir():
             raise RecordingError(f"{place}: is a file, and this format needs a folder; give another name")
         if not place.parent.is_dir():
-            raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+            raise RecordingError(f"{place}: there is no folder {place.parent}; create it first")
         if place.is_dir() and any(place.iterdir()):
             if not overwrite:
                 raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")

@@ -65,7 +65,7 @@ def test_output_that_cannot_be_is_refused_before_any_frame(tmp_path):
         "there.h5": r"there\.h5: exists already; give --overwrite",
         "folder.h5": r"folder\.h5: is a folder",
         "pipe.h5": r"pipe\.h5: is not a regular file",
-        "none/run.h5": r"run\.h5: there is no folder .*none; make it first",
+        "none/run.h5": r"run\.h5: there is no folder .*none; create it first",
         "there.h5/run.h5": r"run\.h5: (there is no folder|cannot be written here \(Not a directory\))",
         "run.h6": r"unknown suffix '\.h6'; did you mean '\.h5'\? \(known: \.h5, \.hdf5",
         "run": r"the name has no suffix \(known: \.h5, \.hdf5",

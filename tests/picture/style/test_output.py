@@ -19,7 +19,7 @@ def test_a_bad_path_is_told_before_anything_is_drawn(tmp_path):
         contact_sheet(frames(), tmp_path / "a.pnng")
     with one_line(r"the name has no suffix \(known: \.gif, \.mp4\)"):
         animate(frames(), tmp_path / "a")
-    with one_line("there is no folder .*nowhere; make it first"):
+    with one_line("there is no folder .*nowhere; create it first"):
         contact_sheet(frames(), tmp_path / "nowhere" / "a.png")
     (tmp_path / "b.png").mkdir()
     with one_line("is a folder"):
