@@ -9,6 +9,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import files
 from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.motion.attitudes.attitude_file import read_attitudes
 from rso_lidar.motion.motions.prescribed_motion import read_table
 from rso_lidar.optics.tables.laser_profiles import read_pattern
 from rso_lidar.optics.tables.zemax import read_huygens_psf
@@ -22,7 +23,7 @@ READERS = {
     "catalogue": ("x.tle", rl.orbit.Catalog.from_file),
     "ephemeris": ("x.oem", lambda path: rl.orbit.Ephemeris(file=str(path))._arcs()),
     "table of places": ("x.csv", read_table),
-    "attitude": ("x.aem", lambda path: rl.motion.AttitudeTable(file=str(path))._arcs()),
+    "attitude": ("x.aem", lambda path: read_attitudes(str(path), None, None)),
     "brdf": ("x.csv", _read_brdf_table),
     "listing": ("x.txt", read_huygens_psf),
     "pattern": ("x.png", lambda path: read_pattern(str(path))),
