@@ -1,4 +1,4 @@
-"""Files: read whole and within bounds, written whole or not at all, and by one process at a time.
+"""Files: read whole and within bounds, written whole or not at all.
 
 Reading refuses pipes, devices and files above a size limit, so that it always ends.
 """
@@ -20,13 +20,11 @@ from rso_lidar.interruption import defer_signals, remove_on_signal
 
 MOST_BYTES = 256 * 2**20  # of a catalogue, a table or an image; the whole public catalogue as OMM has about 40 MiB
 _MIB = 2**20
-_LOCK_WAIT_S = 0.1  # longer than is_locked holds a lock, which is microseconds
-_POLL_S = 0.02  # between two attempts to take a lock
-_REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
+REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 _drafts: dict[Path, os.stat_result] = {}  # temporary files of this process, as they were made
 _CURES = {
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room"),
-    **dict.fromkeys(_REFUSED, "allow writing there"),
+    **dict.fromkeys(REFUSED, "allow writing there"),
     **dict.fromkeys((errno.ENOENT, errno.ENOTDIR, errno.ESTALE), "create its folder again"),
 }
 
@@ -354,71 +352,6 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
     with write_atomically(place) as draft:
         draft.write_text(text, encoding="utf-8", newline="\n")
     return place
-
-
-@contextmanager
-def hold_lock(path: Path, *, wait_s: float = _LOCK_WAIT_S, busy: str | None = None) -> Iterator[None]:
-    """Hold a lock file during a context, so that no other process writes the file that it guards.
-
-    The system releases the lock of a process that is killed. The lock file is removed when the context ends.
-
-    Parameters
-    ----------
-    path : of the lock file, ``.<name>.lock`` beside the file that it guards.
-    wait_s : longest wait for another process to release it [s].
-    busy : message if it was not released; by default, that another run is writing the file.
-
-    Raises
-    ------
-    RecordingError
-        If another process holds the lock, or the folder may not be written.
-    RunError
-        If the file system refuses the lock file for another reason, such as a full disk.
-    """
-    from filelock import FileLock, Timeout
-
-    lock = FileLock(path, thread_local=False)
-    try:
-        if not path.parent.is_dir():  # FileLock would make it
-            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
-        lock.acquire(timeout=wait_s, poll_interval=_POLL_S)
-    except Timeout:
-        message = busy or f"{path.name[1:-5]}: another run is writing it; wait, or give another name"
-        raise RecordingError(message) from None
-    except OSError as error:
-        if error.errno in _REFUSED:
-            raise RecordingError(
-                f"{path.parent}: may not be written ({error.strerror}); choose another folder"
-            ) from None
-        raise RunError(
-            f"{path}: cannot be written ({error.strerror}); {advise_on_write(error.errno)} and run again"
-        ) from error
-    try:
-        with remove_on_signal(path.unlink):
-            yield
-    finally:
-        if os.name == "posix":  # while locked: filelock then notices that its file is gone, and acquires a new one
-            with suppress(OSError):
-                path.unlink()
-        lock.release()
-
-
-def is_locked(path: Path) -> bool | None:
-    """Return whether a running process holds a lock file; None if that cannot be determined."""
-    from filelock import lock_descriptor
-
-    try:
-        descriptor = os.open(path, os.O_RDONLY)
-    except FileNotFoundError:
-        return False
-    except OSError:
-        return None
-    try:
-        return not lock_descriptor(descriptor, blocking=False)
-    except OSError:
-        return None
-    finally:
-        os.close(descriptor)
 
 
 def write_columns(place: Path, table: Mapping[str, Any]) -> Path:

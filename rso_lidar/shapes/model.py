@@ -24,17 +24,12 @@ class CraftPart:
     hollow: bool = False
 
     def turn(self, axis: str, angle_deg: float) -> CraftPart:
-        """Turn the part about an axis of the model.
+        """Return the part turned about an axis of the model.
 
         Parameters
         ----------
         axis : "x", "y" or "z".
         angle_deg : right-handed angle [deg].
-
-        Returns
-        -------
-        CraftPart
-            The turned part; material and mass as before.
         """
         return replace(self, solid=self.solid.turn(axis, angle_deg))
 

@@ -23,31 +23,21 @@ class Solid(NamedTuple):
     facets: np.ndarray
 
     def move(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
-        """Shift the solid.
+        """Return the solid shifted by a displacement.
 
         Parameters
         ----------
         x, y, z : displacement [m].
-
-        Returns
-        -------
-        Solid
-            The shifted solid.
         """
         return Solid(self.vertices + np.array([x, y, z], dtype=float), self.facets)
 
     def turn(self, axis: str, angle_deg: float) -> Solid:
-        """Turn the solid about an axis through the origin.
+        """Return the solid turned about an axis through the origin.
 
         Parameters
         ----------
         axis : "x", "y" or "z".
         angle_deg : right-handed angle [deg].
-
-        Returns
-        -------
-        Solid
-            The turned solid.
         """
         i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
         cos, sin = math.cos(angle_deg * DEG), math.sin(angle_deg * DEG)
@@ -57,18 +47,11 @@ class Solid(NamedTuple):
         return Solid(vertices, self.facets)
 
     def facing(self, direction: Point) -> Solid:
-        """Turn the solid so that its +z points along a direction.
-
-        Its +x becomes normal to y, or to x where the direction is within 26 deg of y.
+        """Return the solid turned so that its +z points along a direction, and its +x is normal to y (or to x).
 
         Parameters
         ----------
         direction : (x, y, z) of any length.
-
-        Returns
-        -------
-        Solid
-            The turned solid.
         """
         z = np.asarray(direction, dtype=float)
         z = z / np.linalg.norm(z)
@@ -78,16 +61,11 @@ class Solid(NamedTuple):
         return Solid(self.vertices @ np.array([x, np.cross(z, x), z]), self.facets)
 
     def mirror(self, axis: str) -> Solid:
-        """Mirror the solid across a plane through the origin; facets still face outward.
+        """Return the solid mirrored across a plane through the origin; facets still face outward.
 
         Parameters
         ----------
         axis : "x", "y" or "z", the normal of the plane.
-
-        Returns
-        -------
-        Solid
-            The mirrored solid.
         """
         sign = np.array([-1.0 if name == axis else 1.0 for name in "xyz"])
         return Solid(self.vertices * sign, self.facets[:, ::-1])

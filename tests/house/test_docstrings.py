@@ -28,15 +28,12 @@ NOT_YET = {  # functions that are documented next, by room
         Amplifier.correlation Amplifier.response Bridge.__init__ Empirical.counts
         Empirical.detection_probability Empirical.noise_photons Empirical.range_noise_m Filters.__init__
         Gate.n_samples GeigerArray.false_peak_probability GeigerArray.find_least_counts
-        GeigerArray.noise_per_s Gsfl.alone Gsfl.counts Gsfl.noise_in_light Gsfl.replace Gsfl.with_gate_delay
+        GeigerArray.noise_per_s Gsfl.alone Gsfl.counts Gsfl.noise_in_light Gsfl.with_gate_delay
         Matched.__init__ _call _draw_first_false_s _draw_normal _make_filter _pulses _quantise _rates
         _shape_pulse _simulate_listed _solve_threshold _store _wait advise array_load copy_shared crlb_s
-        describe describe_storage describe_window detect_with_taps detection_probability draw_crossings
-        draw_crosstalk_m draw_first_crossings draw_speckle_factors false_alarm_probability
+        cross_edges describe describe_storage describe_window detect_with_taps detection_probability
+        draw_crossings draw_crosstalk_m draw_first_crossings draw_speckle_factors false_alarm_probability
         find_crossings_between find_rows frame_jitter_s isolate list_neglected_effects predict
-    """,
-    "errors": """
-        PropagationError.__init__
     """,
     "export": """
         ChunkWriter._append Frames.__init__ InterferenceError.__init__ Recorder._has_other_lens Recorder.write
@@ -49,7 +46,7 @@ NOT_YET = {  # functions that are documented next, by room
         _write_images check_kept check_output format_for open save write_new_file write_source writer_for
     """,
     "files": """
-        _too_large read_bytes read_text write_text
+        _too_large
     """,
     "motion": """
         write_aem
@@ -64,29 +61,26 @@ NOT_YET = {  # functions that are documented next, by room
         OdeSolution.__init__ write_oem
     """,
     "part": """
-        Part.replace Seam._serialize _place explain
+        Seam._serialize
     """,
     "philox": """
         _block _turn
     """,
     "picture": """
-        _Scene.__init__ _choose_target _draw_angles _draw_bar _draw_drive _draw_effect _draw_error
-        _draw_errors _draw_field _draw_nis _draw_on_log _draw_parts _mark _names _prepare_axes _shade
-        _write_gif _write_heading _write_mp4 angles_figure curve_figure encounter_figure even_indices
-        frame_figure inertial_figure orbit_figure ptu_figure save_frame timeline_figure tracking_figure
-    """,
-    "pose": """
-        Link.__init__
+        _Scene.__init__ _draw_angles _draw_bar _draw_drive _draw_effect _draw_error _draw_errors _draw_field
+        _draw_nis _draw_on_log _draw_parts _mark _names _prepare_axes _shade _write_gif _write_heading
+        _write_mp4 angles_figure curve_figure encounter_figure even_indices frame_figure inertial_figure
+        orbit_figure ptu_figure save_frame timeline_figure tracking_figure
     """,
     "records": """
         Truth.at Truth.pose Truth.rates array specs
     """,
     "scenario": """
-        Constraints.radius_m Corridor.angle_rad Corridor.applies Corridor.margin_m Lidar.at Lidar.replace
-        Lidar.with_settings Mission.corners_of Mission.epochs Mission.file Mission.locate_errors
-        Mission.replace Mission.rng Mission.surfaces_of Schedule.at Time.seconds _advise_on_line_of_sight
-        _advise_on_sun _check_corridor _check_exclusions _check_keep_out _descend_to _describe_motion
-        _describe_passage _describe_target _find_material _format_course _format_ends require_scenario
+        Constraints.radius_m Corridor.angle_rad Corridor.applies Corridor.margin_m Lidar.at
+        Lidar.with_settings Mission.corners_of Mission.epochs Mission.file Mission.locate_errors Mission.rng
+        Mission.surfaces_of Schedule.at Time.seconds _advise_on_line_of_sight _advise_on_sun _check_corridor
+        _check_exclusions _check_keep_out _descend_to _describe_motion _describe_passage _describe_target
+        _find_material _format_course _format_ends require_scenario
     """,
     "scene": """
         ByWavelength.at Crinkled.mean_brdf_per_sr Crinkled.tilt_normals Named.at RetroReflector._around
@@ -98,19 +92,16 @@ NOT_YET = {  # functions that are documented next, by room
         split_at_hinges warn_of_repairs warn_of_size
     """,
     "shapes": """
-        CraftPart.turn Solid.facing Solid.mirror Solid.move Solid.turn _at _barrel _bell _bend _boulders
-        _dish_at _hexagon _hood _lambertian _octagon _on_cone _outline _patch_at _phong _radial_tube
-        _ribbed_skirt _round _sheet _tower _upright _within add_craters build crater_diameters cubesat
-        fragment height_at made_ground rock_diameters
+        _boulders
     """,
     "simulate": """
         _fly flash simulate
     """,
     "study": """
         Budget.range_of_pixels Budget.save Encounters.csv Study.load Study.loads Study.number Study.numbers
-        Study.replace Timeline.save Tracking.save Trade.save TradeTable.of_points TradeTable.ranked
-        _CountedFrames.__init__ _build_batch _check_field _check_number _evaluate_flash _evaluate_frame
-        _pointing _simulate_side _state_in_gcrs _vector_columns save
+        Timeline.save Tracking.save Trade.save TradeTable.of_points TradeTable.ranked _CountedFrames.__init__
+        _build_batch _check_field _check_number _evaluate_flash _evaluate_frame _pointing _simulate_side
+        _state_in_gcrs _vector_columns save
     """,
     "track": """
         _angle_between_rad align filter_positions nis_bounds sample_mesh
