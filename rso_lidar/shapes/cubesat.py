@@ -151,7 +151,7 @@ def _pieces(form: _Form) -> dict[str, CraftPart]:
     if form.boards:
         pieces["star_tracker"] = CraftPart(_star_tracker(form), "black_paint", 0.10)
     pieces["fasteners"] = CraftPart(_fasteners(form), "aluminium", 0.02)
-    if form.limit_kg > 6.0:
+    if form.limit_kg > 9.0:  # six units (12 kg) and more
         pieces["thruster"] = CraftPart(_thrusters(form), "aluminium", 0.15 * share)
     return pieces
 
