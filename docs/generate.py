@@ -12,6 +12,7 @@ import dataclasses
 import datetime
 import importlib
 import re
+import tomllib
 import types
 from collections.abc import Sequence
 from pathlib import Path
@@ -71,6 +72,7 @@ def pages() -> dict[Path, str]:
         "instrument.md": {"constants": constants(), "presets": presets()},
         "studies.md": {"merits": merits(), "study keys": study_keys()},
         "glossary.md": {"classes": classes()},
+        "architecture.md": {"floors": floors(), "rooms": rooms()},
         "models.md": {"models": shipped_models(), "sources": model_sources(), "materials": shipped_materials()},
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
@@ -518,6 +520,61 @@ def classes() -> str:
                 first = (ast.get_docstring(node) or "").partition("\n")[0].replace("``", "`")
                 rows.append((f"`{node.name}`", f"`{module}`", first))
     return _table(("class", "module of `rso_lidar`", "what it is"), sorted(rows, key=lambda row: row[0].lower()))
+
+
+# ----------------------------------------------------------------------------------------------- architecture.md
+
+
+def _layers() -> dict[str, list[list[str]]]:
+    """Return by package the names on each floor, top first, as the import contracts in pyproject.toml state them."""
+    text = (DOCS.parent / "pyproject.toml").read_text(encoding="utf-8")
+    contracts = tomllib.loads(text)["tool"]["importlinter"]["contracts"]
+    return {
+        contract["containers"][0]: [
+            [name for name in layer.split(" | ") if not name.startswith("(")]  # a room that is not built yet
+            for layer in contract["layers"]
+        ]
+        for contract in contracts
+        if contract["type"] == "layers"
+    }
+
+
+def _idea(dotted: str) -> tuple[str, str]:
+    """Return the name of a module or of a folder of modules, and the first line of its docstring."""
+    place = DOCS.parent.joinpath(*dotted.split("."))
+    file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    first = (ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or "").partition("\n")[0]
+    return f"`{place.name}/`" if place.is_dir() else f"`{place.name}`", first.replace("``", "`")
+
+
+def _floor_rows(package: str, layers: list[list[str]]) -> list[tuple[str, ...]]:
+    return [
+        (str(number) if name == layer[0] else "", *_idea(f"{package}.{name}"))
+        for number, layer in zip(range(len(layers), 0, -1), layers, strict=True)
+        for name in layer
+    ]
+
+
+def floors() -> str:
+    """Return every room and module of the package, floor by floor."""
+    return _table(("floor", "room or module", "idea"), _floor_rows("rso_lidar", _layers()["rso_lidar"]))
+
+
+def rooms() -> str:
+    """Return what each room holds, in its order of imports where a contract states one."""
+    layers = _layers()
+    blocks = []
+    for room in (name for layer in layers["rso_lidar"] for name in layer):
+        folder, package = DOCS.parent / "rso_lidar" / room, f"rso_lidar.{room}"
+        if not folder.is_dir() or room in ("cli", "shapes"):
+            continue
+        if package in layers:
+            table = _table(("floor", "part", "idea"), _floor_rows(package, layers[package]))
+        else:
+            names = sorted(file.stem for file in folder.glob("*.py") if file.stem != "__init__")
+            table = _table(("part", "idea"), [_idea(f"{package}.{name}") for name in names])
+        blocks.append(f"### {room}\n\n{_idea(package)[1]}\n\n{table}")
+    return "\n\n".join(blocks)
 
 
 def _is_a_value(field: Any) -> bool:

@@ -1,4 +1,4 @@
-"""What is out there, and where rays meet it."""
+"""Targets and where rays meet them: meshes, materials, surfaces, casting and labels."""
 
 from rso_lidar.public_names import limit_dir
 from rso_lidar.scene.casting.cast import cast

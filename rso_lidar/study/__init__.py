@@ -1,4 +1,4 @@
-"""Questions asked of scenarios and recordings: how far, when, which is best, how well tracked, what it looks like."""
+"""Studies of scenarios and recordings: link budgets, encounters, timelines, trades, tracking and elevation maps."""
 
 from rso_lidar.public_names import limit_dir
 from rso_lidar.study.budgets.range_budget import Budget, budget

@@ -64,6 +64,7 @@ def generator():
 def test_generated_pages_are_up_to_date(generator):
     pages = generator["pages"]()
     assert {page.name for page in pages} == {
+        "architecture.md",
         "glossary.md",
         "scenario.md",
         "records.md",

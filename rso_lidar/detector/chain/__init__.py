@@ -1,1 +1,1 @@
-"""The stages put together: what a detector stores and says of one flash."""
+"""The stages combined: what a detector stores and reports of one flash."""

@@ -1,1 +1,1 @@
-"""What a user sets: pure parts, with plain derived quantities."""
+"""Settings of the detectors: parts that a user describes, with derived quantities."""

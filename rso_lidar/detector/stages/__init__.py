@@ -1,1 +1,1 @@
-"""The photon's life in a pixel, stage by stage; each takes its own part."""
+"""Stages of the detector, in the order in which light passes them; each takes its own part."""

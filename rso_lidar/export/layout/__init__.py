@@ -1,1 +1,1 @@
-"""What a recording holds: datasets, attributes and checksums, whatever kind of file stores them."""
+"""Layout of a recording: datasets, attributes and checksums, the same in every kind of file."""

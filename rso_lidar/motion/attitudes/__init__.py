@@ -1,1 +1,1 @@
-"""Attitude laws: how a body is turned, and how fast, at any epochs."""
+"""Attitude laws: orientation and body rate at any epochs."""

@@ -1,1 +1,1 @@
-"""Bodies: a name, a motion, an attitude, hinges and extra axes, and the order in which they are worked out."""
+"""Bodies: a name, a motion, an attitude, hinges and extra axes, and the order in which they are computed."""

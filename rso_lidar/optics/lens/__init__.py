@@ -1,1 +1,1 @@
-"""What a real lens does to the image: distortion and point spread functions."""
+"""Lens effects: distortion and point spread functions."""

@@ -1,1 +1,1 @@
-"""What of a sequence is drawn: which frames, which part of the field, and within which limits."""
+"""Selection from a sequence: the frames, the part of the field and the limits that are drawn."""

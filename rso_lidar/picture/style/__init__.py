@@ -1,1 +1,1 @@
-"""What all pictures share: colours, the page of a figure, and figures written as files."""
+"""Style of all pictures: colours, the page of a figure, and figures written as files."""

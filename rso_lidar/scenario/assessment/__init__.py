@@ -1,1 +1,1 @@
-"""What a mission holds, in words: its description, warnings and broken constraints."""
+"""Assessment of a mission: its description, warnings and broken constraints."""

@@ -1,1 +1,1 @@
-"""How far a camera detects, and how precisely it ranges: link budgets in closed form."""
+"""Link budgets in closed form: detection range and ranging precision."""

@@ -1,1 +1,1 @@
-"""Which objects of a catalogue pass near a follower, and what a lidar could see of them."""
+"""Passes of catalogued objects near a follower, and what a lidar could see of them."""

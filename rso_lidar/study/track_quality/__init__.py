@@ -1,1 +1,1 @@
-"""How well a tracker follows the target of a recording."""
+"""Errors of trackers on the target of a recording, and their consistency."""

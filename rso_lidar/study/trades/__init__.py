@@ -1,1 +1,1 @@
-"""Which variant of a scenario is best: trade studies and their figures of merit."""
+"""Trade studies: variants of a scenario compared by figures of merit."""
