@@ -10,7 +10,7 @@ from rso_lidar.cli.completion import list_classes, list_own_models, list_shapes,
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError, did_you_mean
 from rso_lidar.records.taxonomy import ObjectClass, ShapeFamily, Stabilisation
-from rso_lidar.scene.library.adding import Wanted, add_model, remove_model
+from rso_lidar.scene.library.adding import MeshOptions, add_model, remove_model
 from rso_lidar.scene.library.model_index import own_folder
 
 MeshFile = Annotated[Path, typer.Argument(metavar="PATH", help="STL, OBJ, PLY, GLB, glTF or OFF; STEP or IGES.")]
@@ -54,7 +54,7 @@ def add(
 ) -> None:
     """Add a mesh to your own library. Values that are guessed are printed."""
     axes: Literal["z_up", "y_up"] = "y_up" if y_up else "z_up"
-    wanted = Wanted(
+    wanted = MeshOptions(
         name=name,
         scale=scale,
         size_m=size_m,

@@ -105,7 +105,7 @@ class Laser(Part):
         ):
             given = getattr(self, name) is not None
             if needs and not given:
-                raise ValueError(f"{what} needs {name}; name the file")
+                raise ValueError(f"{what} needs {name}; give the path of the file")
             if given and not needs:
                 raise ValueError(f"{name} is given but not used; set {what}, or leave it out")
         return self
@@ -170,7 +170,12 @@ class Laser(Part):
         return math.tan(0.5 * self.divergence_rad)
 
     def is_lit(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return whether the footprint covers points (x, y) of the tangent plane; a Gaussian covers all."""
+        """Return whether the footprint covers points of the tangent plane; a Gaussian covers all.
+
+        Parameters
+        ----------
+        x, y : coordinates in the tangent plane, broadcast together.
+        """
         if self.footprint == "gaussian":
             return np.ones(np.broadcast(x, y).shape, dtype=bool)
         if self.footprint == "circle":
@@ -185,6 +190,16 @@ class Laser(Part):
         Square E/(4t²), circle E/(πt²), Gaussian 2E/(πt²)·exp(−2r²/t²), with t = tan(θ/2). ``as_printed`` is E/t²
         (Fuller et al., eq. 7).
 
+        Parameters
+        ----------
+        x, y : coordinates in the tangent plane, broadcast together.
+
+        Returns
+        -------
+        photons per unit area of the tangent plane.
+
+        Examples
+        --------
         >>> laser = Laser(divergence_deg=2.5)
         >>> float(laser.density(0.0, 0.0) * (2 * laser.half_width_tangent) ** 2 / laser.photons)
         1.0
@@ -233,18 +248,39 @@ def _taps(fwhm_s: float, order: float) -> tuple[float, np.ndarray]:
 
 @lru_cache(maxsize=16)
 def _measured_width_s(file: str, _modified_ns: int, _size: int) -> float:
+    """Return the full width at half maximum of a measured pulse [s], cached until its file changes.
+
+    Parameters
+    ----------
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    """
     return find_full_width_s(*read_pulse(file))
 
 
 @lru_cache(maxsize=16)
 def _measured_taps(file: str, _modified_ns: int, _size: int) -> tuple[float, np.ndarray]:
+    """Sample a measured pulse at even steps about its centroid, cached until its file changes.
+
+    Parameters
+    ----------
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+
+    Returns
+    -------
+    step [s], and power at each step (tap), whose integral is 1.
+
+    Raises
+    ------
+    ScenarioError
+        If the rows reach too far from the middle for the width of the pulse.
+    """
     time_s, power = read_pulse(file)
     fwhm_s, reach_s = find_full_width_s(time_s, power), float(np.abs(time_s).max())
     half = min(math.ceil(reach_s / min(float(np.diff(time_s).min()), fwhm_s / _TAPS_PER_FWHM)), _MOST_TAPS)
     if reach_s / half > fwhm_s / 8.0:
         raise ScenarioError(
-            f"{Path(file).name}: the pulse is {fwhm_s / units.NS:.3g} ns wide and its rows reach "
-            f"{reach_s / units.NS:.3g} ns from its middle; cut its tails"
+            f"{Path(file).name}: the pulse is {fwhm_s / units.NS:.3g} ns wide and its rows extend "
+            f"{reach_s / units.NS:.3g} ns from its middle; shorten its tails"
         )
     step_s = reach_s / half
     time = np.arange(-half, half + 1) * step_s

@@ -89,11 +89,11 @@ class Receiver(Part):
         if (self.f_number is None) == (self.aperture_mm is None):
             raise ValueError("give exactly one of f_number and aperture_mm")
         if self.n_rows * self.n_cols * self.rays_per_pixel > 2**27:
-            raise ValueError("n_rows * n_cols * rays_per_pixel is over 134 million rays; take fewer")
+            raise ValueError("n_rows * n_cols * rays_per_pixel is over 134 million rays; give fewer")
         if math.isqrt(self.rays_per_pixel) ** 2 != self.rays_per_pixel:
             near = max(1, round(math.sqrt(self.rays_per_pixel))) ** 2
             raise ValueError(
-                f"rays_per_pixel is a k x k grid, so a square number: {near} instead of {self.rays_per_pixel}"
+                f"rays_per_pixel is a k x k grid: give a square number, {near} instead of {self.rays_per_pixel}"
             )
         return self
 
@@ -149,13 +149,31 @@ class Receiver(Part):
         return 2.0 * math.atan(0.5 * self.pixel_tangent)
 
     def image_of(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the image of directions (x, y, 1): column and row, 0 at the outer edges of the first pixels."""
+        """Return the image of directions on the focal plane.
+
+        Parameters
+        ----------
+        x, y : tangents of the directions (x, y, 1) in lidar axes.
+
+        Returns
+        -------
+        column and row, 0 at the outer edges of the first pixels.
+        """
         if self.distortion is not None:
             x, y = self.distortion.distort(x, y)
         return x / self.pixel_tangent + 0.5 * self.n_cols, y / self.pixel_tangent + 0.5 * self.n_rows
 
     def tangents_at(self, col: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and y of the directions (x, y, 1) that the lens images to (col, row) on the focal plane."""
+        """Return the directions that the lens images to points of the focal plane; the inverse of `image_of`.
+
+        Parameters
+        ----------
+        col, row : points, 0 at the outer edges of the first pixels.
+
+        Returns
+        -------
+        x and y of the directions (x, y, 1) in lidar axes.
+        """
         x = (col - 0.5 * self.n_cols) * self.pixel_tangent
         y = (row - 0.5 * self.n_rows) * self.pixel_tangent
         return (x, y) if self.distortion is None else self.distortion.undistort(x, y)

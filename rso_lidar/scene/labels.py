@@ -55,6 +55,10 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
     hits : where rays met surfaces.
     photons : the light that came back, in clusters by delay.
     max_returns : number of clusters of each pixel that are listed one by one, if over 1.
+
+    Returns
+    -------
+    labels of all pixels (row, col); sky is -1 or NaN.
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     sky: dict[str, Any] = {

@@ -56,7 +56,7 @@ def locate_centroid(
     cloud
       f is counted among the pixels between two that returned.
 
-    If the target turns, the visible centroid moves on it. That is no noise, and not in the covariance.
+    If the target turns, the visible centroid moves on it. That is not noise, and not part of the covariance.
 
     Parameters
     ----------

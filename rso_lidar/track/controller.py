@@ -11,7 +11,7 @@ from rso_lidar.records import Command, Observation
 class Controller(Protocol):
     """Protocol of user-defined controllers: a function, or any callable object.
 
-    It is called once after each flash, in order, with what the spacecraft could know; truth and labels are not part of
+    It is called once after each flash, in order, with what the spacecraft could measure; truth and labels are not part of
     it. The returned command acts from the next flash on. `Pointing` and `examples/seams/own_tracker.py` are examples.
     """
 

@@ -41,6 +41,10 @@ class _Hypothesis:
         time_s : instant [s].
         middle_m : mean of the points (xyz), in axes that do not turn [m].
         axes_from_lidar : attitude of the lidar in these axes.
+
+        Returns
+        -------
+        the predicted pose lidar_from_body.
         """
         from scipy.spatial.transform import Rotation
 
@@ -111,6 +115,10 @@ class PoseFollower:
         time_s : instant [s].
         points_m : points (n, 3) in lidar axes [m].
         axes_from_lidar : attitude of the lidar in axes that do not turn.
+
+        Returns
+        -------
+        pose of the body with its misfit; None with fewer points than `min_points`, or without a match.
         """
         if len(points_m) < self.min_points:
             return None

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _FARTHEST = 3.0  # distance over the median, above which a pair is left out of a step
 _STEPS, _STILL = 60, 1e-6  # of a step, in radians and in shares of the model's radius
 _COARSE_POINTS, _COARSE_STEPS = 150, 12  # for each of the starts without a guess
-_SILHOUETTE = 500  # model points whose outline is held against the points
+_SILHOUETTE = 500  # model points whose outline is compared with the points
 _FEWEST = 6  # unknowns of a pose
 _UNLIKE_RAD = 0.5
 
@@ -74,7 +74,16 @@ def sample_mesh(corners_m: np.ndarray, count: int = 20_000, rng: np.random.Gener
     ----------
     corners_m : corners (facet, 3, xyz) of its facets [m].
     count : number of points.
-    rng : for the points; None for a fixed sequence.
+    rng : random generator for the points; None for a fixed sequence.
+
+    Returns
+    -------
+    points and normals of the mesh, in its axes.
+
+    Raises
+    ------
+    ScenarioError
+        If the corners have another shape.
     """
     corners = np.asarray(corners_m, dtype=float)
     if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners):
@@ -98,9 +107,13 @@ def align(points_m: np.ndarray, model: SampledMesh, guess: RigidTransform, steps
     Parameters
     ----------
     points_m : points (n, 3) in lidar axes [m].
-    model : of the target.
+    model : points and normals of the target.
     guess : lidar_from_body to start from.
-    steps : most steps.
+    steps : greatest number of steps.
+
+    Returns
+    -------
+    pose lidar_from_body, with the rms distance of the points.
 
     Raises
     ------
@@ -177,14 +190,18 @@ def find_outline(points_m: np.ndarray) -> Any:
 
 
 def misfit_m(lidar_from_body: RigidTransform, model: SampledMesh, points_m: np.ndarray, outline: Any) -> float:
-    """Measure the misfit of a pose [m]: rms distance of points from the model, plus that of the model from their outline.
+    """Measure the misfit of a pose: rms distance of points from the model, plus that of the model from their outline.
 
     Parameters
     ----------
     lidar_from_body : the pose.
-    model : of the target.
+    model : points of the target.
     points_m : points (n, 3) in lidar axes [m].
     outline : result of `find_outline`; distances from it are across the line of sight.
+
+    Returns
+    -------
+    misfit [m]; infinite if the model is not entirely ahead of the lidar.
     """
     apart, _ = model.tree.query(lidar_from_body.inv().apply(points_m))
     shown = lidar_from_body.apply(model.points_m[:: max(1, len(model.points_m) // _SILHOUETTE)])
@@ -200,8 +217,12 @@ def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> l
     Parameters
     ----------
     ranked : poses, the best first.
-    model : of the target.
-    count : most poses to select.
+    model : points of the target, with its long axis.
+    count : greatest number of poses to select.
+
+    Returns
+    -------
+    the selected poses, the best first.
     """
     chosen: list[Alignment] = []
     for by_axis in (True, False):
@@ -214,6 +235,18 @@ def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> l
 
 
 def _angle_between_rad(one: Alignment, other: Alignment, model: SampledMesh, by_axis: bool) -> float:
+    """Compute the angle between two poses [rad].
+
+    Parameters
+    ----------
+    one, other : the poses.
+    model : points of the target, with its long axis.
+    by_axis : whether to compare the directions of the long axis only.
+
+    Returns
+    -------
+    angle from 0 to pi [rad].
+    """
     if by_axis:
         a, b = (found.pose.rotation.apply(model.long_axis) for found in (one, other))
         return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))

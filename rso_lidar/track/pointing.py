@@ -90,6 +90,10 @@ class Pointing:
         ----------
         toward : direction (3,) in PTU axes, of any length.
         pan, tilt : measured angles [rad].
+
+        Returns
+        -------
+        pan and tilt (2,) [rad].
         """
         x, y, z = (toward / np.linalg.norm(toward)).tolist()
         x, z = x * math.cos(tilt) - z * math.sin(tilt), x * math.sin(tilt) + z * math.cos(tilt)

@@ -85,7 +85,7 @@ def test_a_joint_is_shown_as_it_would_be_written(rso_lidar, library, text):
 
 def test_an_assumed_class_is_told_with_its_options(rso_lidar, library, mesh):
     out = rso_lidar("models", "add", mesh, "--name", "mine", "--class", "debris", "--material", "cfrp")[1]
-    assert "assumed    spacecraft, irregular, three axis: say better with --subclass, --shape, --stabilisation" in out
+    assert "assumed    spacecraft, irregular, three axis: correct with --subclass, --shape, --stabilisation" in out
 
 
 def test_check_examines_a_file_and_changes_nothing(rso_lidar, library, mesh):
@@ -108,8 +108,8 @@ def test_check_knows_nasa_s_files(rso_lidar, shared):
     ("words", "says"),
     [
         (["add", "MESH", "--scale", "1", "--size-m", "2"], "--scale and --size-m"),
-        (["add", "MESH", "--scale", "0"], "--scale 0: is no size"),
-        (["add", "MESH", "--size-m", "nan"], "--size-m nan: is no size"),
+        (["add", "MESH", "--scale", "0"], "--scale 0: is not a size"),
+        (["add", "MESH", "--size-m", "nan"], "--size-m nan: is not a size"),
         (["add", "MESH", "--class", "sattelite"], "--class sattelite: is none"),
         (["add", "MESH", "--part-material", "gold"], "--part-material gold: is not PART=NAME"),
         (["add", "MESH", "--center-of-mass", "1,2"], "--center-of-mass 1,2: is not X,Y,Z"),

@@ -52,10 +52,8 @@ NOT_YET = {  # functions that are documented next, by room
         write_aem
     """,
     "optics": """
-        AiryPsf.core DistortionPart.area DistortionPart.area_at_direction DistortionPart.check
-        DistortionPart.distort DistortionPart.undistort GaussianPsf.core GridPsf.core Laser.density
-        Laser.is_lit PsfPart.core PsfPart.hats Receiver.image_of Receiver.tangents_at ZemaxDistortion.check
-        ZemaxPsf.core _fit _grid _huygens _measured_taps _measured_width_s _pattern _pulse _shares read_files
+        DistortionPart.area DistortionPart.area_at_direction DistortionPart.check DistortionPart.distort
+        DistortionPart.undistort
     """,
     "orbit": """
         OdeSolution.__init__ write_oem
@@ -83,13 +81,7 @@ NOT_YET = {  # functions that are documented next, by room
         _find_material _format_course _format_ends require_scenario
     """,
     "scene": """
-        ByWavelength.at Crinkled.mean_brdf_per_sr Crinkled.tilt_normals Named.at RetroReflector._around
-        RetroReflector.at RetroReflector.sunlight_brdf_per_sr Scatterer.at Scatterer.mean_brdf_per_sr
-        Scatterer.sunlight_brdf_per_sr Scatterer.tilt_normals Surface.evaluate_by_material Surface.scene
-        Surface.shading_normals _average_over_lens _check_count _check_tree _corners _entry _find_any
-        _find_first _first _list _load_cached _mean _relight _whole bin_of bound_rays build_surface cast
-        complete extent find_material label load_mesh may_touch model place_targets sort_points
-        split_at_hinges warn_of_repairs warn_of_size
+        _average_over_lens _relight bound_rays build_surface cast extent may_touch model place_targets sort_points
     """,
     "shapes": """
         _boulders
@@ -102,9 +94,6 @@ NOT_YET = {  # functions that are documented next, by room
         Timeline.save Tracking.save Trade.save TradeTable.of_points TradeTable.ranked _CountedFrames.__init__
         _build_batch _check_field _check_number _evaluate_flash _evaluate_frame _pointing _simulate_side
         _state_in_gcrs _vector_columns save
-    """,
-    "track": """
-        _angle_between_rad align filter_positions nis_bounds sample_mesh
     """,
 }
 

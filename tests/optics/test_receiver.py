@@ -54,7 +54,7 @@ def test_rows_run_down_and_columns_run_right():
         ({"fov_deg": 2.5, "f_number": 2.8, "aperture_mm": 10.0}, "exactly one of f_number"),
         ({"fov_deg": 2.5, "f_number": 2.8, "rays_per_pixel": 15}, "16 instead of 15"),
         ({"fov_deg": 2.5, "f_number": 2.8, "rays_per_pixel": 2}, "1 instead of 2"),
-        ({"fov_deg": 2.5, "f_number": 2.8, "n_rows": 100_000, "n_cols": 100_000}, "take fewer"),
+        ({"fov_deg": 2.5, "f_number": 2.8, "n_rows": 100_000, "n_cols": 100_000}, "give fewer"),
         ({"fov_deg": 180.0, "f_number": 2.8}, "fov_deg"),
         ({"fov_deg": 2.5, "f_number": 2.8, "transmission": 1.01}, "transmission"),
         ({"fov_deg": 2.5, "f_number": 2.8, "n_rows": 0}, "n_rows"),

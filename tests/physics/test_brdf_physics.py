@@ -304,5 +304,5 @@ def test_a_table_is_refused_where_its_own_sum_passes_one():
         if fits:
             TableBrdf(**scaled)
         else:
-            with pytest.raises(ScenarioError, match="of the light that comes in at"):
+            with pytest.raises(ScenarioError, match="of the light that is incident at"):
                 TableBrdf(**scaled)

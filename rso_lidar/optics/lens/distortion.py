@@ -32,7 +32,7 @@ class DistortionPart(Part):
         """Coefficients k1, k2, k3, p1, p2, in powers of the tangent of the field angle."""
 
     def read_bands(self) -> tuple[zemax.FileBand, ...]:
-        """Read for which wavelengths the file of the distortion was computed; empty where none says so."""
+        """Read the wavelengths for which the file of the distortion was computed; empty if it does not state them."""
         return ()
 
     def distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -42,7 +42,7 @@ class DistortionPart(Part):
 
         y_d = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p2 x y + p1 (r² + 2 y²)
 
-        The order of p1 and p2 is that of camera calibration: p1 goes with y.
+        The order of p1 and p2 is that of camera calibration: p1 belongs to y.
         """
         k1, k2, k3, p1, p2 = self.coefficients
         r2 = x * x + y * y
@@ -102,8 +102,17 @@ class DistortionPart(Part):
 
         Parameters
         ----------
-        xd, yd : image points.
-        x, y : first guess.
+        xd, yd : image points, tangents.
+        x, y : first guess of the directions, tangents.
+
+        Returns
+        -------
+        x and y of the directions.
+
+        Raises
+        ------
+        ScenarioError
+            If no direction is found for an image point.
         """
         if not any(self.coefficients):
             return xd.copy(), yd.copy()
@@ -119,8 +128,8 @@ class DistortionPart(Part):
                 x = x - scale * (yy * miss_x - xy * miss_y)
                 y = y - scale * (xx * miss_y - xy * miss_x)
         raise ScenarioError(
-            "distortion: there are places on the focal plane that no direction reaches: check the signs and sizes of "
-            "k1, k2, k3, p1, p2 (they go with powers of tan(field))"
+            "distortion: no direction is imaged to some points of the focal plane: check the signs and sizes of "
+            "k1, k2, k3, p1, p2 (coefficients of powers of tan(field))"
         )
 
 
@@ -165,7 +174,12 @@ class ZemaxDistortion(DistortionPart):
         return self.fit.coefficients
 
     def read_bands(self) -> tuple[zemax.FileBand, ...]:
-        """Read the wavelength of the listing."""
+        """Read the wavelength of the listing.
+
+        Returns
+        -------
+        path of the listing with its wavelength twice [m]; empty if the listing does not state it.
+        """
         wavelength_m = zemax.read_grid_distortion(self.file).wavelength_m
         return ((self.file, wavelength_m, wavelength_m),) if wavelength_m else ()
 
@@ -175,7 +189,17 @@ class ZemaxDistortion(DistortionPart):
         return _fit(*file_stamp(self.file))
 
     def check(self, half_x: float, half_y: float) -> None:
-        """Raise `ScenarioError` if the listing ends inside the focal plane's corner, or its fit folds within it."""
+        """Check that the listing covers the focal plane, and that its fit does not fold within it.
+
+        Parameters
+        ----------
+        half_x, half_y : half the width and half the height of the focal plane, tangents.
+
+        Raises
+        ------
+        ScenarioError
+            If the listing ends inside the corner of the focal plane, or the fit folds.
+        """
         corner = math.hypot(half_x, half_y)
         if corner > 1.05 * self.fit.reach_tangent:
             raise ScenarioError(
@@ -204,12 +228,27 @@ class Fit:
 
 @lru_cache(maxsize=16)
 def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
+    """Fit Brown-Conrady coefficients to a Grid Distortion listing, cached until the file changes.
+
+    Parameters
+    ----------
+    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+
+    Returns
+    -------
+    coefficients, and how well and how far they fit.
+
+    Raises
+    ------
+    ScenarioError
+        If the listing is not a grid of fields against f tan(field), or if the fit is poor.
+    """
     grid = zemax.read_grid_distortion(path)
     x, y = grid.field_tangent.T
     # Predicted = (A B; C D) tan(field) + offset: the paraxial lens, whatever its axes are called and wherever its origin is.
     linear = np.stack([x, y, np.ones_like(x)], axis=1)
     if np.linalg.matrix_rank(linear, tol=1e-9 * max(float(np.abs(linear[:, :2]).max()), 1e-300)) < 3:
-        raise ScenarioError(f"{path}: its points lie on one line: list a grid of fields in x and y")
+        raise ScenarioError(f"{path}: its points are on one line: list a grid of fields in x and y")
     paraxial = np.linalg.lstsq(linear, grid.predicted_m, rcond=None)[0]
     size_m = float(np.ptp(grid.predicted_m, axis=0).max())
     missed_m = float(np.abs(np.einsum("ij,jk->ik", linear, paraxial) - grid.predicted_m).max())
@@ -228,9 +267,9 @@ def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
     # Beside the five coefficients a shift of the whole image, which is pointing and not distortion.
     in_x = np.stack([u * w, u * w**2, u * w**3, 2 * u * v, w + 2 * u * u, one, nil], axis=1)
     in_y = np.stack([v * w, v * w**2, v * w**3, w + 2 * v * v, 2 * u * v, nil, one], axis=1)
-    terms, wanted = np.concatenate([in_x, in_y]), np.concatenate([xd - x, yd - y]) / radius
-    found = np.linalg.lstsq(terms, wanted, rcond=None)[0]
-    left = wanted - np.einsum("ij,j->i", terms, found)
+    terms, target = np.concatenate([in_x, in_y]), np.concatenate([xd - x, yd - y]) / radius
+    found = np.linalg.lstsq(terms, target, rcond=None)[0]
+    left = target - np.einsum("ij,j->i", terms, found)
     rms = radius * math.sqrt(2.0 * float(np.mean(left**2)))  # of the two axes together
     if rms > WORST_FIT * radius:
         raise ScenarioError(

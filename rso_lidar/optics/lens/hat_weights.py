@@ -89,10 +89,10 @@ def grid_hats(values: np.ndarray, middle: tuple[float, float], spacing_m: float,
     values : (row, col) intensities.
     middle : row and column of the kernel's centre.
     spacing_m : distance between points of the table.
-    at : the grid wanted, and by how much the table is turned.
+    at : the grid of the result, and the angle by which the table is turned.
     """
     spacing = spacing_m / at.step_m
-    # Points stand for pieces of the squares: an eighth of the step or less, and four to a side unless they are very small.
+    # Points represent pieces of the squares: an eighth of the step or less, and four to a side unless they are very small.
     cuts = min(max(min(4, math.ceil(50.0 * spacing)), math.ceil(8.0 * spacing)), 64)
     row, col = np.nonzero(values > 0.0)
     part = (np.arange(cuts) + 0.5) / cuts - 0.5

@@ -1,6 +1,6 @@
 """Point spread functions: how the light of a point spreads over the pixels about its image.
 
-A ray stands for a sub-cell of a pixel. On the focal plane its light is the sub-cell's box convolved with the kernel.
+A ray represents a sub-cell of a pixel. On the focal plane its light is the sub-cell's box convolved with the kernel.
 `pixel_shares` gives the share of it that lands in each pixel nearby.
 """
 
@@ -47,18 +47,36 @@ class PsfPart(Part):
         return self
 
     def read(self) -> None:
-        """Read the kernel's file, if it has one, and raise what is wrong with it."""
+        """Read the kernel's file, if it has one. An invalid file raises `ScenarioError`."""
 
     def read_bands(self) -> tuple[zemax.FileBand, ...]:
-        """Read for which wavelengths the kernel's file was computed; empty where none says so."""
+        """Read the wavelengths for which the kernel's file was computed; empty if it does not state them."""
         return ()
 
     @abstractmethod
     def core(self, at: HatGrid) -> np.ndarray:
-        """Return the hat weights (row, col) of the kernel without its halo."""
+        """Return the hat weights of the kernel without its halo.
+
+        Parameters
+        ----------
+        at : grid on the focal plane, with the width of its hats.
+
+        Returns
+        -------
+        (row, col) share of the light at each point of the grid.
+        """
 
     def hats(self, at: HatGrid) -> np.ndarray:
-        """Return the hat weights (row, col) of the kernel."""
+        """Return the hat weights of the kernel, its halo included.
+
+        Parameters
+        ----------
+        at : grid on the focal plane, with the width of its hats.
+
+        Returns
+        -------
+        (row, col) share of the light at each point of the grid.
+        """
         if self.halo_radius_um is None:
             return self.core(at)
         halo = halo_hats(self.halo_radius_um * units.UM, at)
@@ -90,7 +108,7 @@ class GridPsf(PsfPart):
     """Measured kernel: a table of intensities (rows from the top down) about the middle of its points.
 
     Commas, semicolons, tabs or spaces separate the numbers in `file`; `spacing_um` is the distance of the table's
-    points on the focal plane. Each point stands for the square about it.
+    points on the focal plane. Each point represents the square about it.
     """
 
     type: Literal["grid"] = "grid"
@@ -121,7 +139,12 @@ class ZemaxPsf(PsfPart):
         zemax.read_huygens_psf(self.file)
 
     def read_bands(self) -> tuple[zemax.FileBand, ...]:
-        """Read the wavelengths of the listing."""
+        """Read the wavelengths of the listing.
+
+        Returns
+        -------
+        path of the listing, with its shortest and longest wavelength [m]; empty if the listing does not state them.
+        """
         band_m = zemax.read_huygens_psf(self.file).wavelength_m
         return () if band_m is None else ((self.file, *band_m),)
 
@@ -158,11 +181,16 @@ class FieldDependentPsf(Part):
     def _check_order(self) -> Self:
         angles = [entry.field_deg for entry in self.fields]
         if any(b <= a for a, b in itertools.pairwise(angles)):
-            raise ValueError("the field_deg of fields do not grow; sort them, one kernel for each angle")
+            raise ValueError("the field_deg of fields do not ascend; sort them, one kernel for each angle")
         return self
 
     def read_bands(self) -> tuple[zemax.FileBand, ...]:
-        """Read for which wavelengths the kernels' files were computed."""
+        """Read for which wavelengths the kernels' files were computed.
+
+        Returns
+        -------
+        path, shortest and longest wavelength [m] of each kernel's file that states them.
+        """
         return tuple(band for entry in self.fields for band in entry.psf.read_bands())
 
 
@@ -183,7 +211,7 @@ def pixel_shares(
 ) -> np.ndarray:
     """Return the shares of a sub-cell's light that land in the pixels about it.
 
-    Light beyond `reach` is shared among the pixels within, so that no energy is lost; `find_reach` says how far to go.
+    Light beyond `reach` is shared among the pixels within, so that no energy is lost; see `find_reach`.
 
     Parameters
     ----------
@@ -192,7 +220,7 @@ def pixel_shares(
     sub : sub-cells along each side of a pixel.
     wavelength_m : wavelength of the light.
     f_number : focal length over aperture.
-    field_rad : angle from the axis; it matters to a `FieldDependentPsf` alone.
+    field_rad : angle from the axis; only a `FieldDependentPsf` depends on it.
     azimuth_rad : direction of the field point, atan2(y, x) in lidar axes (x right, y down).
     reach : pixels to each side.
 
@@ -222,11 +250,15 @@ def find_reach(
     Parameters
     ----------
     psf : the point spread function.
-    pitch_m : pixel pitch.
-    wavelength_m : wavelength of the light.
+    pitch_m : pixel pitch [m].
+    wavelength_m : wavelength of the light [m].
     f_number : focal length over aperture.
     field_rad, azimuth_rad : field angle and direction, as in `pixel_shares`.
     missed : share of the light that may land farther.
+
+    Returns
+    -------
+    number of pixels to each side.
     """
     within = _within(psf, _stamps(psf), pitch_m, wavelength_m, f_number, float(field_rad), float(azimuth_rad))
     enough = np.flatnonzero(within >= 1.0 - missed)
@@ -258,6 +290,17 @@ def _shares(
     azimuth_rad: float,
     reach: int,
 ) -> np.ndarray:
+    """Compute what `pixel_shares` returns, cached until a file of the kernel changes.
+
+    Parameters
+    ----------
+    psf, pitch_m, sub, wavelength_m, f_number, field_rad, azimuth_rad, reach : as for `pixel_shares`.
+    _stamped : path and state of each file of the kernel, the key of the cache.
+
+    Returns
+    -------
+    as `pixel_shares`, which also states the errors that are raised: `ScenarioError`.
+    """
     for kernel in _kernels(psf):
         kernel.read()  # every kernel, so that an error in a file is raised before its field angle is needed
     at = HatGrid(pitch_m / sub, (reach + 1) * sub, wavelength_m * f_number)
@@ -316,7 +359,7 @@ def _hats(psf: AnyPsf, at: HatGrid, field_rad: float, azimuth_rad: float) -> np.
     Parameters
     ----------
     psf : the point spread function.
-    at : the grid wanted.
+    at : the grid of the result.
     field_rad, azimuth_rad : field angle and direction.
     """
     if not isinstance(psf, FieldDependentPsf):
@@ -338,6 +381,11 @@ def _table(path: str, _modified_ns: int, _size: int) -> np.ndarray:
     Parameters
     ----------
     path, _modified_ns, _size : the file and its state, as `file_stamp` returns them.
+
+    Raises
+    ------
+    ScenarioError
+        If it has fewer than two rows or columns, or if it holds anything but numbers from 0 up.
     """
     text = convert_decimal_commas(read_text(path))
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]

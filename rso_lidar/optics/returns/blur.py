@@ -24,7 +24,9 @@ ZONES = 8  # along each side of the focal plane; a PSF that changes over the fie
 _MISSED = 1e-3  # share of the light beyond the reach of a kernel; it is shared among the pixels within
 _MISSED_OF_HALO = 1e-6  # a halo is faint and wide, and it matters beside a bright glint
 _MOST_SUBCELLS = 8  # along each side of a pixel: how well the place of a ray in its pixel is resolved
-_CORE = 2  # pixels to each side within which the place of a ray counts; farther, the pixel's middle stands for it
+_CORE = (
+    2  # pixels to each side within which the position of a ray counts; farther away, the pixel's middle represents it
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +146,7 @@ def _cores_and_fars(
     receiver : a receiver with a PSF.
     wavelength_m : of the laser.
     side : sub-cells along each side of a pixel.
-    zones : the zones wanted.
+    zones : the zones to compute.
 
     Returns
     -------
@@ -265,7 +267,13 @@ def _shares(receiver: Receiver, wavelength_m: float, side: int, field_rad: float
 
 
 def read_files(laser: Laser, receiver: Receiver) -> None:
-    """Read all files that laser and receiver name, so that an error in one is raised before the first flash."""
+    """Read all files that laser and receiver name, so that an error in one is raised before the first flash.
+
+    Parameters
+    ----------
+    laser : with its pattern or measured pulse.
+    receiver : with its distortion and point spread function.
+    """
     laser.density(np.zeros(1), np.zeros(1))
     _ = laser.pulse, receiver.line_of_sight
     if receiver.distortion is not None:

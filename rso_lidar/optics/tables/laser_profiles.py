@@ -28,6 +28,21 @@ def read_pattern(file: str) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _pattern(file: str, _modified_ns: int, _size: int) -> np.ndarray:
+    """Read a pattern of the beam, cached until its file changes.
+
+    Parameters
+    ----------
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+
+    Returns
+    -------
+    (row, col) share of the energy in each cell.
+
+    Raises
+    ------
+    ScenarioError
+        If the file is not an image or table of finite values from 0 up.
+    """
     path = Path(file)
     values = _image(path) if path.suffix.lower() in _IMAGES else _table(path)
     if values.ndim != 2 or min(values.shape) < 2:
@@ -35,7 +50,9 @@ def _pattern(file: str, _modified_ns: int, _size: int) -> np.ndarray:
             f"{path.name}: a pattern needs rows and columns, this is {values.shape}; give a larger image"
         )
     if not np.all(np.isfinite(values)) or np.any(values < 0.0) or not np.any(values > 0.0):
-        raise ScenarioError(f"{path.name}: a pattern needs finite values from 0, some of them above; mend the file")
+        raise ScenarioError(
+            f"{path.name}: a pattern needs finite values, none negative and some positive; correct the file"
+        )
     pattern: np.ndarray = values / values.max()
     pattern /= pattern.sum()
     pattern.flags.writeable = False
@@ -62,8 +79,8 @@ def _image(path: Path) -> np.ndarray:
         zlib.error,
         Image.DecompressionBombError,
     ) as error:
-        told = " ".join(str(error).split())[:100]
-        raise ScenarioError(f"{path.name}: no image that can be read ({told}); give PNG or TIFF") from None
+        reason = " ".join(str(error).split())[:100]
+        raise ScenarioError(f"{path.name}: cannot be read as an image ({reason}); give PNG or TIFF") from None
 
 
 def _table(path: Path) -> np.ndarray:
@@ -72,19 +89,21 @@ def _table(path: Path) -> np.ndarray:
     try:
         text = content.decode("utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError:
-        raise ScenarioError(f"{path.name}: is no text; give numbers in UTF-8, or an image") from None
+        raise ScenarioError(f"{path.name}: is not text; give numbers in UTF-8, or an image") from None
     rows = [line.replace(",", " ").replace(";", " ").split() for line in convert_decimal_commas(text).splitlines()]
     rows = [row for row in rows if row and not row[0].startswith("#")]
     if rows and any(not _is_number(word) for word in rows[0]):
         rows = rows[1:]  # a heading
     if not rows:
-        raise ScenarioError(f"{path.name}: holds no numbers; give a table")
+        raise ScenarioError(f"{path.name}: contains no numbers; give a table")
     for number, row in enumerate(rows, 1):
         if len(row) != len(rows[0]):
-            raise ScenarioError(f"{path.name}: row {number} has {len(row)} values, the first {len(rows[0])}; mend it")
+            raise ScenarioError(
+                f"{path.name}: row {number} has {len(row)} values, the first {len(rows[0])}; correct it"
+            )
         bad = next((word for word in row if not _is_number(word)), None)
         if bad is not None:
-            raise ScenarioError(f"{path.name}: row {number}: '{bad:.20}' is no number; mend it")
+            raise ScenarioError(f"{path.name}: row {number}: '{bad:.20}' is not a number; correct it")
     return np.array(rows, dtype=float)
 
 
@@ -106,21 +125,40 @@ def read_pulse(file: str) -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache(maxsize=8)
 def _pulse(file: str, _modified_ns: int, _size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Read a measured pulse, cached until its file changes.
+
+    Parameters
+    ----------
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+
+    Returns
+    -------
+    times (row) [s], and powers (row) with a maximum of 1.
+
+    Raises
+    ------
+    ScenarioError
+        If the file is not a table of ascending times and of powers from 0 up.
+    """
     path = Path(file)
     values = _table(path)
     if values.shape[1] != 2 or len(values) < 3:
-        raise ScenarioError(f"{path.name}: a pulse needs two columns, time_ns and power, and three rows; mend the file")
+        raise ScenarioError(
+            f"{path.name}: a pulse needs two columns, time_ns and power, and three rows; correct the file"
+        )
     time_s, power = values[:, 0] * units.NS, values[:, 1]
     if not np.all(np.isfinite(values)) or np.any(np.diff(time_s) <= 0.0):
-        raise ScenarioError(f"{path.name}: times must be finite and rise from row to row; sort the file")
+        raise ScenarioError(f"{path.name}: times must be finite and ascend; sort the file")
     if np.any(power < 0.0) or not np.any(power > 0.0):
-        raise ScenarioError(f"{path.name}: powers must be from 0, some of them above; subtract the baseline")
+        raise ScenarioError(
+            f"{path.name}: powers must not be negative, and some must be positive; subtract the baseline"
+        )
     power = power / power.max()
     lit = np.flatnonzero(power > 1e-9)
     within = slice(max(int(lit[0]) - 1, 0), int(lit[-1]) + 2)
     time_s, power = time_s[within], power[within]
     if len(time_s) < 2:
-        raise ScenarioError(f"{path.name}: the pulse holds no energy; give more rows")
+        raise ScenarioError(f"{path.name}: the pulse has no energy; give more rows")
     area, moment = (float(np.sum(part)) for part in _straight(time_s, power))
     return time_s - moment / area, power / area
 

@@ -1,6 +1,6 @@
 """Readers of two listings that Zemax OpticStudio saves as text: a Huygens PSF and a grid distortion.
 
-Nothing here knows what a lens model is; `psf` and `distortion` do. Both listings come in UTF-16 with a byte-order mark,
+Lens models are in `psf` and `distortion`. Both listings come in UTF-16 with a byte-order mark,
 UTF-8 or Latin-1, with decimal points or commas. Their header lines differ between versions, and unknown header lines
 are skipped. An error in the numbers is a `ScenarioError` of one line.
 """
@@ -80,6 +80,21 @@ def read_grid_distortion(path: str | Path) -> GridDistortion:
 
 @lru_cache(maxsize=32)
 def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
+    """Read a Huygens PSF listing, cached until its file changes.
+
+    Parameters
+    ----------
+    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+
+    Returns
+    -------
+    the listing, normalised.
+
+    Raises
+    ------
+    ScenarioError
+        If the file is not such a listing, or is cut off.
+    """
     lines = list(enumerate(convert_decimal_commas(read_text(path)).splitlines(), start=1))
     lines = [(number, line) for number, line in lines if line.strip()]
     first = next((k for k, (_, line) in enumerate(lines) if len(parse_numbers(line) or ()) > 1), len(lines))
@@ -94,12 +109,12 @@ def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
     n_rows, n_cols = values.shape
     stated = sorted(map(int, pair.groups())) if pair else [n_cols, n_cols]
     if sorted(values.shape) != stated:
-        told = f"its header says {pair[1]} by {pair[2]}" if pair else "a Huygens PSF is square"
-        raise ScenarioError(f"{path}: has {n_rows} rows of {n_cols}, but {told}: the file is cut off, save it again")
+        reason = f"its header states {pair[1]} by {pair[2]}" if pair else "a Huygens PSF is square"
+        raise ScenarioError(f"{path}: has {n_rows} rows of {n_cols}, but {reason}: the file is cut off, save it again")
     center = re.search(r"Center point is\s*:?\D*(\d+)\D+(\d+)", header, re.IGNORECASE)
     at = (float(center[1]) - 1.0, float(center[2]) - 1.0) if center else (float(n_rows // 2), float(n_cols // 2))
     if not (0 <= at[0] < n_rows and 0 <= at[1] < n_cols):
-        raise ScenarioError(f"{path}: its center point lies outside its {n_rows} by {n_cols} grid: save it again")
+        raise ScenarioError(f"{path}: its center point is outside its {n_rows} by {n_cols} grid: save it again")
     strehl = re.search(rf"Strehl ratio\s*:?\s*({_NUMBER})", header, re.IGNORECASE)
     values = values / values.sum()
     values.flags.writeable = False
@@ -121,6 +136,11 @@ def _spacing_m(path: str, header: str, n_cols: int) -> float:
     path : the listing, for messages.
     header : its header.
     n_cols : points of a row.
+
+    Raises
+    ------
+    ScenarioError
+        If the header does not state it, or states zero.
     """
     spacing = re.search(rf"Data spacing(?:\s+is)?\s*:?\s*({_NUMBER})\s*{_UNIT}", header, re.IGNORECASE)
     area = re.search(
@@ -156,6 +176,21 @@ def _wavelength_m(header: str) -> tuple[float, float] | None:
 
 @lru_cache(maxsize=16)
 def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
+    """Read a Grid Distortion listing, cached until its file changes.
+
+    Parameters
+    ----------
+    path, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+
+    Returns
+    -------
+    points of the listing whose chief ray passed the lens.
+
+    Raises
+    ------
+    ScenarioError
+        If the file is not such a listing, or is cut off.
+    """
     text = convert_decimal_commas(read_text(path))
     if not re.search(r"Grid Distortion|Predicted\s*X", text, re.IGNORECASE):
         raise ScenarioError(f"{path}: is not a Grid Distortion listing: save that analysis as text")
@@ -178,7 +213,7 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
                 "and real X and Y and distortion: the file is cut off or damaged, save it again"
             )
         if not np.all(np.isfinite(values)):
-            raise ScenarioError(f"{path}: line {number}: holds a value that is not finite: save the listing again")
+            raise ScenarioError(f"{path}: line {number}: contains a value that is not finite: save the listing again")
         rows.append(values[:7])
     _check_grid(path, indices)
     if len(rows) < 9:
@@ -198,7 +233,7 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
 def _check_grid(path: str, indices: list[tuple[int, int]]) -> None:
     """Raise `ScenarioError` unless the listing has all points of its grid, whose indices run from -n to n."""
     if not indices:
-        raise ScenarioError(f"{path}: holds no points: name a listing with its data, not the header alone")
+        raise ScenarioError(f"{path}: contains no points: give a listing with its data, not the header alone")
     side = {i for pair in indices for i in pair}
     expected = (max(side) - min(side) + 1) ** 2
     if min(side) < 0:
@@ -219,4 +254,4 @@ def _metres(unit: str) -> float:
         return _METRES[unit.lower()]
     if re.fullmatch(r"[uµμ�?]+m?|micro\w*|micron\w*", unit.lower()):
         return units.UM
-    raise ScenarioError(f"a listing in '{unit}', a unit that is not known: export it in micrometres")
+    raise ScenarioError(f"a listing in '{unit}', an unknown unit: export it in micrometres")

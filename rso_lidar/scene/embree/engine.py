@@ -130,7 +130,7 @@ def open_engine(path: Path, isa: str = "") -> Embree:
 
     Raises
     ------
-    OSError, AttributeError, ValueError : the file is no library, not embree, or an embree that does not fit.
+    OSError, AttributeError, ValueError : the file is not a library, not embree, or an embree of another version.
     """
     library = ctypes.CDLL(str(path))
     for name, (result, arguments) in _PROTOTYPES.items():
@@ -139,14 +139,14 @@ def open_engine(path: Path, isa: str = "") -> Embree:
     # One thread builds. The structure is then always the same, and a forked process waits for no thread.
     device = library.rtcNewDevice(("threads=1" + (f",isa={isa}" if isa else "")).encode())
     if not device:
-        raise ValueError("embree makes no device")
+        raise ValueError("embree cannot make a device")
     version = library.rtcGetDeviceProperty(device, _PROPERTY_VERSION)
     if version // 10_000 != _VERSION_MAJOR:
         raise ValueError(f"embree is version {version}, and records of rays differ between versions")
     for width, native in _PROPERTY_NATIVE.items():
         if library.rtcGetDeviceProperty(device, native):
             return Embree(library, device, width, *(_address(library, f"rtc{q}{width}") for q in _QUESTIONS))
-    raise ValueError("embree takes no packets on this processor")
+    raise ValueError("embree does not support packets on this processor")
 
 
 def _address(library: Any, name: str) -> int:

@@ -68,6 +68,15 @@ class RayByRay:
 
     def _guard(self, answer: Callable[[EmbreexScene, np.ndarray, int], None]) -> Callable[[int, int, int, int], None]:
         def answer_packet(used: int, scene: int, packet: int, arguments: int) -> None:
+            """Answer one packet, and keep an exception for the caller because none may cross the C interface.
+
+            Parameters
+            ----------
+            used : address of the mask of rays (ray) i4.
+            scene : number of the scene.
+            packet : address of the packet.
+            arguments : not used.
+            """
             try:
                 count = int(np.count_nonzero((ctypes.c_uint32 * _WIDTH).from_address(used)))
                 words = np.ctypeslib.as_array((ctypes.c_float * (ROWS * _WIDTH)).from_address(packet))
@@ -85,6 +94,14 @@ def _rays(packet: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _find_first(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
+    """Find the first hit of each ray, and write it into the packet.
+
+    Parameters
+    ----------
+    scene : scene of embreex.
+    packet : (row, ray) f4, in the layout of embree's packets.
+    count : number of rays.
+    """
     found = scene.run(*_rays(packet), query="INTERSECT", output=1)
     met = found["primID"] >= 0
     packet[FACET, met] = found["primID"][met].astype(np.uint32).view(np.float32)
@@ -93,4 +110,12 @@ def _find_first(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
 
 
 def _find_any(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
+    """Find whether each ray is blocked, and mark it in the packet.
+
+    Parameters
+    ----------
+    scene : scene of embreex.
+    packet : (row, ray) f4, in the layout of embree's packets.
+    count : number of rays.
+    """
     packet[FAR, scene.run(*_rays(packet), query="OCCLUDED") >= 0] = -np.inf

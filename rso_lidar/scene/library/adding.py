@@ -50,14 +50,14 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}")
 _DEFAULT = "lambertian_30"
 _METRIC = (".glb", ".gltf")  # by their standard
 _HEAD = (
-    "# Models of your own, kept by `rso-lidar models add` and `remove`. Mend what you know better: centre of mass, parts,\n"
+    "# Your own models, kept by `rso-lidar models add` and `remove`. Correct what you know better: centre of mass, parts,\n"
     "# taxonomy; mass_kg, inertia_kg_m2 and hinges may be added, in the form of the shipped models/index.toml.\n\n"
 )
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What the user says about a mesh. What is None or empty is known for the file, guessed, or a default.
+class MeshOptions:
+    """Properties of a mesh as the user gives them. What is None or empty is known for the file, guessed, or a default.
 
     `scale` is the metres in one unit of the file, `size_m` the longest side [m]; `material` is for all parts,
     `part_materials` for some by name; `taxonomy` holds the fields of `Taxonomy` that are known.
@@ -81,7 +81,9 @@ def known_meshes() -> Mapping[str, Mapping[str, Any]]:
     return MappingProxyType({entry["sha256"]: MappingProxyType(entry) for entry in entries})
 
 
-def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False) -> tuple[ModelEntry, list[str]]:
+def add_model(
+    path: Path, given: MeshOptions = MeshOptions(), *, overwrite: bool = False
+) -> tuple[ModelEntry, list[str]]:
     """Add a mesh to the user's library.
 
     The file is copied unchanged. Of STEP and IGES the triangles are kept, as GLB.
@@ -89,7 +91,7 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
     Parameters
     ----------
     path : the mesh file.
-    wanted : what the user says about it.
+    given : properties that the user gives.
     overwrite : whether to replace a model of the same name.
 
     Returns
@@ -98,10 +100,10 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
 
     Raises
     ------
-    MeshError, ScenarioError : the file cannot be read, or what the user says does not fit it.
+    MeshError, ScenarioError : the file cannot be read, or a given property does not fit it.
     """
     path = Path(path)
-    _check_numbers(wanted)
+    _check_numbers(given)
     if is_cad(path):
         blob, unit_m = tessellate(path)
         suffix, kind = ".glb", f"tessellate to {CHORD_MM:g} mm from {path.name}"
@@ -112,7 +114,7 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
         if suffix == ".gltf" and b'"uri"' in blob and not re.search(rb'"uri"\s*:\s*"data:', blob):
             raise MeshError(f"{path.name}: keeps its data in other files; export it as one .glb")
     known = known_meshes().get(hashlib.sha256(blob).hexdigest(), {})
-    name = wanted.name or known.get("name") or re.sub(r"[^a-z0-9_-]+", "_", path.stem.lower()).strip("_-")
+    name = given.name or known.get("name") or re.sub(r"[^a-z0-9_-]+", "_", path.stem.lower()).strip("_-")
     folder = own_folder()
     _check_name(name)
     try:
@@ -129,16 +131,16 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
             )
         with write_atomically(place) as draft:
             draft.write_bytes(blob)
-            table, said = _table(load_mesh(draft), known, wanted, unit_m)
+            table, report = _table(load_mesh(draft), known, given, unit_m)
             table = {"name": name, "file": place.name, "source": source, "size_bytes": len(blob), **table}
             if not _LEAST_M < (largest_m := max(table["size_m"])) < FARTHEST_M:
-                raise MeshError(f"{path.name}: is {largest_m:.4g} m across; say what it is with --scale or --size-m")
+                raise MeshError(f"{path.name}: is {largest_m:.4g} m across; give --scale or --size-m")
             own_entry(folder / "index.toml", table)
         entries = [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name]
         _write_index(folder, [*entries, table])
         if before is not None and before.path != place:
             _unlink(before.path, folder)
-        return model(name), said
+        return model(name), report
 
 
 def remove_model(name: str) -> Path:
@@ -147,7 +149,9 @@ def remove_model(name: str) -> Path:
     with _lock_library(folder) if folder.is_dir() else nullcontext():
         own, tables = own_models(), read_own_index(folder / "index.toml")
         if name not in own and name not in [table.get("name") for table in tables]:
-            where = "is shipped with the package, and stays" if name in models() else "is not in your library"
+            where = (
+                "is shipped with the package, and cannot be removed" if name in models() else "is not in your library"
+            )
             raise ScenarioError(f"model '{name}': {where}{did_you_mean(name, own)} (yours: {', '.join(own) or 'none'})")
         _write_index(folder, [table for table in tables if table.get("name") != name])
         files = [str(table.get("file", "")) for table in tables if table.get("name") == name]
@@ -168,13 +172,13 @@ def _unlink(place: Path, folder: Path) -> None:
         place.unlink(missing_ok=True)
 
 
-def _check_numbers(wanted: Wanted) -> None:
-    if wanted.scale is not None and wanted.size_m is not None:
-        raise MeshError("--scale and --size-m: say the same in two ways; give one")
-    for option, value in (("--scale", wanted.scale), ("--size-m", wanted.size_m)):
+def _check_numbers(given: MeshOptions) -> None:
+    if given.scale is not None and given.size_m is not None:
+        raise MeshError("--scale and --size-m: both set the size; give one")
+    for option, value in (("--scale", given.scale), ("--size-m", given.size_m)):
         if value is not None and not 0.0 < value < math.inf:
-            raise MeshError(f"{option} {value:g}: is no size; give a number over 0")
-    if wanted.center_of_mass_m is not None and not np.isfinite(wanted.center_of_mass_m).all():
+            raise MeshError(f"{option} {value:g}: is not a size; give a number above 0")
+    if given.center_of_mass_m is not None and not np.isfinite(given.center_of_mass_m).all():
         raise MeshError("--center-of-mass: has a number that is not finite; give three, in metres")
 
 
@@ -188,33 +192,35 @@ def _check_name(name: str) -> None:
 
 
 def _table(
-    mesh: Mesh, known: Mapping[str, Any], wanted: Wanted, unit_m: float | None
+    mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: float | None
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the index table of a mesh, and a report of what was decided.
+    """Return the index table of a mesh, and a report of the decisions.
 
     Parameters
     ----------
     mesh : the mesh as it was read.
     known : what is known about the file.
-    wanted : what the user says.
+    given : properties that the user gives.
     unit_m : metres in the unit that the file states, None where it states none.
     """
-    said: list[str] = []
+    report: list[str] = []
     left_out = tuple((first, last) for first, last in known.get("left_out", ()))
     if known:
-        said.append(f"known      {known['file']} of NASA's printable models, by its SHA-256")
+        report.append(f"known      {known['file']} of NASA's printable models, by its SHA-256")
     if left_out:
         count = sum(last - first + 1 for first, last in left_out)
-        said.append(f"repaired   {count} facets left out: the helper cube about the origin, no part of the craft")
+        report.append(f"repaired   {count} facets left out: the helper cube about the origin, not a part of the craft")
     if mesh.degenerate:
-        said.append(f"repaired   {format_count(mesh.degenerate, 'facet')} without area dropped")
-    scale = _scale(normalize_mesh(mesh, 1.0, left_out=left_out), known, wanted, unit_m, said)
-    whole = normalize_mesh(mesh, scale, wanted.mesh_axes, left_out)
+        report.append(f"repaired   {format_count(mesh.degenerate, 'facet')} without area dropped")
+    scale = _scale(normalize_mesh(mesh, 1.0, left_out=left_out), known, given, unit_m, report)
+    whole = normalize_mesh(mesh, scale, given.mesh_axes, left_out)
     low, high = whole.vertices[np.unique(whole.facets)].min(axis=0), whole.vertices[np.unique(whole.facets)].max(axis=0)
-    center = wanted.center_of_mass_m or (0.0, 0.0, 0.0)
-    if wanted.center_of_mass_m is None:
-        outside = ", which lies outside it" if (low > 0).any() or (high < 0).any() else ""
-        said.append(f"assumed    centre of mass at the origin of the file{outside}: say better with --center-of-mass")
+    center = given.center_of_mass_m or (0.0, 0.0, 0.0)
+    if given.center_of_mass_m is None:
+        outside = ", which is outside it" if (low > 0).any() or (high < 0).any() else ""
+        report.append(
+            f"assumed    centre of mass at the origin of the file{outside}: give another with --center-of-mass"
+        )
     fields = {key: known[key] for key in Taxonomy.model_fields if key in known}
     fields = {
         "object_class": "payload",
@@ -222,116 +228,128 @@ def _table(
         "shape_family": "irregular",
         "stabilisation": "three_axis",
         **fields,
-        **{key: value for key, value in wanted.taxonomy.items() if value is not None},
+        **{key: value for key, value in given.taxonomy.items() if value is not None},
         "size_class": classify_size(float(whole.size_m.max())),
     }
-    _report_known(fields, known, wanted, said)
-    guesses = [
-        "the file's geometry is taken as it stands; centre of mass and materials are assumed unless you gave them"
-    ]
+    _report_known(fields, known, given, report)
+    guesses = ["the file's geometry is used unchanged; centre of mass and materials are assumed unless you gave them"]
     table: dict[str, Any] = {
-        "what": wanted.what or known.get("what", "a mesh of your own"),
-        "licence": "NASA 3D resources: free of copyright; name NASA as the source" if known else "as its source says",
+        "what": given.what or known.get("what", "a mesh of your own"),
+        "licence": "NASA 3D resources: free of copyright; name NASA as the source"
+        if known
+        else "as stated by its source",
         "confidence": "; ".join(guesses),
-        "axes": "those of the file" + (", its y turned up to z" if wanted.mesh_axes == "y_up" else ""),
+        "axes": "those of the file" + (", its y turned up to z" if given.mesh_axes == "y_up" else ""),
         "size_m": [round(float(side), 4) for side in whole.size_m],
         "facets": len(whole.facets),
         "sha256": mesh.sha256,
         "center_of_mass_m": list(center),
         "scale": scale,
-        "mesh_axes": wanted.mesh_axes,
+        "mesh_axes": given.mesh_axes,
         "left_out": [list(run) for run in left_out],
-        "parts": _materials(mesh.part_names, wanted, said),
+        "parts": _materials(mesh.part_names, given, report),
         "taxonomy": Taxonomy(**fields).model_dump(mode="json"),
     }
-    return table, said
+    return table, report
 
 
-def _report_known(fields: dict[str, Any], known: Mapping[str, Any], wanted: Wanted, said: list[str]) -> None:
+def _report_known(fields: dict[str, Any], known: Mapping[str, Any], given: MeshOptions, report: list[str]) -> None:
     """Report which words of the taxonomy are missing, and how to give them.
 
     Parameters
     ----------
     fields : words of the taxonomy.
     known : what is known about the file.
-    wanted : what the user says.
-    said : lines of the report, to which is appended.
+    given : properties that the user gives.
+    report : lines of the report, to which is appended.
     """
     options = {
         "object_class": "--class", "subclass": "--subclass", "shape_family": "--shape", "stabilisation": "--stabilisation",
     }  # fmt: skip
-    guessed = [key for key in options if wanted.taxonomy.get(key) is None and key not in known]
+    guessed = [key for key in options if given.taxonomy.get(key) is None and key not in known]
     if guessed:
         words = ", ".join(str(fields[key]).replace("_", " ") for key in guessed)
-        said.append(f"assumed    {words}: say better with {', '.join(options[key] for key in guessed)}")
+        report.append(f"assumed    {words}: correct with {', '.join(options[key] for key in guessed)}")
 
 
-def _scale(mesh: Mesh, known: Mapping[str, Any], wanted: Wanted, unit_m: float | None, said: list[str]) -> float:
+def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: float | None, report: list[str]) -> float:
     """Return the metres in one unit of the file, and report where the number comes from.
 
     Parameters
     ----------
     mesh : the mesh as it was read.
     known : what is known about the file.
-    wanted : what the user says.
+    given : properties that the user gives.
     unit_m : metres in the unit that the file states, None where it states none.
-    said : lines of the report, to which is appended.
+    report : lines of the report, to which is appended.
+
+    Raises
+    ------
+    MeshError
+        If the unit cannot be guessed.
     """
     longest = float(mesh.size_m.max())
-    if wanted.size_m is not None:
-        return wanted.size_m / longest
-    if wanted.scale is not None:
-        return wanted.scale
+    if given.size_m is not None:
+        return given.size_m / longest
+    if given.scale is not None:
+        return given.scale
     if known:
         return 1.0 / float(known["units_per_metre"])
     if unit_m is not None:
-        said.append(f"unit       the file says its own: {longest * unit_m:.4g} m across")
+        report.append(f"unit       as the file states: {longest * unit_m:.4g} m across")
         return unit_m
     if mesh.path.suffix.lower() in _METRIC and is_plausible_size(longest):
-        said.append(f"unit       metres, as glTF has it: {longest:.4g} m across")
+        report.append(f"unit       metres, as glTF has it: {longest:.4g} m across")
         return 1.0
     fits = guess_units(longest)
     if not fits and not is_plausible_size(longest):
-        raise MeshError(f"{mesh.path.name}: is {longest:.4g} units across; say what that is with --scale or --size-m")
+        raise MeshError(f"{mesh.path.name}: is {longest:.4g} units across; give --scale or --size-m")
     unit, metres = next(iter(fits.items()), ("metres", 1.0))
     others = "".join(f", or {other}" for other in list(fits)[1:])
-    said.append(f"guessed    unit is {unit}{others}: {longest * metres:.4g} m across; if not, --scale or --size-m says")
+    report.append(
+        f"guessed    unit is {unit}{others}: {longest * metres:.4g} m across; otherwise give --scale or --size-m"
+    )
     if cube := find_helper_cube(mesh):
-        said.append(
+        report.append(
             f"guessed    a cube of {cube.size_m:.4g} units about the origin: if it is a helper cube of 1 m, "
             f"--scale {1.0 / cube.size_m:.6g}"
         )
     return metres
 
 
-def _materials(parts: tuple[str, ...], wanted: Wanted, said: list[str]) -> dict[str, str]:
+def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) -> dict[str, str]:
     """Return the material of every part.
 
     Parameters
     ----------
     parts : names of the parts.
-    wanted : what the user says.
-    said : lines of the report, to which is appended.
+    given : properties that the user gives.
+    report : lines of the report, to which is appended.
+
+    Raises
+    ------
+    MeshError
+        If a material or a part is unknown.
     """
-    for name in (*([wanted.material] if wanted.material else []), *wanted.part_materials.values()):
+    for name in (*([given.material] if given.material else []), *given.part_materials.values()):
         if name not in materials():
             guess = did_you_mean(name, materials())
-            raise MeshError(f"material '{name}': is none of the catalogue{guess} (known: {', '.join(materials())})")
-    for part in wanted.part_materials:
+            raise MeshError(f"material '{name}': is not in the catalogue{guess} (known: {', '.join(materials())})")
+    for part in given.part_materials:
         if part not in parts:
             raise MeshError(f"part '{part}': is not in the mesh{did_you_mean(part, parts)} ({', '.join(parts[:40])})")
-    by_name = {} if wanted.material else materials_of(parts)
-    default = wanted.material or _DEFAULT
-    chosen = {part: wanted.part_materials.get(part, by_name.get(part, default)) for part in parts}
+    by_name = {} if given.material else materials_of(parts)
+    default = given.material or _DEFAULT
+    chosen = {part: given.part_materials.get(part, by_name.get(part, default)) for part in parts}
     if by_name:
         named = ", ".join(
-            f"{part} = {material}" for part, material in by_name.items() if part not in wanted.part_materials
+            f"{part} = {material}" for part, material in by_name.items() if part not in given.part_materials
         )
-        said.append(f"guessed    materials by name: {named}")
-    bare = [part for part in parts if part not in by_name and part not in wanted.part_materials]
-    if bare and not wanted.material:
+        report.append(f"guessed    materials by name: {named}")
+    bare = [part for part in parts if part not in by_name and part not in given.part_materials]
+    if bare and not given.material:
         listed = ", ".join(bare[:8]) + (f" and {len(bare) - 8:,} more" if len(bare) > 8 else "")
-        said.append(f"assumed    {_DEFAULT} for {listed}: say better with --material or --part-material")
+        report.append(f"assumed    {_DEFAULT} for {listed}: correct with --material or --part-material")
     return chosen
 
 

@@ -32,10 +32,10 @@ def materials_of(groups: Iterable[str]) -> dict[str, str]:
 def _read(path: Path) -> dict[str, str]:
     if not path.exists():
         return {}
-    table = read_table(path, "mend it")
+    table = read_table(path, "correct it")
     known = materials()
     for pattern, material in table.items():
         if not isinstance(material, str) or material not in known:
             guess = did_you_mean(str(material), known)
-            raise MeshError(f"{path}: '{pattern}': no material '{material}'{guess} (known: {', '.join(known)})")
+            raise MeshError(f"{path}: '{pattern}': unknown material '{material}'{guess} (known: {', '.join(known)})")
     return table

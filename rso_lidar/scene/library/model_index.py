@@ -21,18 +21,18 @@ from rso_lidar.shipped import shipped
 from rso_lidar.toml_text import MOST_BYTES, parse_toml
 
 _WRITE_AGAIN = "write it again with `python -m rso_lidar.shapes.write`"
-_told_of: set[object] = set()  # libraries, and which of their models it has been said that a shipped one hides
-_OWN_CURE = "mend that line, or add the mesh again with `rso-lidar models add --overwrite`"
+_reported: set[object] = set()  # libraries, and models of them, of which a warning has been given
+_OWN_CURE = "correct that line, or add the mesh again with `rso-lidar models add --overwrite`"
 
 
 @dataclass(frozen=True)
 class ModelEntry:
-    """What the index says about one model.
+    """Entry of the index about one model.
 
     Attributes
     ----------
     name, file, what, source, licence, confidence
-        Text; `source` and `confidence` say which figures are published and which are guesses.
+        Text; `source` and `confidence` state which figures are published and which are guesses.
     axes
         Which direction of the craft each axis of the mesh is, in words.
     size_m
@@ -118,7 +118,7 @@ def model(name: str) -> ModelEntry:
         both = [*known, *own]
         raise ScenarioError(
             f"unknown model '{name}'{did_you_mean(name, both)} (known: {', '.join(both)}); "
-            "a mesh of your own comes in with `rso-lidar models add`"
+            "add your own mesh with `rso-lidar models add`"
         )
     return own[name]
 
@@ -126,21 +126,21 @@ def model(name: str) -> ModelEntry:
 def _tell_of_shadow(name: str) -> None:
     """Warn, once a process, that a shipped model hides one of the user's own of the same name."""
     place = own_folder(), name
-    if place in _told_of or not has_warnings_enabled():
+    if place in _reported or not has_warnings_enabled():
         return
     try:
         hidden = name in _own()[0]
     except RsoLidarError:
         return
     if hidden:
-        _told_of.add(place)
-        warn(f"model '{name}': is shipped, and in your library too; the shipped one is taken: rename yours")
+        _reported.add(place)
+        warn(f"model '{name}': is shipped, and also in your library; the shipped one is used: rename yours")
 
 
 def own_folder() -> Path:
     """Return the folder of the user's own library: `RSO_LIDAR_MODELS`, else the platform's folder for user data."""
-    if said := os.environ.get("RSO_LIDAR_MODELS"):
-        return Path(said).expanduser()
+    if folder := os.environ.get("RSO_LIDAR_MODELS"):
+        return Path(folder).expanduser()
     from platformdirs import user_data_path
 
     return user_data_path("rso_lidar", appauthor=False) / "models"
@@ -153,8 +153,8 @@ def own_models() -> dict[str, ModelEntry]:
     """
     good, broken = _own()
     for reason in broken.values():
-        if reason not in _told_of and has_warnings_enabled():
-            _told_of.add(reason)
+        if reason not in _reported and has_warnings_enabled():
+            _reported.add(reason)
             warn(reason)
     return dict(good)
 
@@ -191,9 +191,9 @@ def read_own_index(path: Path) -> list[dict[str, Any]]:
     """Read the tables of a user's index; none where there is no index."""
     if not path.exists():
         return []
-    tables = read_table(path, "mend it").get("model", [])
+    tables = read_table(path, "correct it").get("model", [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise MeshError(f"{path}: 'model' is no list of [[model]]: mend it")
+        raise MeshError(f"{path}: 'model' is not a list of [[model]]: correct it")
     return tables
 
 
@@ -271,14 +271,32 @@ class _ModelTable(BaseModel):
     @model_validator(mode="after")
     def _runs_in_order(self) -> Self:
         if any(not 0 <= first <= last for first, last in self.left_out):
-            raise ValueError("left_out: the first facet of a run comes before the last; exchange them")
+            raise ValueError("left_out: the first facet of a run is after its last; exchange them")
         return self
 
 
 def _entry(path: Path, table: Any, cure: str = _WRITE_AGAIN, *, own: bool = False) -> ModelEntry:
+    """Check a table of the index and convert it to an entry.
+
+    Parameters
+    ----------
+    path : path of the index, for messages.
+    table : the table.
+    cure : what to do about an invalid table, for messages.
+    own : whether it is from the user's library, not a shipped one.
+
+    Returns
+    -------
+    the entry.
+
+    Raises
+    ------
+    MeshError
+        If the table lacks a key or has an invalid one.
+    """
     name = str(table.get("name", "?"))[:60] if isinstance(table, dict) else "?"
-    wanted = [key for key, field in _ModelTable.model_fields.items() if field.is_required()]
-    missing = [key for key in wanted if not isinstance(table, dict) or key not in table]
+    required = [key for key, field in _ModelTable.model_fields.items() if field.is_required()]
+    missing = [key for key in required if not isinstance(table, dict) or key not in table]
     if missing:
         raise MeshError(f"{path}: model '{name}': lacks {', '.join(missing)}: {cure}")
     try:

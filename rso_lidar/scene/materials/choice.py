@@ -43,25 +43,35 @@ class ByWavelength(MaterialPart):
         if n != m or n == 0:
             raise ValueError(f"{n} wavelengths and {m} materials; give one material for each wavelength, at least one")
         if len(set(self.wavelength_nm)) < n:
-            raise ValueError("a wavelength stands twice in wavelength_nm; leave one out")
+            raise ValueError("a wavelength occurs twice in wavelength_nm; leave one out")
         return self
 
     def at(self, wavelength_m: float) -> Scatterer:
-        """Return the material of the wavelength nearest to that of the light [m]."""
-        asked_nm = wavelength_m / units.NM
-        off, nearest = min((abs(known / asked_nm - 1.0), k) for k, known in enumerate(self.wavelength_nm))
+        """Return the material of the wavelength nearest to that of the light.
+
+        Parameters
+        ----------
+        wavelength_m : wavelength of the light [m].
+
+        Raises
+        ------
+        ScenarioError
+            If none is within 5 %.
+        """
+        light_nm = wavelength_m / units.NM
+        off, nearest = min((abs(known / light_nm - 1.0), k) for k, known in enumerate(self.wavelength_nm))
         if off > _NEAR_FRACTION:
             known_nm = ", ".join(f"{known:g}" for known in sorted(self.wavelength_nm))
             raise ScenarioError(
-                f"by_wavelength: no material within 5 % of {asked_nm:g} nm (known: {known_nm}); add one for it"
+                f"by_wavelength: no material within 5 % of {light_nm:g} nm (known: {known_nm}); add one for it"
             )
         return self.materials[nearest].at(wavelength_m)
 
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Raise `ScenarioError`: only a wavelength decides which material it is."""
-        raise ScenarioError("by_wavelength: has no BRDF of its own; choose one by at(wavelength_m)")
+        """Raise `ScenarioError`: the material is unknown before a wavelength selects it."""
+        raise ScenarioError("by_wavelength: needs a wavelength for its BRDF; select a material by at(wavelength_m)")
 
 
 class Named(MaterialPart):
@@ -83,7 +93,7 @@ class Named(MaterialPart):
         known = model_index.materials()
         if self.name not in known:
             guess = did_you_mean(self.name, known)
-            raise ValueError(f"no material '{self.name}'{guess or ';'} (known: {', '.join(known)})")
+            raise ValueError(f"unknown material '{self.name}'{guess or ';'} (known: {', '.join(known)})")
         return self
 
     def at(self, wavelength_m: float) -> Scatterer:
@@ -93,8 +103,8 @@ class Named(MaterialPart):
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Raise `ScenarioError`: only a wavelength decides which material it is."""
-        raise ScenarioError(f"{self.name}: has no BRDF of its own; choose one by at(wavelength_m)")
+        """Raise `ScenarioError`: the material is unknown before a wavelength selects it."""
+        raise ScenarioError(f"{self.name}: needs a wavelength for its BRDF; select a material by at(wavelength_m)")
 
 
 _Described = Annotated[OneMaterial | ByWavelength | Named, Field(discriminator="type")]
@@ -114,17 +124,28 @@ AnyMaterial = Annotated[_Described | Material, Seam(_ByTable, Material)]
 def find_material(name: str, wavelength_m: float) -> Scatterer:
     """Find a material of the catalogue by name, at the nearer of its two wavelengths.
 
+    Parameters
+    ----------
+    name : name of the material.
+    wavelength_m : wavelength of the light [m].
+
+    Returns
+    -------
+    the material at that wavelength.
+
     Raises
     ------
     MeshError : the catalogue has no material of that name, or its entry is wrong.
     """
     fields = model_index.materials().get(name)
     if fields is None:
-        raise MeshError(f"models/materials.toml: no material '{name}'; add it, or name another in models/index.toml")
+        raise MeshError(
+            f"models/materials.toml: unknown material '{name}'; add it, or give another in models/index.toml"
+        )
     if wavelength_m > _BETWEEN_M:
         fields = {**fields, **fields.get("at_1570_nm", {})}
     known = {key: value for key, value in fields.items() if key not in _REMARKS}
     try:
         return _ONE.validate_python(known).at(wavelength_m)
     except ValidationError as error:
-        raise MeshError(f"models/materials.toml: {name}: {error.errors()[0]['msg']}; mend the entry") from None
+        raise MeshError(f"models/materials.toml: {name}: {error.errors()[0]['msg']}; correct the entry") from None

@@ -1,4 +1,4 @@
-"""Crinkled foil: a surface of small cells, each tilted by a fixed angle of its own."""
+"""Crinkled foil: a surface of small cells, each tilted by its own fixed angle."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, 
 
 _Tilt = Annotated[float, Strict(), Field(gt=0, le=30)]
 _NODES = 120  # along either slope: a lobe of exponent 300 is a third as wide as slopes of 5 degrees
-_TIE = 1e-6  # components of a normal that differ by less are equal, whatever rounding says
-_OFF_THE_GRID = np.array([0.3819660, 0.2679492, 0.7320508])  # of a cell: faces stand at round coordinates, cells do not
+_TIE = 1e-6  # components of a normal that differ by less are equal, to rounding
+_OFF_THE_GRID = np.array([0.3819660, 0.2679492, 0.7320508])  # of a cell: faces are at round coordinates, cells are not
 
 
 class Crinkled(MaterialPart):
@@ -50,7 +50,9 @@ class Crinkled(MaterialPart):
     def _conserve_energy(self) -> Self:
         if self.diffuse + self.specular > 1.0 + 1e-12:
             total = self.diffuse + self.specular
-            raise ValueError(f"diffuse + specular is {total:.4g}, more light than comes in; keep the sum at or below 1")
+            raise ValueError(
+                f"diffuse + specular is {total:.4g}, which is more than the incident light; keep the sum at or below 1"
+            )
         return self
 
     @property
@@ -64,7 +66,7 @@ class Crinkled(MaterialPart):
         return self.specular > 0.0
 
     def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """Tilt normals (xyz, hit) of a surface to those of the cells that hold points [m] (xyz, hit)."""
+        """Tilt normals of a surface to those of its cells. Each cell has one tilt."""
         along, across = _slopes(point, self)
         first = np.cross(normal.T, _farthest_axis(normal)).T
         first /= np.sqrt(np.einsum("ih,ih->h", first, first))

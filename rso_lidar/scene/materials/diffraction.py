@@ -91,7 +91,14 @@ def transfer(shift: np.ndarray, defocus: float) -> np.ndarray:
 
 
 def _mean(offset: float, rim: float, defocus: float) -> float:
-    """Return the mean irradiance over one lens."""
+    """Return the mean irradiance over one lens, relative to that in the middle of the pattern of a perfect lens.
+
+    Parameters
+    ----------
+    offset : distance of the lens from the axis of the pattern [optical units].
+    rim : radius of the lens [optical units].
+    defocus : u [optical units].
+    """
     from scipy.special import j0, j1
 
     # δ = 2 (1 − z²): H ends as (2 − δ)^{3/2}, and is smooth in z. It is found in pieces, which keeps memory bounded.

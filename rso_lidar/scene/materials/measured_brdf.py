@@ -35,11 +35,11 @@ class TableBrdf(MaterialPart):
         if n != m or n < 2:
             raise ValueError(f"{n} angles and {m} values; give one value for each angle, at least two")
         if any(b <= a for a, b in zip(self.incidence_deg, self.incidence_deg[1:], strict=False)):
-            raise ValueError("incidence_deg does not rise from each angle to the next; sort the table")
+            raise ValueError("incidence_deg does not ascend; sort the table")
         most, worst_deg = _greatest_reflectance(self.incidence_deg, self.measured_per_sr)
         if most > 1.0 + 1e-3:
             raise ValueError(
-                f"the table sends back {most:.4g} of the light that comes in at {worst_deg:g} deg; check its unit, 1/sr"
+                f"the table reflects {most:.4g} of the light that is incident at {worst_deg:g} deg; check its unit, 1/sr"
             )
         return self
 

@@ -34,8 +34,8 @@ class OrenNayar(MaterialPart):
         most = flat + 0.5 * rough
         if self.reflectance * most > 1.0 + 1e-3:
             raise ValueError(
-                f"reflectance {self.reflectance:g} at roughness_deg {self.roughness_deg:g} sends back more light than comes "
-                f"in at grazing incidence; keep reflectance at or below {math.floor(1e3 / most) / 1e3:g}"
+                f"reflectance {self.reflectance:g} at roughness_deg {self.roughness_deg:g} reflects more than the "
+                f"incident light at grazing incidence; keep reflectance at or below {math.floor(1e3 / most) / 1e3:g}"
             )
         return self
 
@@ -75,7 +75,9 @@ class Ggx(MaterialPart):
     def _conserve_energy(self) -> Self:
         total = self.diffuse + self.specular
         if total > 1.0 + 1e-12:
-            raise ValueError(f"diffuse + specular is {total:.4g}, more light than comes in; keep the sum at or below 1")
+            raise ValueError(
+                f"diffuse + specular is {total:.4g}, which is more than the incident light; keep the sum at or below 1"
+            )
         return self
 
     @property

@@ -57,7 +57,9 @@ class Phong(MaterialPart):
     def _conserve_energy(self) -> Self:
         if self.diffuse + self.specular > 1.0 + 1e-12:
             total = self.diffuse + self.specular
-            raise ValueError(f"diffuse + specular is {total:.4g}, more light than comes in; keep the sum at or below 1")
+            raise ValueError(
+                f"diffuse + specular is {total:.4g}, which is more than the incident light; keep the sum at or below 1"
+            )
         return self
 
     @property

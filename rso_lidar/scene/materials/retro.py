@@ -14,7 +14,7 @@ from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, MaterialPart, Sc
 
 
 class RetroReflector(MaterialPart):
-    """Round, diffraction-limited cube corners of one size side by side, as the BRDF of the surface that they stand on.
+    """Round, diffraction-limited cube corners of one size side by side, as the BRDF of the surface that carries them.
 
     Each reflects an Airy pattern. Its peak at normal incidence is the cross-section σ = ρ π³ D⁴ / (4 λ²) (Degnan,
     Millimeter Accuracy Satellite Laser Ranging, 1993). Its first dark ring is at 1.22 λ/D. Off the normal the peak falls
@@ -48,7 +48,8 @@ class RetroReflector(MaterialPart):
         total = self.reflectance * self.fill_fraction + self.diffuse
         if total > 1.0 + 1e-12:
             raise ValueError(
-                f"reflectance x fill_fraction + diffuse is {total:.4g}, more light than comes in; keep it at or below 1"
+                f"reflectance x fill_fraction + diffuse is {total:.4g}, which is more than the incident "
+                "light; keep it at or below 1"
             )
         return self
 
@@ -59,11 +60,21 @@ class RetroReflector(MaterialPart):
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the far-field BRDF [1/sr]: ρ F A η(θᵢ) η(θₒ) / (λ² cos θᵢ cos θₒ) (2 J₁(x)/x)², x = π D sin Δ / λ."""
+        """Return the far-field BRDF [1/sr]: ρ F A η(θᵢ) η(θₒ) / (λ² cos θᵢ cos θₒ) (2 J₁(x)/x)², x = π D sin Δ / λ.
+
+        Parameters
+        ----------
+        cos_in, cos_out, cos_phase : as for `Scatterer.brdf_per_sr`.
+
+        Raises
+        ------
+        ScenarioError
+            If the wavelength is unknown.
+        """
         from scipy.special import j1
 
         if self.wavelength_nm is None:
-            raise ScenarioError("retro_reflector: its lobe depends on the wavelength; give it one by at(wavelength_m)")
+            raise ScenarioError("retro_reflector: its lobe depends on the wavelength; set it by at(wavelength_m)")
         cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         diameter_m, wavelength_m = self.diameter_mm * units.MM, self.wavelength_nm * units.NM
         peak = 0.25 * math.pi * (diameter_m / wavelength_m) ** 2
@@ -118,6 +129,13 @@ class RetroReflector(MaterialPart):
         return self._around(within / disc_sr, cos_in, cos_out)
 
     def _around(self, lobe_per_sr: np.ndarray, cos_in: np.ndarray, cos_out: np.ndarray) -> np.ndarray:
+        """Return the BRDF [1/sr] for a lobe, with the share of the cubes that are active and the diffuse surface about them.
+
+        Parameters
+        ----------
+        lobe_per_sr : (hit) lobe of an active cube [1/sr].
+        cos_in, cos_out : (hit) cosines of the angles from the normal to the light and to the viewer.
+        """
         active = self._active(cos_in) * self._active(cos_out)
         brdf: np.ndarray = self.reflectance * self.fill_fraction * active * lobe_per_sr + self.diffuse / math.pi
         return brdf

@@ -16,11 +16,11 @@ SUN_RADIUS_RAD = math.asin(units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M)
 
 @runtime_checkable
 class Material(Protocol):
-    """What a Python object needs to stand where a scenario takes a material.
+    """Protocol of user-defined materials, for any place where a scenario has a material.
 
-    One method is enough. Every other member of `Scatterer` that the object has is used too, such as `at(wavelength_m)` or
-    `is_narrow`. For what it lacks, the defaults of `Scatterer` apply. Several threads call the method in parallel, so it
-    must not change the object. `examples/seams/own_material.py` flies one.
+    The single method `brdf_per_sr` is enough. Other members of `Scatterer` are used if present, such as
+    `at(wavelength_m)` or `is_narrow`. For those absent, the defaults of `Scatterer` apply. Several threads call the
+    method in parallel, so it must not change the object. `examples/seams/own_material.py` is an example.
     """
 
     def brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
@@ -44,7 +44,7 @@ class Scatterer(ABC):
 
     @property
     def is_retro(self) -> bool:
-        """Whether light goes back where it came from, in a lobe that may be narrower than a lens."""
+        """Whether light returns to its source, in a lobe that may be narrower than a lens."""
         return False
 
     @property
@@ -63,7 +63,17 @@ class Scatterer(ABC):
         return 0.0
 
     def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """Tilt normals (xyz, hit) of a surface to those of the cells that hold points [m] (xyz, hit)."""
+        """Tilt the normals of a surface to those of its structure.
+
+        Parameters
+        ----------
+        normal : (xyz, hit) f8, unit normals.
+        point : (xyz, hit) f8, points on the surface in body axes [m].
+
+        Returns
+        -------
+        (xyz, hit) f8, unit normals; here those given.
+        """
         return normal
 
     def average_over_lens(
@@ -87,7 +97,12 @@ class Scatterer(ABC):
         return peak_per_sr
 
     def at(self, wavelength_m: float) -> "Scatterer":
-        """Return the material as light of a wavelength [m] sees it."""
+        """Return the material for light of one wavelength; here the same for all.
+
+        Parameters
+        ----------
+        wavelength_m : wavelength of the light [m].
+        """
         return self
 
     def summarize(self) -> str:
@@ -98,26 +113,35 @@ class Scatterer(ABC):
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the BRDF [1/sr], without the cosine.
+        """Return the BRDF [1/sr], without the cosine of incidence.
+
+        With the last two parameters left out, the viewer is where the light is.
 
         Parameters
         ----------
-        cos_in, cos_out
-            Cosines of the angles from the normal to the light and to the viewer, both at least 0.
-        cos_phase
-            Cosine of the angle between the directions toward the light and toward the viewer.
-
-        With the last two left out the viewer is where the light is.
+        cos_in, cos_out : (hit) f8, cosines of the angles from the normal to the light and to the viewer, both at least
+            0.
+        cos_phase : (hit) f8, cosine of the angle between the directions toward the light and toward the viewer.
         """
 
     def mean_brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the BRDF [1/sr] of an area much larger than the structure of the surface."""
+        """Return the BRDF [1/sr] of an area much larger than the structure of the surface.
+
+        Parameters
+        ----------
+        cos_in, cos_out, cos_phase : as for `brdf_per_sr`.
+        """
         return self.brdf_per_sr(cos_in, cos_out, cos_phase)
 
     def sunlight_brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
-        """Return the BRDF [1/sr] in sunlight, where the Sun's disc widens every lobe."""
+        """Return the BRDF [1/sr] in sunlight, averaged over the Sun's disc.
+
+        Parameters
+        ----------
+        cos_in, cos_out, cos_phase : as for `brdf_per_sr`, toward the centre of the disc.
+        """
         return self.brdf_per_sr(cos_in, cos_out, cos_phase)
 
 
@@ -132,7 +156,12 @@ class MaterialPart(Part, Scatterer):
 
 
 def complete(material: Material) -> Scatterer:
-    """Return a material with everything that the scene reads of it. An object that is no `MaterialPart` is wrapped."""
+    """Return a material with all members that the scene reads. An object that is not a `MaterialPart` is wrapped.
+
+    Parameters
+    ----------
+    material : a part, or a user-defined object.
+    """
     return material if isinstance(material, MaterialPart | _Completed) else _Completed(material)
 
 

@@ -16,7 +16,7 @@ _MM = 1e-3
 _LONGEST_S = 180
 _MOST_MEMORY = 8 * 2**30
 
-# In a process of its own: on a broken solid the library may crash or never return, and it prints to the terminal.
+# In a separate process: on a broken solid the library may crash or never return, and it prints to the terminal.
 _TESSELLATE = """
 import sys
 from pathlib import Path
@@ -68,5 +68,7 @@ def tessellate(path: Path) -> tuple[bytes, float]:
                 process.kill()
         blob = out.read_bytes() if status == 0 and out.exists() else b""
     if not blob:
-        raise MeshError(f"{path.name}: cannot be read as {kind.upper()}, or holds no solid; export it again, or as STL")
+        raise MeshError(
+            f"{path.name}: cannot be read as {kind.upper()}, or contains no solid; export it again, or as STL"
+        )
     return blob, 1.0 if kind == "step" else _MM

@@ -27,7 +27,7 @@ def read_facet_colours(mesh: Mesh) -> np.ndarray:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise MeshError(
-            f"{path.name}: colours are read from {' and '.join(SUFFIXES)} only; name parts or facets instead"
+            f"{path.name}: colours are read from {' and '.join(SUFFIXES)} only; give parts or facets instead"
         )
     try:
         if suffix == ".glb":
@@ -42,11 +42,11 @@ def read_facet_colours(mesh: Mesh) -> np.ndarray:
     except (MeshError, MemoryError):
         raise
     except Exception:
-        raise MeshError(f"{path.name}: its colours cannot be read; name parts or facets instead") from None
+        raise MeshError(f"{path.name}: its colours cannot be read; give parts or facets instead") from None
     found = np.concatenate(colours)
     if len(found) != mesh.source_facets:
         raise MeshError(
-            f"{path.name}: has colours for {len(found)} of {mesh.source_facets} facets; name parts or facets"
+            f"{path.name}: has colours for {len(found)} of {mesh.source_facets} facets; give parts or facets"
         )
     return found
 
@@ -57,7 +57,7 @@ def _of(piece: Any, path: Path) -> np.ndarray:
     if material is not None:
         return np.broadcast_to(np.asarray(material.main_color, dtype=np.uint8)[:3], (len(piece.faces), 3))
     if piece.visual.kind is None:
-        raise MeshError(f"{path.name}: holds no colours; name parts or facets instead")
+        raise MeshError(f"{path.name}: contains no colours; give parts or facets instead")
     colours: np.ndarray = np.asarray(piece.visual.face_colors, dtype=np.uint8)[:, :3]
     return colours
 

@@ -65,9 +65,9 @@ def number_components(edge: np.ndarray, facets: int) -> np.ndarray:
     return component
 
 
-def split_components(component: np.ndarray, wanted: np.ndarray) -> list[np.ndarray]:
-    """Return the facets of each wanted component."""
-    of = np.flatnonzero(np.isin(component, wanted))
+def split_components(component: np.ndarray, selected: np.ndarray) -> list[np.ndarray]:
+    """Return the facets of each selected component."""
+    of = np.flatnonzero(np.isin(component, selected))
     of = of[np.argsort(component[of], kind="stable")]
     return np.split(of, np.flatnonzero(np.diff(component[of])) + 1) if len(of) else []
 

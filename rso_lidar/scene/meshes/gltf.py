@@ -52,25 +52,67 @@ def _tree(where: str, blob: bytes) -> Mapping[str, Any]:
     except (ValueError, RecursionError):
         raise MeshError(f"{where}: its description is not readable as JSON; export it again") from None
     if not isinstance(tree, dict):
-        raise MeshError(f"{where}: its description is no glTF; export it again")
+        raise MeshError(f"{where}: its description is not glTF; export it again")
     return tree
 
 
 def _list(where: str, table: Mapping[str, Any], key: str, of: type = dict) -> list[Any]:
+    """Return a list of a glTF table, empty if it is absent.
+
+    Parameters
+    ----------
+    where : name of the file, for messages.
+    table : the table.
+    key : key of the list.
+    of : type that each entry must have.
+
+    Raises
+    ------
+    MeshError
+        If the value is not such a list.
+    """
     found = table.get(key, [])
     if not isinstance(found, list) or not all(isinstance(entry, of) for entry in found):
-        raise MeshError(f"{where}: '{key}' is no list of what glTF has there; export it again")
+        raise MeshError(f"{where}: '{key}' is not a list as glTF defines it; export it again")
     return found
 
 
 def _whole(where: str, table: Mapping[str, Any], key: str, default: int | None = None) -> int:
+    """Return a count or an index of a glTF table.
+
+    Parameters
+    ----------
+    where : name of the file, for messages.
+    table : the table.
+    key : key of the number.
+    default : value if the key is absent; None for an error.
+
+    Raises
+    ------
+    MeshError
+        If the value is not an integer from 0 up.
+    """
     found = table.get(key, default)
     if type(found) is not int or found < 0:
-        raise MeshError(f"{where}: '{key}' is {str(found)[:20]} where a count belongs; export it again")
+        raise MeshError(f"{where}: '{key}' is {str(found)[:20]} and not a count; export it again")
     return found
 
 
 def _entry(where: str, entries: list[Any], number: int, what: str) -> Any:
+    """Return the entry of a list that another part of the file refers to.
+
+    Parameters
+    ----------
+    where : name of the file, for messages.
+    entries : the list.
+    number : index of the entry.
+    what : name of the list, for messages.
+
+    Raises
+    ------
+    MeshError
+        If the list is too short.
+    """
     if number >= len(entries):
         raise MeshError(f"{where}: names {what} {number} of {len(entries)}; export it again")
     return entries[number]
@@ -121,25 +163,54 @@ def _facets(where: str, tree: Mapping[str, Any]) -> list[int]:
 
 
 def _corners(where: str, accessor: Mapping[str, Any], views: list[Any], buffers: list[Any]) -> int:
-    """Return the count of an accessor, after checking that its data are complete."""
+    """Check that the data of an accessor are complete, and return its count.
+
+    Parameters
+    ----------
+    where : name of the file, for messages.
+    accessor : the accessor.
+    views : all buffer views.
+    buffers : all buffers.
+
+    Returns
+    -------
+    number of values.
+
+    Raises
+    ------
+    MeshError
+        If they are not complete.
+    """
     count = _whole(where, accessor, "count")
     if "sparse" in accessor or "bufferView" not in accessor:
         raise MeshError(f"{where}: has geometry that is sparse or without data, which is not read; export it again")
     width, size = _WIDTH.get(str(accessor.get("type"))), _SIZE.get(_whole(where, accessor, "componentType"))
     if width is None or size is None:
-        raise MeshError(f"{where}: has geometry of a type that glTF does not know; export it again")
+        raise MeshError(f"{where}: has geometry of a type that glTF does not have; export it again")
     view = _entry(where, views, _whole(where, accessor, "bufferView"), "bufferView")
     buffer = _entry(where, buffers, _whole(where, view, "buffer"), "buffer")
     start, length = _whole(where, view, "byteOffset", 0), _whole(where, view, "byteLength")
     step = _whole(where, view, "byteStride", width * size) or width * size
     needed = _whole(where, accessor, "byteOffset", 0) + max(count - 1, 0) * step + min(count, 1) * width * size
     if step < width * size or needed > length or start + length > _whole(where, buffer, "byteLength"):
-        raise MeshError(f"{where}: says it has {count:,} values where there is no room for them; export it again")
+        raise MeshError(f"{where}: states {count:,} values, more than its data hold; export it again")
     return count
 
 
 def _check_tree(where: str, tree: Mapping[str, Any], facets: list[int]) -> None:
-    """Raise `MeshError` for nodes that form a cycle, or that repeat a mesh too often."""
+    """Check that the nodes form a tree, and that they do not repeat a mesh too often.
+
+    Parameters
+    ----------
+    where : name of the file, for messages.
+    tree : the whole file.
+    facets : number of facets of each mesh.
+
+    Raises
+    ------
+    MeshError
+        If the nodes form a cycle, are too many or too deep, or hold too many facets.
+    """
     nodes = _list(where, tree, "nodes")
     if len(nodes) > _MOST_NODES:
         raise MeshError(f"{where}: has over {_MOST_NODES:,} nodes; join some and export it again")
@@ -152,12 +223,12 @@ def _check_tree(where: str, tree: Mapping[str, Any], facets: list[int]) -> None:
     while level:
         seen, depth = seen + len(level), depth + 1
         if depth > _DEEPEST:
-            raise MeshError(f"{where}: its nodes lie over {_DEEPEST:,} deep; flatten them and export it again")
+            raise MeshError(f"{where}: its nodes are over {_DEEPEST:,} deep; flatten them and export it again")
         level = [child for n in level for child in children[n]]
         if seen + len(level) > len(nodes):
             break
     if max(parents, default=0) > 1 or seen != len(nodes):
-        raise MeshError(f"{where}: its nodes are no tree (a circle, or two parents); export it again")
+        raise MeshError(f"{where}: its nodes are not a tree (a cycle, or two parents); export it again")
     total = 0
     for node in nodes:
         if "mesh" in node:

@@ -30,9 +30,13 @@ def load_height_field(path: Path, cell_m: float, height_scale_m: float) -> Mesh:
     cell_m : distance between neighbouring heights [m].
     height_scale_m : metres of height for one unit of the file.
 
+    Returns
+    -------
+    the mesh, in metres.
+
     Raises
     ------
-    MeshError : the file is missing, or holds no such grid.
+    MeshError : the file is missing, or is not such a grid.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise MeshError(
@@ -46,6 +50,17 @@ def load_height_field(path: Path, cell_m: float, height_scale_m: float) -> Mesh:
 
 @lru_cache(maxsize=8)
 def _load_cached(path: Path, cell_m: float, height_scale_m: float, _stamp: tuple[int, int]) -> Mesh:
+    """Load a file of heights, cached until it changes.
+
+    Parameters
+    ----------
+    path, cell_m, height_scale_m : as for `load_height_field`.
+    _stamp : modification time and size of the file, the key of the cache.
+
+    Returns
+    -------
+    the mesh, in metres.
+    """
     values = _image(path) if path.suffix.lower() == ".png" else _array(path)
     with np.errstate(over="ignore", invalid="ignore"):
         heights = height_scale_m * values
@@ -58,10 +73,10 @@ def _array(path: Path) -> np.ndarray:
     try:
         if path.suffix.lower() == ".npz":
             with zipfile.ZipFile(path) as archive:
-                told = archive.infolist()
-                if len(told) != 1:
-                    raise MeshError(f"{path.name}: holds {len(told)} arrays; save the heights alone in it")
-                if told[0].file_size > limit:
+                arrays = archive.infolist()
+                if len(arrays) != 1:
+                    raise MeshError(f"{path.name}: contains {len(arrays)} arrays; save only the heights in it")
+                if arrays[0].file_size > limit:
                     raise MeshError(f"{path.name}: is of more than {MOST_CELLS:,} cells; {_CURE}")
             with np.load(path, allow_pickle=False) as arrays:
                 values = arrays[arrays.files[0]]
@@ -72,10 +87,10 @@ def _array(path: Path) -> np.ndarray:
     except MeshError:
         raise
     except (OSError, ValueError, EOFError, KeyError, SyntaxError, zipfile.BadZipFile, zlib.error):
-        raise MeshError(f"{path.name}: no array of NumPy's; write it with numpy.save") from None
+        raise MeshError(f"{path.name}: is not an array of NumPy; write it with numpy.save") from None
     _check_shape(path, values.shape)
     if values.dtype.kind not in "fiu":
-        raise MeshError(f"{path.name}: holds {values.dtype} and not numbers; save heights as float or integer")
+        raise MeshError(f"{path.name}: contains {values.dtype} and not numbers; save heights as float or integer")
     return np.asarray(values, dtype=float)
 
 
@@ -94,7 +109,7 @@ def _image(path: Path) -> np.ndarray:
     except MeshError:
         raise
     except (OSError, ValueError, SyntaxError, EOFError, struct.error, zlib.error, Image.DecompressionBombError):
-        raise MeshError(f"{path.name}: no PNG that can be read; export it again") from None
+        raise MeshError(f"{path.name}: cannot be read as PNG; export it again") from None
 
 
 def _check_shape(path: Path, shape: tuple[int, ...]) -> None:
@@ -116,11 +131,20 @@ def build_height_field(
     ----------
     heights_m : (row, col), heights [m], which become the part ``ground``.
     cell_m : distance between neighbouring heights [m].
-    path, sha256 : where the heights come from.
+    path, sha256 : file of the heights and its checksum, which identify the mesh.
     boulders : vertices [m] and facets of a second part, ``boulders``.
+
+    Returns
+    -------
+    the mesh, in metres.
+
+    Raises
+    ------
+    MeshError
+        If heights are infinite, or if no cell has four heights.
     """
     if np.isinf(heights_m).any():
-        raise MeshError(f"{path.name}: has heights that are not finite; write NaN where there is none")
+        raise MeshError(f"{path.name}: has heights that are not finite; write NaN where the ground is unknown")
     rows, cols = heights_m.shape
     x = np.broadcast_to((np.arange(cols) - 0.5 * (cols - 1)) * cell_m, heights_m.shape)
     y = np.broadcast_to(((0.5 * (rows - 1) - np.arange(rows)) * cell_m)[:, None], heights_m.shape)
@@ -134,7 +158,7 @@ def build_height_field(
         vertices = np.where(there[:, None], vertices, 0.0)
     facets = pairs.reshape(-1, 3)
     if not len(facets):
-        raise MeshError(f"{path.name}: no cell has a height at all its corners; mend the heights")
+        raise MeshError(f"{path.name}: no cell has a height at all its corners; correct the heights")
     names: tuple[str, ...] = ("ground",)
     part = np.zeros(len(facets), dtype=np.int16)
     if boulders is not None:

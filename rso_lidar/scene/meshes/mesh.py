@@ -27,7 +27,7 @@ _MOST_PARTS = 32_767  # labels number them in 16 bits
 _MOST_BYTES = 2**29  # ten million facets as STL; a reader takes some eight times as much memory
 FARTHEST_M = 1e7  # float32 still resolves a metre there
 _OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
-_told_of: set[tuple[Path, str]] = set()  # files, with their SHA-256, whose repairs have been reported
+_reported: set[tuple[Path, str]] = set()  # files, with their SHA-256, whose repairs have been reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +75,14 @@ def load_mesh(path: Path) -> Mesh:
 
     Facets without area are dropped and counted.
 
+    Parameters
+    ----------
+    path : path of the file.
+
+    Returns
+    -------
+    the mesh, in the units and axes of the file.
+
     Raises
     ------
     MeshError : the file is missing, unreadable or empty, or holds vertices that are not finite.
@@ -86,7 +94,7 @@ def load_mesh(path: Path) -> Mesh:
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error}); check its permissions") from None
     except MemoryError:
-        raise MeshError(f"{path}: takes more memory than there is; decimate it and export it again") from None
+        raise MeshError(f"{path}: needs more memory than is available; decimate it and export it again") from None
 
 
 def checked_file(path: Path, suffixes: tuple[str, ...]) -> Path:
@@ -108,7 +116,7 @@ def _read(path: Path) -> Mesh:
     if total > MOST_FACETS:
         raise MeshError(f"{path.name}: holds {total:,} facets, over {MOST_FACETS:,}; decimate it and export it again")
     if not total:
-        raise MeshError(f"{path.name}: no triangles in it; export the mesh again as a triangulated surface")
+        raise MeshError(f"{path.name}: contains no triangles; export the mesh again as a triangulated surface")
     numbers: dict[str, int] = {}
     vertices, facets, part = [], [], []
     base = 0
@@ -127,7 +135,7 @@ def _read(path: Path) -> Mesh:
     if bad.any():
         raise MeshError(
             f"{path.name}: {int(bad.sum())} of {len(bad)} facets have coordinates that are not finite, "
-            f"the first is facet {int(np.argmax(bad))}; mend the mesh and export it again"
+            f"the first is facet {int(np.argmax(bad))}; correct the mesh and export it again"
         )
     corners = all_vertices[all_facets]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers that are finite and have no square
@@ -164,7 +172,7 @@ def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]
     try:
         with silence_trimesh() as problems, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a broken file is reported below in one line
-            # NumPy may stop at text that is no number, and keep what it has read so far.
+            # NumPy may stop at text that is not a number, and keep what it has read so far.
             warnings.filterwarnings("error", message="string or file could not be read")
             scene = trimesh.load_scene(path, process=False, skip_materials=True)  # without opening textures
             _check_count(path, blob, scene)
@@ -224,17 +232,31 @@ def _place_geometries(scene: Any, *, single: bool) -> list[tuple[str, np.ndarray
 
 
 def _check_count(path: Path, blob: bytes, scene: Any) -> None:
-    """Raise `MeshError` for a PLY or OFF with fewer facets than its header says, which trimesh reads without a word."""
+    """Check that a PLY or OFF has as many facets as its header states, because trimesh reads a shorter one in silence.
+
+    Parameters
+    ----------
+    path : path of the file; its suffix decides the format.
+    blob : contents of the file.
+    scene : what trimesh read.
+
+    Raises
+    ------
+    MeshError
+        If it has fewer.
+    """
     if path.suffix.lower() == ".ply":
         head, _, _ = blob.partition(b"end_header")
-        said = re.search(rb"element\s+face\s+(\d{1,18})", head)
+        stated = re.search(rb"element\s+face\s+(\d{1,18})", head)
     elif path.suffix.lower() == ".off":
-        said = re.match(rb"\s*\w*OFF\s+\d+\s+(\d{1,18})", re.sub(rb"#[^\n]*", b"", blob))
+        stated = re.match(rb"\s*\w*OFF\s+\d+\s+(\d{1,18})", re.sub(rb"#[^\n]*", b"", blob))
     else:
         return
     found = sum(len(getattr(geometry, "faces", ())) for geometry in scene.geometry.values())
-    if said and found < int(said[1]):
-        raise MeshError(f"{path.name}: holds {found} of the {int(said[1])} facets its header says; export it again")
+    if stated and found < int(stated[1]):
+        raise MeshError(
+            f"{path.name}: has {found} of the {int(stated[1])} facets that its header states; export it again"
+        )
 
 
 def normalize_mesh(
@@ -248,6 +270,15 @@ def normalize_mesh(
     scale : metres in one unit of the file.
     mesh_axes : "z_up" or "y_up".
     left_out : first and last facet of each run to drop, by number in the file.
+
+    Returns
+    -------
+    the mesh in metres and body axes.
+
+    Raises
+    ------
+    MeshError
+        If all facets are dropped.
     """
     if scale == 1.0 and mesh_axes == "z_up" and not left_out:
         return mesh
@@ -255,7 +286,7 @@ def normalize_mesh(
     for first, last in left_out:
         kept &= (mesh.source_facet < first) | (mesh.source_facet > last)
     if not kept.any():
-        raise MeshError(f"{mesh.path.name}: all its facets are left out; name fewer in left_out")
+        raise MeshError(f"{mesh.path.name}: all its facets are left out; give fewer in left_out")
     return replace(
         mesh,
         vertices=body_from_mesh(mesh.vertices * scale, mesh_axes),
@@ -286,18 +317,31 @@ def is_plausible_size(largest_m: float) -> bool:
 
 
 def warn_of_repairs(mesh: Mesh, name: str) -> None:
-    """Warn, once a process for each file, of facets that were dropped when the mesh was loaded."""
-    if not mesh.degenerate or not has_warnings_enabled() or (mesh.path, mesh.sha256) in _told_of:
+    """Warn, once a process for each file, of facets that were dropped when the mesh was loaded.
+
+    Parameters
+    ----------
+    mesh : the mesh as it was read.
+    name : name of the target, for the message.
+    """
+    if not mesh.degenerate or not has_warnings_enabled() or (mesh.path, mesh.sha256) in _reported:
         return
-    _told_of.add((mesh.path, mesh.sha256))
+    _reported.add((mesh.path, mesh.sha256))
     warn(
         f"target {name}: {mesh.path.name}: {mesh.degenerate:,} of {mesh.source_facets:,} facets have no area and were "
-        f"dropped; `rso-lidar models check {mesh.path.name}` says more"
+        f"dropped; `rso-lidar models check {mesh.path.name}` reports them"
     )
 
 
 def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
-    """Warn where the size of a scaled mesh shows that its unit is not the metre, and name the likely unit."""
+    """Warn if the size of a scaled mesh shows that its unit is not the metre, and name the likely unit.
+
+    Parameters
+    ----------
+    mesh : the mesh as it was read.
+    scale : metres in one unit of the file.
+    name : name of the target, for the message.
+    """
     largest = float(mesh.size_m.max()) * scale
     if is_plausible_size(largest):
         return

@@ -27,6 +27,11 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[tuple[str, np.nda
     Returns
     -------
     Name, vertices (vertex, xyz) and facets (facet, 3) of each run of facets under one group or object.
+
+    Raises
+    ------
+    MeshError
+        If a line cannot be read, or there are too many groups.
     """
     vertices = array("d")
     runs: list[tuple[str, array]] = []
@@ -57,7 +62,7 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[tuple[str, np.nda
             raise
         except ValueError:
             raise MeshError(
-                f"{path.name}: line {number}: cannot be read as OBJ ({line.strip()[:40]}); mend it"
+                f"{path.name}: line {number}: cannot be read as OBJ ({line.strip()[:40]}); correct it"
             ) from None
     points = np.array(vertices, dtype=float).reshape(-1, 3)
     return [(name, *_drop_unused(points, np.array(facets, dtype=np.int64).reshape(-1, 3))) for name, facets in runs]

@@ -24,6 +24,20 @@ def split_at_hinges(surface: Surface, hinged: Sequence[Hinged]) -> tuple[Surface
     """Split a surface into the fixed parts in body axes, and the parts on each hinge in its axes.
 
     All keep the numbers of parts, facets and materials of the whole, and the number of the target.
+
+    Parameters
+    ----------
+    surface : the whole surface, in body axes.
+    hinged : the hinges, each with the names of its parts.
+
+    Returns
+    -------
+    the fixed parts first, then the parts of each hinge in the axes of the hinge.
+
+    Raises
+    ------
+    ScenarioError
+        If a part is unknown or on two hinges, or if none is left for the body.
     """
     if not hinged:
         return (surface,)
@@ -44,7 +58,7 @@ def split_at_hinges(surface: Surface, hinged: Sequence[Hinged]) -> tuple[Surface
             carried[at] = number
     of_facet = carried[surface.part]
     if np.all(of_facet >= 0):
-        raise ScenarioError(f"joint {hinged[0].axes}: no part is left that stands still; leave one out of the joints")
+        raise ScenarioError(f"joint {hinged[0].axes}: all parts are on hinges; leave one out of the joints")
     return (
         _select_facets(surface, of_facet < 0, surface.name, np.zeros(3)),
         *(
@@ -63,6 +77,10 @@ def _select_facets(surface: Surface, which: np.ndarray, name: str, origin_m: np.
     which : (facet) bool, the facets to keep.
     name : name of the new axes.
     origin_m : (xyz), their origin in the surface's axes [m].
+
+    Returns
+    -------
+    the facets as a surface with the new name and origin.
     """
     mesh = surface.mesh
     fewer = replace(mesh, facets=mesh.facets[which], part=mesh.part[which], source_facet=mesh.source_facet[which])

@@ -87,7 +87,7 @@ class Examination:
                 f"duplicates  {format_count(self.duplicates, 'facet')} on another with the same corners: harmless"
             )
         text.append(f"components  {self.components:,}, by shared edges")
-        text += [f"stray       {_at(piece)}, far off the rest: no part of the craft?" for piece in self.strays[:5]]
+        text += [f"stray       {_at(piece)}, far from the rest: not a part of the craft?" for piece in self.strays[:5]]
         if len(self.strays) > 5:
             text.append(f"stray       and {len(self.strays) - 5:,} more")
         if self.cube:
@@ -106,7 +106,7 @@ class Examination:
 
     @property
     def _repairs(self) -> tuple[tuple[int, str], ...]:
-        return ((self.degenerate, "without area dropped"), (self.left_out, "left out as no part of the craft"))
+        return ((self.degenerate, "without area dropped"), (self.left_out, "left out, not a part of the craft"))
 
     @property
     def _shell(self) -> str:
@@ -162,6 +162,10 @@ def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.
     corners : (facet, corner, xyz) [m].
     component : (facet), number of the component.
     area : (facet) [m²].
+
+    Returns
+    -------
+    numbers of these components.
     """
     middle = corners.mean(axis=1)
     order = np.argsort(middle, axis=0)
@@ -213,7 +217,14 @@ def _probe_visibility(surface: Surface) -> tuple[float, np.ndarray]:
 
 
 def _first(embree: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return the facet that each ray hits first, -1 where none."""
+    """Return the facet that each ray hits first, -1 where none.
+
+    Parameters
+    ----------
+    embree : scene of embreex.
+    origins : (ray, xyz) origins of the rays [m].
+    directions : (ray, xyz) their directions.
+    """
     struck: np.ndarray = embree.run(origins.astype(np.float32), np.ascontiguousarray(directions, dtype=np.float32))
     return struck
 

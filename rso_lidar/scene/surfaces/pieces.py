@@ -17,7 +17,7 @@ _MOST_GEOMETRIES = 64  # geometries
 _MOST = 128  # pieces that are considered
 _BINS = 16  # places along each axis where a piece may be divided
 _WORTH = 0.004  # of the whole hull's area: what a piece must save to be worth its projection
-_CORNERS = 128  # of one hull; a hull with more is replaced by a slightly larger one with so many
+_CORNERS = 128  # limit for one hull; a hull with more is replaced by a slightly larger one with this number
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,13 @@ def find_cut(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.
 
 @kernel
 def bin_of(middle: float, first: float, last: float) -> int:
-    """Return the bin of a centre on an axis on which centres lie between the first and the last."""
+    """Return the bin of a facet's centre along an axis.
+
+    Parameters
+    ----------
+    middle : coordinate of the centre [m].
+    first, last : least and greatest coordinate of all centres [m].
+    """
     return min(int(_BINS * ((middle - first) / (last - first))), _BINS - 1)
 
 

@@ -63,6 +63,10 @@ def render_portrait(
     up : (xyz), direction that is upward in the picture.
     side_m : side of the square picture [m]; None holds the surface from any direction.
     cells : number of rows and of columns.
+
+    Returns
+    -------
+    the view, with facet and cosine at each cell.
     """
     right, down, ahead = viewer_axes(toward, up)
     centre, radius = surface.sphere
@@ -79,7 +83,7 @@ def render_portrait(
 
 
 def find_top_heights(surface: Surface, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-    """Find the height [m] of the topmost facet over points, in body axes; NaN where there is none.
+    """Find the height of the topmost facet over points, in body axes.
 
     The height is good to some 1e-7 of the surface's size, the precision of float32.
 
@@ -87,6 +91,10 @@ def find_top_heights(surface: Surface, x_m: np.ndarray, y_m: np.ndarray) -> np.n
     ----------
     surface : the surface.
     x_m, y_m : coordinates of the points [m], which are broadcast.
+
+    Returns
+    -------
+    heights in the shape of the points [m]; NaN where there is no facet.
     """
     x, y = np.broadcast_arrays(np.asarray(x_m, dtype=float), np.asarray(y_m, dtype=float))
     above = float(surface.corners[..., 2].max()) + _ABOVE_M

@@ -14,10 +14,13 @@ def average_corner_normals(corners: np.ndarray, normals: np.ndarray, part: np.nd
 
     Parameters
     ----------
-    corners, normals
-        The facets' corners (facet, corner, xyz) and unit normals (facet, xyz), of either side.
-    part
-        Number of each facet's part.
+    corners : (facet, corner, xyz) corners of the facets [m].
+    normals : (facet, xyz) unit normals, of either side.
+    part : (facet) number of the part.
+
+    Returns
+    -------
+    (facet, corner, xyz) unit normals.
     """
     if not len(corners):
         return np.zeros((0, 3, 3))
@@ -48,6 +51,10 @@ def interpolate_normals(corners: np.ndarray, normals: np.ndarray, point: np.ndar
     ----------
     corners, normals : (hit, corner, xyz), corners of the facet that is hit, and normals there.
     point : (hit, xyz), points on the facets.
+
+    Returns
+    -------
+    (hit, xyz) unit normals.
     """
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p = point - corners[:, 0]

@@ -140,7 +140,12 @@ class Surface:
             return _scenes[self.content]
 
     def scene(self, engine: Engine) -> Scene:
-        """Return the acceleration structure of this surface in body axes, built once for each geometry."""
+        """Return the acceleration structure of this surface in body axes, built once for each geometry.
+
+        Parameters
+        ----------
+        engine : embree, or its substitute that casts ray by ray.
+        """
         key = f"{self.content} {engine.width}"
         with _scenes_lock:
             scene = _held.get(key)
@@ -184,14 +189,26 @@ class Surface:
             ),
         )
 
-    def evaluate_by_material(self, facet: np.ndarray, ask: Callable[[Scatterer, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Evaluate hits on the facets numbered `facet` (hit) material by material: `ask` gets a material and its hits."""
+    def evaluate_by_material(
+        self, facet: np.ndarray, evaluate: Callable[[Scatterer, np.ndarray], np.ndarray]
+    ) -> np.ndarray:
+        """Evaluate a function of hits, material by material.
+
+        Parameters
+        ----------
+        facet : (hit) numbers of the facets that are hit.
+        evaluate : called with a material and the numbers of its hits (n,), returns one value for each (n,).
+
+        Returns
+        -------
+        (hit) f8.
+        """
         finish = self.finish[facet]
         answer = np.empty(len(facet))
         for number, material in enumerate(self.materials):
             of_it = np.flatnonzero(finish == number)
             if len(of_it):
-                answer[of_it] = ask(material, of_it)
+                answer[of_it] = evaluate(material, of_it)
         return answer
 
     @cached_property
@@ -226,6 +243,11 @@ class Surface:
         """Return the unit normals (hit, xyz) at points (hit, xyz) [m] of the facets numbered `facet` (hit), in body axes.
 
         On smooth parts they are interpolated between the corners. Elsewhere they are the facet's own.
+
+        Parameters
+        ----------
+        facet : (hit) numbers of the facets.
+        point : (hit, xyz) points on them in body axes [m].
         """
         normal = np.stack([self.planes[axis][facet] for axis in range(3)], axis=1)
         curved = np.flatnonzero(self.is_smooth[facet])
@@ -265,6 +287,10 @@ def build_surface(
     smooth_parts : names of the curved parts, whose normals are interpolated.
     wavelength_m : wavelength [m] at which materials are evaluated; None for materials that need none.
 
+    Returns
+    -------
+    the surface, in body axes and metres.
+
     Raises
     ------
     ScenarioError : a part is named that the mesh does not have.
@@ -280,7 +306,7 @@ def build_surface(
     vertices = body_from_mesh(mesh.vertices * scale - np.asarray(center_of_mass_m), mesh_axes)
     if not float(np.abs(vertices).max()) < FARTHEST_M:
         raise MeshError(
-            f"{mesh.path.name} reaches beyond {FARTHEST_M:g} m as scaled; mend scale, size_m or center_of_mass_m"
+            f"{mesh.path.name} reaches beyond {FARTHEST_M:g} m as scaled; correct scale, size_m or center_of_mass_m"
         )
     default = material or Lambertian()
     materials = []

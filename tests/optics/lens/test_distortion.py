@@ -97,7 +97,7 @@ def test_a_fold_is_refused():
     lens.check(0.25, 0.25)
     with pytest.raises(ScenarioError, match="k1, k2"):
         lens.check(0.3, 0.3)
-    with pytest.raises(ScenarioError, match="no direction reaches"):
+    with pytest.raises(ScenarioError, match="no direction is imaged"):
         lens.undistort(np.array([0.5]), np.array([0.0]))
     with pytest.raises(ScenarioError, match="k1, k2"):
         BrownConrady(k1=-5000.0).check(HALF, HALF)

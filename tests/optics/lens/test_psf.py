@@ -245,8 +245,8 @@ def test_a_changed_file_is_read_again(tmp_path):
         (b"1,2\n3", "line 2: has 1 numbers"),
         (b"1,2\n3,x", "line 2: is not a row of numbers"),
         (b"0,0\n0,0", "all its values are zero"),
-        (b"1,2\n-3,1", "line 2: holds a negative"),
-        (b"1,2\nnan,1", "line 2: holds a value that is not finite"),
+        (b"1,2\n-3,1", "line 2: contains a negative"),
+        (b"1,2\nnan,1", "line 2: contains a value that is not finite"),
         (b"1,2,3", "needs rows and columns"),
         (b"# nothing", "no rows of numbers"),
         (b"\x89PNG\x00\x01\x02\x03", "is not text"),
@@ -277,7 +277,7 @@ def test_bad_settings():
         with pytest.raises(ScenarioError, match=told):
             GaussianPsf(**bad)
     entry = FieldPsf(field_deg=1.0, psf=AiryPsf())
-    with pytest.raises(ScenarioError, match="do not grow"):
+    with pytest.raises(ScenarioError, match="do not ascend"):
         FieldDependentPsf(fields=(entry, entry))
     with pytest.raises(ScenarioError, match="fields"):
         FieldDependentPsf(fields=())

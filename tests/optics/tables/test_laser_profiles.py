@@ -165,35 +165,35 @@ def test_a_changed_pulse_is_read_again(tmp_path):
 
 PNG = b"\x89PNG\r\n\x1a\n"
 BAD_PATTERNS = {
-    "empty.csv": (b"", "holds no numbers"),
-    "heading.csv": (b"a,b,c\n", "holds no numbers"),
+    "empty.csv": (b"", "contains no numbers"),
+    "heading.csv": (b"a,b,c\n", "contains no numbers"),
     "one_row.csv": (b"1,2,3\n", "needs rows and columns"),
     "one_column.csv": (b"1\n2\n3\n", "needs rows and columns"),
     "ragged.csv": (b"1,2\n3,4\n5\n", "row 3 has 1 values, the first 2"),
-    "word.csv": (b"1,2\n3,four\n", "row 2: 'four' is no number"),
-    "negative.csv": (b"1,2\n3,-4\n", "finite values from 0"),
-    "nan.csv": (b"1,2\n3,nan\n", "finite values from 0"),
-    "inf.csv": (b"1,2\n3,inf\n", "finite values from 0"),
-    "dark.csv": (b"0,0\n0,0\n", "some of them above"),
-    "binary.csv": (PNG + bytes(range(256)), "is no text"),
-    "empty.png": (b"", "no image that can be read"),
-    "cut.png": (PNG + b"\x00\x00\x00\rIHDR\x00\x00", "no image that can be read"),
-    "text.png": (b"1,2\n3,4\n", "no image that can be read"),
-    "list.tif": (b"II*\x00\x08\x00\x00\x00\xff\xff", "no image that can be read"),
-    "bitmap.bmp": (b"BM" + b"\xff" * 60, "no image that can be read"),
+    "word.csv": (b"1,2\n3,four\n", "row 2: 'four' is not a number"),
+    "negative.csv": (b"1,2\n3,-4\n", "finite values, none negative"),
+    "nan.csv": (b"1,2\n3,nan\n", "finite values, none negative"),
+    "inf.csv": (b"1,2\n3,inf\n", "finite values, none negative"),
+    "dark.csv": (b"0,0\n0,0\n", "and some positive"),
+    "binary.csv": (PNG + bytes(range(256)), "is not text"),
+    "empty.png": (b"", "cannot be read as an image"),
+    "cut.png": (PNG + b"\x00\x00\x00\rIHDR\x00\x00", "cannot be read as an image"),
+    "text.png": (b"1,2\n3,4\n", "cannot be read as an image"),
+    "list.tif": (b"II*\x00\x08\x00\x00\x00\xff\xff", "cannot be read as an image"),
+    "bitmap.bmp": (b"BM" + b"\xff" * 60, "cannot be read as an image"),
 }
 BAD_PULSES = {
-    "empty.csv": (b"", "holds no numbers"),
+    "empty.csv": (b"", "contains no numbers"),
     "three.csv": (b"0,0,0\n1,1,1\n2,0,0\n", "two columns"),
     "two_rows.csv": (b"0,1\n1,1\n", "three rows"),
-    "back.csv": (b"0,0\n2,1\n1,0\n", "rise from row to row"),
-    "twice.csv": (b"0,0\n1,1\n1,0\n", "rise from row to row"),
+    "back.csv": (b"0,0\n2,1\n1,0\n", "must be finite and ascend"),
+    "twice.csv": (b"0,0\n1,1\n1,0\n", "must be finite and ascend"),
     "below.csv": (b"0,0\n1,1\n2,-0.1\n", "subtract the baseline"),
     "dark.csv": (b"0,0\n1,0\n2,0\n", "subtract the baseline"),
     "nan.csv": (b"0,0\n1,nan\n2,0\n", "finite"),
-    "word.csv": (b"0,0\n1,peak\n2,0\n", "'peak' is no number"),
+    "word.csv": (b"0,0\n1,peak\n2,0\n", "'peak' is not a number"),
     "ragged.csv": (b"0,0\n1\n2,0\n", "row 2 has 1 values"),
-    "tails.csv": (b"-9999,0.001\n-4,0.001\n0,1\n4,0.001\n9999,0.001\n", "cut its tails"),
+    "tails.csv": (b"-9999,0.001\n-4,0.001\n0,1\n4,0.001\n9999,0.001\n", "shorten its tails"),
 }
 
 
@@ -220,7 +220,7 @@ def test_a_truncated_image_gets_one_line(tmp_path, cut):
     (tmp_path / "cut.png").write_bytes(whole[:cut])
     with pytest.raises(ScenarioError) as caught:
         read_pattern(str(tmp_path / "cut.png"))
-    one_line(caught.value, "cut.png", "no image that can be read")
+    one_line(caught.value, "cut.png", "cannot be read as an image")
 
 
 @pytest.mark.parametrize("name", BAD_PULSES)
@@ -260,7 +260,7 @@ def test_a_scenario_finds_and_reads_its_files(text, tmp_path):
     ("said", "content", "told"),
     [
         (f'{PATTERN}"bad.csv"', b"1,2\n3\n", "row 2 has 1 values"),
-        (f'{PATTERN}"bad.png"', b"none", "no image that can be read"),
+        (f'{PATTERN}"bad.png"', b"none", "cannot be read as an image"),
         (f'{PATTERN}"lost.csv"', None, "no file 'lost.csv'"),
         (f'{PULSE}"bad.csv"', b"1,2\n3,4\n", "three rows"),
         (f'{PULSE}"lost.csv"', None, "no file 'lost.csv'"),

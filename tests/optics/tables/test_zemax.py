@@ -123,12 +123,12 @@ BROKEN = {
     "empty": ("", "is empty"),
     "blank": ("\n \n", "is empty"),
     "header alone": ("\n".join(HEAD), "no rows of numbers"),
-    "rows missing": (psf_text(values=GRID[:5]), "5 rows of 8, but its header says 8 by 8"),
+    "rows missing": (psf_text(values=GRID[:5]), "5 rows of 8, but its header states 8 by 8"),
     "rows missing, size unsaid": (psf_text(without("Image grid"), GRID[:5]), "is square"),
     "last row short": (psf_text()[:-40], "line 29: has"),
     "ragged": ("\n".join([*HEAD, *rows(GRID)[:3], "1 2 3", *rows(GRID)[4:]]), "line 25: has 3 numbers"),
     "all zero": (psf_text(values=0 * GRID), "all its values are zero"),
-    "negative": (with_value("-1.0E-001"), "line 25: holds a negative intensity"),
+    "negative": (with_value("-1.0E-001"), "line 25: contains a negative intensity"),
     "decibel": (psf_text(values=-10 * GRID), "negative intensity"),
     "nan": (with_value("NaN"), "not finite"),
     "windows nan": (with_value("-1.#IND"), "not finite"),
@@ -136,7 +136,7 @@ BROKEN = {
     "a word": (with_value("vignetted"), "line 25: is not a row of numbers"),
     "no spacing": (psf_text(without("Data")), "Data spacing"),
     "zero spacing": (psf_text().replace("is 2.500", "is 0.000"), "data spacing is 0 m"),
-    "center outside": (psf_text().replace("5, 4", "50, 4"), "center point lies outside"),
+    "center outside": (psf_text().replace("5, 4", "50, 4"), "center point is outside"),
     "another listing": (psf_text().replace("Huygens PSF Data", "Spot Diagram Data"), "a listing of Spot Diagram"),
     "cross section": (psf_text().replace("PSF Data", "PSF Cross Section Data"), "Cross Section"),
     "prose": ("Call me Ishmael.\nSome years ago\n", "is not a Huygens PSF listing"),
@@ -165,7 +165,7 @@ def test_broken_bytes(tmp_path):
     for content, told in [
         (bytes(range(256)) * 20, "is not text"),
         (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + bytes(range(256)), "is not text"),
-        (psf_text().encode("utf-16")[:-3], "breaks off"),
+        (psf_text().encode("utf-16")[:-3], "is cut off"),
         (psf_text().encode("utf-32"), "is not text"),
     ]:
         path.write_bytes(content)
@@ -242,7 +242,7 @@ def test_grid_units_and_lost_rays(tmp_path):
     [
         ("", "is empty"),
         (psf_text(), "is not a Grid Distortion listing"),
-        (grid_text().partition("Distortion\r\n")[0], "holds no points"),
+        (grid_text().partition("Distortion\r\n")[0], "contains no points"),
         (grid_text(2)[:2600], "cut off"),
         (
             "\n".join(line for line in grid_text().splitlines() if not line.startswith("    1    1")),

@@ -1,4 +1,7 @@
-"""Labels of pixels in NumPy: the oracle of `rso_lidar.scene.labels.sum_weights` and `rso_lidar.scene.labels.label_pixels`."""
+"""Labels of pixels in NumPy.
+
+The oracle of `rso_lidar.scene.labels.sum_weights` and `rso_lidar.scene.labels.label_pixels`.
+"""
 
 from typing import Any
 

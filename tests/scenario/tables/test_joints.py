@@ -68,7 +68,7 @@ def test_materials_by_name_are_those_of_the_catalogue_at_the_laser_s_wavelength(
     paint = rl.scene.Named(name="white_paint")
     assert paint.at(1064e-9) == rl.Phong(diffuse=0.80, specular=0.02, exponent=10.0)
     assert paint.at(1570e-9) == rl.Phong(diffuse=0.70, specular=0.02, exponent=10.0)
-    with pytest.raises(rl.ScenarioError, match=r"no material 'whit_paint'; did you mean 'white_paint'\?"):
+    with pytest.raises(rl.ScenarioError, match=r"unknown material 'whit_paint'; did you mean 'white_paint'\?"):
         tdrs(part_materials={"bus": "whit_paint"})
 
 

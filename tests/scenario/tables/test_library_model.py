@@ -6,7 +6,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.errors import MeshError, RecordingError, RsoLidarWarning, ScenarioError
 from rso_lidar.export import run_id
-from rso_lidar.scene.library.adding import Wanted, add_model
+from rso_lidar.scene.library.adding import MeshOptions, add_model
 from rso_lidar.study.recorded_runs.flown_scenario import load_scenario, load_surfaces
 from tests.scene.meshes.test_mesh import BOX, binary_stl, glb
 
@@ -28,7 +28,7 @@ def craft(tmp_path, library):
     def put(times=10.0, **wanted):
         path.write_bytes(glb([("bus", BOX * times), ("flap", BOX * times + 30)], [{"mesh": 0}, {"mesh": 1}]))
         said = {"scale": 0.1, "material": "white_paint", "center_of_mass_m": (0.5, 1.0, 1.5), **wanted}
-        entry, _ = add_model(path, Wanted(**said), overwrite=True)
+        entry, _ = add_model(path, MeshOptions(**said), overwrite=True)
         index = library / "index.toml"
         index.write_text(index.read_text() + HINGE)
         return entry
@@ -113,7 +113,7 @@ def test_a_name_that_is_shipped_by_now_and_one_that_is_gone(mission, library, mo
     with pytest.raises(MeshError, match=r"model 'plate': was one of the user's own library, and a shipped one"):
         _ = rl.Scenario.loads(renamed).surfaces
     monkeypatch.setenv("RSO_LIDAR_MODELS", str(tmp_path / "elsewhere"))
-    with pytest.raises(ScenarioError, match=r"unknown model 'craft'.*comes in with `rso-lidar models add`"):
+    with pytest.raises(ScenarioError, match=r"unknown model 'craft'.*add your own mesh with `rso-lidar models add`"):
         _ = rl.Scenario.loads(source.scenario).surfaces
     with pytest.raises(ScenarioError, match=r"library is for a model of your own library, by its name; leave it out"):
         rl.Scenario.loads(source.scenario.replace('model = "craft"', 'model = "craft.stl"'))

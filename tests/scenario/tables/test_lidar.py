@@ -242,9 +242,9 @@ class TestFiles:
         [
             ("pulse.csv", b"", "pulse.csv"),
             ("pulse.csv", b"1\n2\n3\n", "two columns"),
-            ("pulse.csv", b"0 0\n2 1\n1 3\n", "rise from row to row"),
+            ("pulse.csv", b"0 0\n2 1\n1 3\n", "must be finite and ascend"),
             ("optics/pattern.csv", b"0 0\n0 0\n", "pattern"),
-            ("optics/pattern.csv", bytes(range(128, 256)), "no text"),
+            ("optics/pattern.csv", bytes(range(128, 256)), "not text"),
             ("optics/psf.csv", b"0 1 0\n1 x 1\n", "line 2"),
             ("optics/psf.csv", b"0 1 0\n1 4\n", "cut off"),
             ("optics/psf.csv", b"0 1\n1 -4\n", "negative"),

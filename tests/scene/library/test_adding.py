@@ -15,7 +15,7 @@ import rso_lidar as rl
 from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError
 from rso_lidar.file_locks import hold_lock
 from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library.adding import Wanted, add_model, known_meshes, remove_model
+from rso_lidar.scene.library.adding import MeshOptions, add_model, known_meshes, remove_model
 from rso_lidar.scene.library.group_materials import materials_of
 from rso_lidar.scene.library.model_index import model, models, own_folder, own_models
 from rso_lidar.scene.meshes.cad import tessellate
@@ -61,7 +61,7 @@ def test_a_mesh_is_copied_as_it_stands_and_found_by_name(library, box):
     ],
 )
 def test_units_are_guessed_aloud_and_the_user_decides(library, box, wanted, factor, size, says):
-    entry, said = add_model(box(factor=factor), Wanted(**wanted))
+    entry, said = add_model(box(factor=factor), MeshOptions(**wanted))
     if says is None and not wanted:
         assert any("centimetres" in line for line in said), "300 m is no spacecraft"
         return
@@ -72,7 +72,7 @@ def test_units_are_guessed_aloud_and_the_user_decides(library, box, wanted, fact
 
 
 def test_no_unit_fits(library, box):
-    with pytest.raises(MeshError, match=r"is 3e\+09 units across; say what that is with --scale or --size-m"):
+    with pytest.raises(MeshError, match=r"is 3e\+09 units across; give --scale or --size-m"):
         add_model(box(factor=1e9))
     assert not library.exists() or not list(library.iterdir()), "nothing half-written"
 
@@ -86,7 +86,7 @@ def test_a_cube_about_the_origin_hints_at_the_scale(library, tmp_path):
 
 
 def test_y_up_is_turned(library, box):
-    assert add_model(box(), Wanted(mesh_axes="y_up"))[0].mesh.size_m == pytest.approx([1, 3, 2])
+    assert add_model(box(), MeshOptions(mesh_axes="y_up"))[0].mesh.size_m == pytest.approx([1, 3, 2])
 
 
 def test_names_that_cannot_be(library, box):
@@ -99,7 +99,7 @@ def test_names_that_cannot_be(library, box):
         ("check", "is a command of `rso-lidar models`"),
     ):
         with pytest.raises(MeshError, match=says):
-            add_model(box(), Wanted(name=name))
+            add_model(box(), MeshOptions(name=name))
 
 
 def test_overwrite_replaces_and_remove_takes_away(library, box, tmp_path):
@@ -112,7 +112,7 @@ def test_overwrite_replaces_and_remove_takes_away(library, box, tmp_path):
     assert own_models() == {} and [file.name for file in library.iterdir()] == ["index.toml"]
     with pytest.raises(ScenarioError, match=r"model 'box': is not in your library \(yours: none\)"):
         remove_model("box")
-    with pytest.raises(ScenarioError, match=r"model 'tdrs': is shipped with the package, and stays"):
+    with pytest.raises(ScenarioError, match=r"model 'tdrs': is shipped with the package, and cannot be removed"):
         remove_model("tdrs")
 
 
@@ -128,7 +128,7 @@ def test_remove_touches_no_file_outside_the_library(library, box):
 def test_materials_of_groups_are_guessed_by_name_and_said(library, tmp_path):
     meshes = [("foil_gold.001", BOX), ("Shiny_Panel", BOX + 3), ("tex_01", BOX + 6), ("osr", BOX + 9)]
     (tmp_path / "sat.glb").write_bytes(glb(meshes, [{"mesh": k} for k in range(4)]))
-    entry, said = add_model(tmp_path / "sat.glb", Wanted(part_materials={"osr": "white_paint"}))
+    entry, said = add_model(tmp_path / "sat.glb", MeshOptions(part_materials={"osr": "white_paint"}))
     assert dict(entry.parts) == {
         "foil_gold.001": "mli_gold",
         "Shiny_Panel": "solar_cell",
@@ -137,11 +137,11 @@ def test_materials_of_groups_are_guessed_by_name_and_said(library, tmp_path):
     }
     assert any("foil_gold.001 = mli_gold" in line for line in said)
     assert any(line.startswith("assumed    lambertian_30 for tex_01:") for line in said)
-    entry, _ = add_model(tmp_path / "sat.glb", Wanted(material="aluminium"), overwrite=True)
+    entry, _ = add_model(tmp_path / "sat.glb", MeshOptions(material="aluminium"), overwrite=True)
     assert set(entry.parts.values()) == {"aluminium"}
     for wanted, says in (
-        (Wanted(material="gold"), "material 'gold': is none of the catalogue"),
-        (Wanted(part_materials={"bus": "osr"}), "part 'bus': is not in the mesh"),
+        (MeshOptions(material="gold"), "material 'gold': is not in the catalogue"),
+        (MeshOptions(part_materials={"bus": "osr"}), "part 'bus': is not in the mesh"),
     ):
         with pytest.raises(MeshError, match=says):
             add_model(tmp_path / "sat.glb", wanted, overwrite=True)
@@ -156,7 +156,7 @@ def test_the_user_s_table_of_names_is_asked_first(library):
         "TEX_01": "aluminium",
         "cfrp": "cfrp",
     }
-    for text, says in (("= 1", "cannot be read"), ('"a*" = "gold"', "'a\\*': no material 'gold'")):
+    for text, says in (("= 1", "cannot be read"), ('"a*" = "gold"', "'a\\*': unknown material 'gold'")):
         table.write_text(text)
         with pytest.raises(MeshError, match=says):
             materials_of(["a"])
@@ -195,7 +195,7 @@ def test_a_scenario_flies_a_model_of_the_library_and_its_recording_can_be_flown_
     plate = load_mesh(model("plate").path)
     path = tmp_path / "target.stl"
     path.write_bytes(binary_stl(1000 * plate.vertices[plate.facets]))
-    add_model(path, Wanted(scale=1e-3, material="mli_gold"))
+    add_model(path, MeshOptions(scale=1e-3, material="mli_gold"))
     mine = text.replace('model    = "plate"', 'model    = "target"').replace("material =", "#")
     shipped = text.replace("material = { type", 'material = "mli_gold" #')
     frame, same = (next(rl.simulate(rl.Scenario.loads(one), threads=1)) for one in (mine, shipped))
@@ -206,7 +206,7 @@ def test_a_scenario_flies_a_model_of_the_library_and_its_recording_can_be_flown_
     again = next(rl.simulate(rl.Scenario.loads(source.scenario), threads=1))
     assert np.array_equal(again.range_m, frame.range_m, equal_nan=True)
     monkeypatch.setenv("RSO_LIDAR_MODELS", str(tmp_path / "elsewhere"))
-    with pytest.raises(ScenarioError, match=r"unknown model 'target'.*comes in with `rso-lidar models add`"):
+    with pytest.raises(ScenarioError, match=r"unknown model 'target'.*add your own mesh with `rso-lidar models add`"):
         rl.Scenario.loads(source.scenario).surfaces  # noqa: B018 - built when asked for
 
 
@@ -237,7 +237,7 @@ def test_a_library_that_was_tampered_with_says_so(library, box):
 
 def test_a_broken_entry_is_left_out_and_can_be_taken_out(library, box):
     add_model(box())
-    add_model(box(), Wanted(name="other"))
+    add_model(box(), MeshOptions(name="other"))
     index = library / "index.toml"
     index.write_text(index.read_text().replace("scale = 1.0", 'scale = "a"', 1))
     with pytest.warns(RsoLidarWarning, match=r"model 'box': scale: should be a valid number"):
@@ -249,8 +249,8 @@ def test_a_broken_entry_is_left_out_and_can_be_taken_out(library, box):
 
 @pytest.mark.parametrize("scale", [1e300, 1e9, 1e-9])
 def test_a_size_that_nothing_has_is_refused_before_anything_is_written(library, box, scale):
-    with pytest.raises(MeshError, match=r"m across; say what it is with --scale or --size-m"):
-        add_model(box(), Wanted(scale=scale))
+    with pytest.raises(MeshError, match=r"m across; give --scale or --size-m"):
+        add_model(box(), MeshOptions(scale=scale))
     assert not list(library.glob("*.stl")) and own_models() == {}
 
 
@@ -273,7 +273,7 @@ def test_a_shipped_name_wins_and_says_so(library, box):
     add_model(box())
     index = library / "index.toml"
     index.write_text(index.read_text().replace('name = "box"', 'name = "plate"'))
-    with pytest.warns(RsoLidarWarning, match=r"model 'plate': is shipped, and in your library too"):
+    with pytest.warns(RsoLidarWarning, match=r"model 'plate': is shipped, and also in your library"):
         assert not model("plate").own
     assert not model("plate").own, "said once: a second warning would be an error here"
 
@@ -301,7 +301,7 @@ def test_who_adds_waits_for_who_is_adding(library, box):
         index = library / "index.toml"
         waiting = [
             threading.Thread(target=add, args=(second,)),
-            threading.Thread(target=add, args=(same, Wanted(name="third"))),
+            threading.Thread(target=add, args=(same, MeshOptions(name="third"))),
             threading.Thread(target=remove_model, args=("first",)),
         ]
         for thread in waiting:
@@ -362,7 +362,7 @@ def test_solids_come_in_through_the_extra(name, library):
     if importlib.util.find_spec("cascadio") is None:
         pytest.skip("needs the extra step: pip install 'rso-lidar[step]'")
     entry, said = add_model(SOLIDS / name)
-    assert any(line.startswith("unit       the file says its own: 3.5 m") for line in said)
+    assert any(line.startswith("unit       as the file states: 3.5 m") for line in said)
     assert entry.size_m == (1.0, 2.0, 3.5) and entry.path.suffix == ".glb"
     mesh = entry.mesh
     corners = mesh.vertices[mesh.facets]
@@ -376,7 +376,9 @@ def test_solids_that_are_none(tmp_path, monkeypatch):
     bad = tmp_path / "bad.step"
     bad.write_bytes(b"ISO-10303-21;")
     if importlib.util.find_spec("cascadio") is not None:
-        with pytest.raises(MeshError, match=r"bad\.step: cannot be read as STEP, or holds no solid; export it again"):
+        with pytest.raises(
+            MeshError, match=r"bad\.step: cannot be read as STEP, or contains no solid; export it again"
+        ):
             tessellate(bad)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(

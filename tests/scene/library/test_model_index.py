@@ -34,7 +34,7 @@ def test_what_is_handed_out_cannot_spoil_the_catalogue():
 
 def test_unknown_model_is_one_line_with_a_cure():
     with pytest.raises(
-        ScenarioError, match=r"^unknown model 'tdsr'; did you mean 'tdrs'\? \(known: .*juno.*\); a mesh of your own .*$"
+        ScenarioError, match=r"^unknown model 'tdsr'; did you mean 'tdrs'\? \(known: .*juno.*\); add your own mesh .*$"
     ):
         model("tdsr")
 

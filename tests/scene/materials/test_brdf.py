@@ -78,7 +78,7 @@ def test_phong_sends_back_no_more_than_it_gets(n, tilt_deg):
 def test_more_light_than_comes_in_is_refused():
     Phong(diffuse=0.5, specular=0.5, exponent=10.0)
     Phong(diffuse=0.1, specular=0.9, exponent=10.0)  # 0.1 + 0.9 in floats
-    with pytest.raises(ScenarioError, match="more light than comes in; keep the sum at or below 1"):
+    with pytest.raises(ScenarioError, match="which is more than the incident light; keep the sum at or below 1"):
         Phong(diffuse=0.6, specular=0.41, exponent=10.0)
 
 
@@ -113,34 +113,34 @@ def test_materials_that_cannot_be(bad):
     [
         (
             lambda: Ggx(diffuse=0.6, specular=0.5, roughness=0.3),
-            "diffuse . specular is 1.1, more light than comes in; keep",
+            "diffuse . specular is 1.1, which is more than the incident light; keep",
         ),
         (
             lambda: OrenNayar(reflectance=1.0, roughness_deg=11.0),
-            "sends back more light than comes in at grazing incidence; keep reflectance at or below 0.98",
+            "reflects more than the incident light at grazing incidence; keep reflectance at or below 0.98",
         ),
         (
             lambda: RetroReflector(diameter_mm=10.0, reflectance=0.9, fill_fraction=0.5, diffuse=0.6),
-            "reflectance x fill_fraction . diffuse is 1.05, more light than comes in; keep it at or below 1",
+            "reflectance x fill_fraction . diffuse is 1.05, which is more than the incident light; keep it at or below 1",
         ),
         (
             lambda: TableBrdf(incidence_deg=(0.0, 90.0), measured_per_sr=(1.0, 1.0)),
-            "the table sends back 3.14. of the light that comes in at .* deg; check its unit",
+            "the table reflects 3.14. of the light that is incident at .* deg; check its unit",
         ),
-        (lambda: TableBrdf(incidence_deg=(0.0, 9.0, 3.0), measured_per_sr=(0.1, 0.1, 0.1)), "does not rise .* sort"),
-        (lambda: TableBrdf(incidence_deg=(0.0, 9.0, 9.0), measured_per_sr=(0.1, 0.1, 0.1)), "does not rise .* sort"),
+        (lambda: TableBrdf(incidence_deg=(0.0, 9.0, 3.0), measured_per_sr=(0.1, 0.1, 0.1)), "does not ascend; sort"),
+        (lambda: TableBrdf(incidence_deg=(0.0, 9.0, 9.0), measured_per_sr=(0.1, 0.1, 0.1)), "does not ascend; sort"),
         (lambda: TableBrdf(incidence_deg=(0.0, 9.0), measured_per_sr=(0.1,)), "2 angles and 1 values; give"),
         (lambda: TableBrdf(incidence_deg=(), measured_per_sr=()), "at least two"),
         (lambda: ByWavelength(wavelength_nm=(1064.0, 1570.0), materials=(Lambertian(),)), "2 wavelengths and 1 mat"),
         (lambda: ByWavelength(wavelength_nm=(), materials=()), "at least one"),
-        (lambda: ByWavelength(wavelength_nm=(532.0, 532.0), materials=(Lambertian(), CUBES)), "stands twice"),
+        (lambda: ByWavelength(wavelength_nm=(532.0, 532.0), materials=(Lambertian(), CUBES)), "occurs twice"),
         (
             lambda: CUBES.brdf_per_sr(np.ones(1)),
-            "retro_reflector: its lobe depends on the wavelength; give it one by at",
+            "retro_reflector: its lobe depends on the wavelength; set it by at",
         ),
         (
             lambda: ByWavelength(wavelength_nm=(532.0,), materials=(CUBES,)).brdf_per_sr(np.ones(1)),
-            "by_wavelength: has no BRDF of its own; choose one",
+            "by_wavelength: needs a wavelength for its BRDF; select",
         ),
     ],
 )

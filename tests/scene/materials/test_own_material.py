@@ -48,7 +48,7 @@ def test_the_scenario_goes_into_a_recording_and_not_into_a_file(example, tmp_pat
         scenario.dumps()
     rl.save(tmp_path / "dust.h5", rl.simulate(scenario, frames=[0]))
     text = rl.open(tmp_path / "dust.h5").source.scenario
-    with pytest.raises(ScenarioError, match=r"target\[0\]\.material: stands for the Python object .*Dust.*; give"):
+    with pytest.raises(ScenarioError, match=r"target\[0\]\.material: stands for the Python object .*Dust.*; set"):
         rl.Scenario.loads(text)
 
 

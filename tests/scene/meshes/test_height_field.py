@@ -49,7 +49,7 @@ def test_no_ground_where_there_is_no_height(tmp_path):
 
 
 def _text(path):
-    path.write_text("no array")
+    path.write_text("not an array")
 
 
 def _bomb(path):
@@ -78,7 +78,7 @@ BAD = {
     "words.npy": (lambda path: np.save(path, np.full((2, 2), "high")), "not numbers"),
     "infinite.npy": (lambda path: np.save(path, np.full((2, 2), np.inf)), "not finite"),
     "nothing.npy": (lambda path: np.save(path, np.full((2, 2), np.nan)), "no cell has a height"),
-    "two.npz": (lambda path: np.savez(path, a=HEIGHTS, b=HEIGHTS), "holds 2 arrays"),
+    "two.npz": (lambda path: np.savez(path, a=HEIGHTS, b=HEIGHTS), "contains 2 arrays"),
     "bomb.npz": (_bomb, "crop or thin it"),
     "wide.npy": (lambda path: np.save(path, np.zeros((2, MOST_CELLS), np.int8)), "crop or thin it"),
 }
