@@ -122,6 +122,12 @@ def compiler_version() -> str:
     return f"numba {numba.__version__}"
 
 
+def has_machine_code() -> bool | None:
+    """Return whether any loop has been compiled and kept on disk, None where nothing is kept."""
+    root = _store.root if _store.is_used else None
+    return None if root is None else any(root.rglob("*.nbi"))
+
+
 @contextmanager
 def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
     """Call `tell` inside this context whenever a kernel is compiled instead of read from disk.

@@ -13,6 +13,7 @@ import numpy as np
 
 from rso_lidar import detector, motion, optics, scene
 from rso_lidar.errors import ScenarioError
+from rso_lidar.first_start import compile_ahead
 from rso_lidar.processes import Processes
 from rso_lidar.records import Command, Frame, Labels, Observation, Reading, Record, Truth
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
@@ -77,6 +78,7 @@ def _fly(
         aim = motion.Aim(
             scenario.pan_tilt, scenario.lidar.mount, scenario.bodies, *scenario.span, flights=course.flights, **world
         )
+    compile_ahead()
     # Open loop: frames are made in parallel. Under a controller: bands of pixels are.
     threads = threads or os.cpu_count() or 1
     at_once, ahead, bands = workers or threads, 2 * workers if workers else threads, 1
