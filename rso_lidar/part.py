@@ -188,7 +188,7 @@ class Seam:
             methods = ", ".join(sorted(name for name in members if not name.startswith("_")))
             raise ValueError(
                 f"needs a table with a 'type', a part, or an object with {methods} (the protocol "
-                f"{self.protocol.__name__}), not {_show(value)}"
+                f"{self.protocol.__name__}), not {show_value(value)}"
             )
         return value
 
@@ -233,13 +233,17 @@ def kind_of(value: object) -> str:
 def name_object(value: object) -> str:
     """Return a text that describes an object without its memory address, such as ``velvet.Velvet(sheen=0.2)``."""
     cls = type(value)
-    text = " ".join(repr(value).split())
-    if " at 0x" in text or len(text) > _LONGEST_REPR:
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # whatever a user's own __repr__ raises
+        text = ""
+    if not text or " at 0x" in text or len(text) > _LONGEST_REPR:
         text = f"{cls.__qualname__}(...)"
     return text if text.startswith(f"{cls.__module__}.") else f"{cls.__module__}.{text}"
 
 
 _LONGEST_REPR = 200  # characters
+_MOST_TYPES = 3  # that a message lists
 
 
 def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
@@ -261,14 +265,16 @@ def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
     first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     loc = first["loc"]
-    place, owner = _place(loc, part, raw)
+    place, owner, others = _place(loc, part, raw)
     if first["type"] == "extra_forbidden":
         place = _place(loc[:-1], part, raw)[0]
-    text = _what(first, owner)
+    text = _what(first, owner, others)
     return f"{place}: {text}{more}" if place else f"{text}{more}"
 
 
-def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple[str, type[BaseModel] | None]:
+def _place(
+    loc: tuple[int | str, ...], part: type[BaseModel], raw: Any
+) -> tuple[str, type[BaseModel] | None, list[type[BaseModel]]]:
     """Convert pydantic's path of an error to a dotted TOML key, without the tags of unions.
 
     Parameters
@@ -283,9 +289,12 @@ def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple
         The key, such as ``target[0].motion.file``.
     type or None
         The part class that holds the last key.
+    list of types
+        The part classes that are allowed in its stead.
     """
     words: list[str] = []
     owner: type[BaseModel] | None = part
+    others: list[type[BaseModel]] = []
     here: type[BaseModel] | None = part
     annotation: Any = part
     for step in loc:
@@ -300,7 +309,7 @@ def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple
         if default is not None:
             here = default  # a table that leaves out its default type
             continue
-        owner = here
+        owner, others = here, list(_part_classes(annotation))
         words.append(step if not words else f".{step}")
         if here is None and get_origin(annotation) is dict:
             annotation = get_args(annotation)[1]  # a table whose keys the user chooses
@@ -309,7 +318,7 @@ def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple
             annotation = field.annotation if field else None
         raw = raw.get(step) if isinstance(raw, Mapping) else getattr(raw, step, None)
         here = _choose(annotation, raw)
-    return "".join(words), owner
+    return "".join(words), owner, others
 
 
 def _find_by_type(annotation: Any, tag: str) -> type[BaseModel] | None:
@@ -340,13 +349,23 @@ def _part_classes(annotation: Any) -> list[type[BaseModel]]:
     return [cls for inner in get_args(annotation) for cls in _part_classes(inner)]
 
 
-def _what(problem: Any, owner: type[BaseModel] | None) -> str:
-    """Return what is wrong and what to do, in words of TOML rather than of pydantic."""
+def _what(problem: Any, owner: type[BaseModel] | None, others: Iterable[type[BaseModel]]) -> str:
+    """Return what is wrong and what to do, in words of TOML rather than of pydantic.
+
+    Parameters
+    ----------
+    problem : one error of pydantic.
+    owner : part class that holds its last key.
+    others : part classes that are allowed in its stead.
+    """
     kind, context = problem["type"], problem.get("ctx", {})
     value = problem.get("input")
     if kind == "extra_forbidden":
         key = str(problem["loc"][-1])
         known = list(owner.model_fields) if owner else []
+        types = [one.model_fields["type"].default for one in others if {key, "type"} <= set(one.model_fields)]
+        if 0 < len(types) <= _MOST_TYPES:
+            return f"unknown key '{key}'; it is a key of type = " + " or ".join(f'"{name}"' for name in types)
         guess = did_you_mean(key, known) or (f"; known keys: {', '.join(known)}" if known else "")
         return f"unknown key '{key}'{guess}"
     if kind == "missing":
@@ -356,36 +375,44 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
         guess = did_you_mean(str(context["tag"]), known)
         return f"unknown type '{context['tag']}'{guess or ''} (known: {', '.join(known)})"
     if kind == "union_tag_not_found":
-        return f"needs a table with a 'type', not {_show(value)}"
+        return f"needs a table with a 'type', not {show_value(value)}"
     if kind == "literal_error":
         known = [word.strip(" '") for word in re.split(r",| or ", context["expected"])]
         noun = "type" if problem["loc"][-1] == "type" else "value"
         guess = did_you_mean(value, known) if isinstance(value, str) and value not in known else ""
-        return f"unknown {noun} {_show(value)}{guess} (known: {', '.join(known)})"
+        return f"unknown {noun} {show_value(value)}{guess} (known: {', '.join(known)})"
     if kind == "too_short":
         return f"needs at least {context['min_length']} entries, not {context['actual_length']}; add some"
     if kind == "too_long":
         return f"needs {context['max_length']} entries, not {context.get('actual_length') or 'more'}; remove some"
     if kind in ("dict_type", "model_type", "model_attributes_type"):
-        return f"needs a table, not {_show(value)}"
+        return f"needs a table, not {show_value(value)}"
     if kind == "string_pattern_mismatch":
         if context["pattern"].startswith("^#"):
+<<<<<<< HEAD
             return f"needs a colour such as '#a29225', not {_show(value)}"
         return f"needs a letter followed by letters, digits, _ or -, not {_show(value)}"
+=======
+            return f"needs a colour such as '#a29225', not {show_value(value)}"
+        return f"needs letters, digits, _ and -, a letter first, not {show_value(value)}"
+>>>>>>> 8c08e60 (What optional members of users' objects say is checked where it enters, in one line)
     if kind == "datetime_type":
-        return f"needs a date and time without quotes, such as 2024-09-17T12:00:00Z, not {_show(value)}"
+        return f"needs a date and time without quotes, such as 2024-09-17T12:00:00Z, not {show_value(value)}"
     if kind == "tuple_type":
         tables = " ([[...]] for a list of tables)" if isinstance(value, dict) else ""
-        return f"needs a list{tables}, not {_show(value)}"
+        return f"needs a list{tables}, not {show_value(value)}"
     if kind == "value_error":
         return " ".join(str(context["error"]).splitlines())
     message = problem["msg"].removeprefix("Input ")
-    return f"{message}, not {_show(value)}"
+    return f"{message}, not {show_value(value)}"
 
 
-def _show(value: Any) -> str:
+def show_value(value: Any) -> str:
+    """Return a value as one short line, for a message."""
     try:
         text = " ".join(repr(value).split())
     except (ValueError, RecursionError):
         text = f"a {type(value).__name__} of more digits than can be shown"
+    except Exception:  # whatever a user's own __repr__ raises
+        text = f"a {type(value).__name__}"
     return text if len(text) <= 60 else text[:57] + "..."

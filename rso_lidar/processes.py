@@ -46,11 +46,11 @@ class Processes:
 
         try:
             sent = pickle.dumps(function, protocol=pickle.HIGHEST_PROTOCOL)
-        except (pickle.PicklingError, AttributeError, TypeError) as error:
+        except Exception as error:  # whatever a user's own object raises that cannot be pickled
             raise ScenarioError(
                 f"workers: the scenario cannot be sent to other processes ({error}); define what it names in a module, or "
                 "leave out workers"
-            ) from None
+            ) from error
         if multiprocessing.current_process().daemon:
             raise ScenarioError("workers: a daemon process cannot start processes; leave out workers")
         fresh = multiprocessing.get_context("spawn")  # a forked process would inherit locks that other threads hold

@@ -24,6 +24,23 @@ def scenario():
     return rl.Scenario.load("examples/tdrs_approach.toml", settings)
 
 
+class Stubborn:
+    """A motion that refuses to be pickled, with an error of its own."""
+
+    def states(self, epochs):
+        raise NotImplementedError
+
+    def __getstate__(self):
+        raise ValueError("not to be copied")
+
+
+def test_an_object_that_cannot_be_pickled_is_told(scenario):
+    with pytest.raises(
+        ScenarioError, match=r"workers: the scenario cannot be sent .*\(not to be copied\); .*leave out workers"
+    ):
+        Processes(1, Stubborn().states)
+
+
 def test_workers_make_the_same_frames_as_threads(scenario):
     alone = list(rl.simulate(scenario, threads=1, frames=range(20, 27), keep=("photons", "waveforms")))
     found = list(rl.simulate(scenario, workers=2, frames=range(20, 27), keep=("photons", "waveforms")))

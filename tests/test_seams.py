@@ -166,6 +166,137 @@ def test_a_motion_that_is_not_finite_is_told():
         truth_of(lost, [0, 1])
 
 
+# ------------------------------------------------------------------------------------------------- optional members
+
+
+class Still:
+    """At rest in root axes."""
+
+    orbits = False
+
+    def states(self, epochs):
+        shape = (len(epochs), 3)
+        return rl.records.BodyState(np.broadcast_to([20.0, 0.0, 0.0], shape), np.zeros(shape))
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        ({"relative_to": 3}, r"relative_to is 3; name a body, or leave it out"),
+        ({"relative_to": lambda self: "plate"}, r"relative_to is a method; name a body"),
+        ({"orbits": lambda self: False}, r"orbits is a method; make it True or False"),
+        ({"orbits": "no"}, r"orbits is 'no'; make it True or False"),
+        ({"validity": lambda self, epochs: None}, r"validity\(\) returned None; return a list of texts"),
+        ({"validity": lambda self, epochs: "too far"}, r"validity\(\) returned 'too far'; return a list of texts"),
+        ({"summarize": lambda self, start: None}, r"summarize\(\) returned None; return a text"),
+        ({"summarize": "a motion"}, r"summarize is 'a motion'; make it a method, or rename it"),
+        ({"states": lambda self, epochs: 3}, r"states\(\) returned a int that is not a BodyState"),
+    ],
+)
+def test_what_a_member_of_a_motion_must_not_be(members, message):
+    bench = rl.Scenario.load(FOLDER.parent / "bench_plate.toml")
+    own = type("Own", (Still,), members)()
+    with pytest.raises(ScenarioError, match=rf"Own\(.*\): {message}") as error:
+        scenario = bench.replace(target=(bench.target[0].replace(motion=own), *bench.target[1:]))
+        truth_of(scenario, [0, 1])
+        scenario.describe()
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("values", [["a", "b", "c"], [1.0 + 2.0j, 0.0, 0.0]])
+def test_states_that_are_no_real_numbers_are_told_in_one_line(values):
+    class Own(Still):
+        def states(self, epochs):
+            return rl.records.BodyState(np.tile(values, (len(epochs), 1)), np.zeros((len(epochs), 3)))
+
+    bench = rl.Scenario.load(FOLDER.parent / "bench_plate.toml")
+    with pytest.raises(ValueError, match=r"BodyState\.position_m: needs an array of float64, not array") as error:
+        truth_of(bench.replace(target=(bench.target[0].replace(motion=Own()),)), [0, 1])
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("position_m", "velocity_m_s"),
+    [([7e6, 0, 0], [0, 0, 0]), ([7e6, 0, 0], [5e3, 0, 0]), ([7e6, 1, 0], [-7e3, -1e-3, 0]), ([0, 0, 0], [0, 7e3, 0])],
+)
+def test_an_orbit_without_a_plane_is_told(position_m, velocity_m_s):
+    class Falling:
+        def states(self, epochs):
+            return rl.records.BodyState(
+                *(np.tile(np.array(row, float), (len(epochs), 1)) for row in (position_m, velocity_m_s))
+            )
+
+    scenario = load("own_motion.py")["scenario"]
+    falling = scenario.replace(target=(scenario.target[0].replace(motion=Falling()),))
+    with pytest.raises(ScenarioError, match=r"stage\.motion: .*Falling.*velocity that is zero or along the position"):
+        truth_of(falling, [0, 1])
+
+
+@pytest.mark.parametrize("breaks", ["soon", [np.nan], None, 3.0, [[1.0]]])
+def test_breaks_that_are_no_instants_are_told(breaks):
+    descent = load("own_motion.py")["scenario"].target[0].motion
+
+    class Own(type(descent)):
+        def breaks_s(self, epochs):
+            return breaks
+
+    scenario = load("own_motion.py")["scenario"]
+    own = Own(descent.radius_m, descent.rate_m_s)
+    with pytest.raises(ScenarioError, match=r"Own\(.*\): breaks_s\(\) returned .*; return a list of numbers"):
+        truth_of(scenario.replace(target=(scenario.target[0].replace(motion=own),)), [0, 1])
+
+
+class Level:
+    """Axes of the root."""
+
+    def orient(self, situation):
+        return rl.motion.Orientation(Rotation.identity(), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        ({"looks_at": lambda self: ("stage",)}, r"looks_at is a method; make it a tuple of names"),
+        ({"looks_at": "stage"}, r"looks_at is 'stage'; make it a tuple of names"),
+        ({"looks_at": 3}, r"looks_at is 3; make it a tuple of names"),
+        ({"looks_at": (3,)}, r"looks_at is \(3,\); make it a tuple of names"),
+        ({"needs_orbit": lambda self: False}, r"needs_orbit is a method; make it True or False"),
+    ],
+)
+def test_what_a_member_of_an_attitude_must_not_be(members, message):
+    scenario = load("own_attitude.py")["scenario"]
+    own = type("Own", (Level,), members)()
+    with pytest.raises(ScenarioError, match=rf"Own\(.*\): {message}"):
+        truth_of(scenario.replace(follower=scenario.follower.replace(attitude=own)), [0])
+
+
+def test_what_an_attitude_is_given_is_read_only():
+    found = {}
+
+    class Curious(Level):
+        looks_at = ("stage",)
+
+        def orient(self, situation):
+            named = ("position_m", "velocity_m_s", "origin_rate_rad_s", "sun_m", "upward")
+            found.update({name: getattr(situation, name) for name in named}, time_s=situation.epochs.time_s)
+            found["line"], found["line_rate"] = situation.line("stage")
+            return super().orient(situation)
+
+    scenario = load("own_attitude.py")["scenario"]
+    truth_of(scenario.replace(follower=scenario.follower.replace(attitude=Curious())), [0, 1])
+    assert [name for name, values in found.items() if values.flags.writeable] == []
+
+
+def test_an_object_whose_repr_raises_flies_under_the_name_of_its_class():
+    class Shy(Still):
+        def __repr__(self):
+            raise RuntimeError("no")
+
+    bench = rl.Scenario.load(FOLDER.parent / "bench_plate.toml")
+    shy = bench.replace(target=(bench.target[0].replace(motion=Shy()),))
+    assert "Shy(...)" in shy.source.scenario and "Shy(...)" in shy.describe()
+
+
 # ---------------------------------------------------------------------------------------------------------- trackers
 
 

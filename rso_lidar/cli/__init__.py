@@ -66,7 +66,10 @@ def _run(arguments: list[str] | None) -> _Outcome:
             sys.stdout.flush()
         return _Outcome(status)
     except usage_error as error:
-        told = error.format_message().rstrip(".")  # without any words the help has been shown, and says enough
+        told = error.format_message().rstrip(".")
+        if type(error).__name__ == "NoArgsIsHelpError":  # which typer's own copy of click names nowhere else
+            _print_help(told)
+            told = ""
         return _Outcome(2, f"error: {_add_hint(told, error)}" if told else "")
     except RunError as error:
         with suppress(OSError, ValueError, AttributeError):
@@ -98,6 +101,12 @@ def _collect_garbage_less_often() -> None:
     """Run the garbage collector less often: it took a quarter of the time of a short command."""
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
+
+
+def _print_help(text: str) -> None:
+    if sys.stderr is not None:
+        with suppress(OSError):  # nobody may be listening
+            print(text, file=sys.stderr, flush=True)  # noqa: T201 - what a command line is for
 
 
 def _print_line(line: str) -> None:

@@ -2,6 +2,7 @@
 
 from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.analysis.user_detector import check_traits
 from rso_lidar.detector.bench.prediction import predict
 from rso_lidar.detector.detect import (
     AnyDetector,
@@ -63,6 +64,7 @@ __all__ = [
     "advise",
     "array_load",
     "check_size",
+    "check_traits",
     "describe",
     "describe_storage",
     "describe_window",

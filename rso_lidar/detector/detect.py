@@ -34,6 +34,7 @@ function whose method is missing returns the default that its docstring states.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -42,6 +43,7 @@ from pydantic import Field
 from rso_lidar.detector.analysis import closed_form, description, full_chain
 from rso_lidar.detector.analysis.array_load import ArrayLoad, simulate_array_load
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.analysis.user_detector import check_prediction, check_reading
 from rso_lidar.detector.chain.curves import detect_by_curves
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.geiger import photon_counter
@@ -49,9 +51,9 @@ from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.traits import DetectorTraits
-from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Seam
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
+from rso_lidar.user_objects import call_member, check_lines, check_text, check_values, make_answer_error
 
 
 @runtime_checkable
@@ -129,35 +131,7 @@ def detect(
     if described:
         found: tuple[Reading, Waveforms | None] = described["detect"](detector, photons, rng, threads)
         return found
-    return _check_found(detector, _call(detector, "detect", photons, rng), photons)
-
-
-def _check_found(detector: AnyDetector, found: object, photons: Photons) -> tuple[Reading, Waveforms | None]:
-    """Check what a user's own detector returned.
-
-    Parameters
-    ----------
-    detector : the user's object.
-    found : what its method `detect` returned.
-    photons : the light that it was given.
-
-    Raises
-    ------
-    ScenarioError : where that is not a reading of the array with or without waveforms.
-    """
-    name = type(detector).__name__
-    if not isinstance(found, tuple) or len(found) != 2:
-        raise ScenarioError(f"{name}: detect() returned a {type(found).__name__}; return (Reading, Waveforms or None)")
-    reading, waveforms = found
-    if not isinstance(reading, Reading) or reading.range_m.shape != photons.shape:
-        raise ScenarioError(f"{name}: detect() returned no Reading of {photons.shape} pixels; return one")
-    if waveforms is not None and not isinstance(waveforms, Waveforms):
-        raise ScenarioError(
-            f"{name}: detect() returned a {type(waveforms).__name__} as waveforms; return Waveforms or None"
-        )
-    if np.isinf(reading.range_m).any() or (reading.range_m < 0.0).any():
-        raise ScenarioError(f"{name}: detect() returned ranges that are negative or infinite; NaN is no return")
-    return reading, waveforms
+    return check_reading(detector, "detect", call_member(detector, "detect", photons, rng), photons)
 
 
 def detect_with_taps(
@@ -174,10 +148,17 @@ def detect_with_taps(
     rng : generator of all noise.
     threads : number of threads (None: one for each core). The result is the same to the bit.
     """
-    found: tuple[Reading, Waveforms | None, Taps | None] | None
-    given = (photons, rng, threads) if _find_answers(detector) else (photons, rng)
-    found = _call(detector, "detect_with_taps", *given)
-    return (*detect(photons, detector, rng, threads), None) if found is None else found
+    described = _find_answers(detector)
+    if described and "detect_with_taps" in described:
+        found: tuple[Reading, Waveforms | None, Taps | None]
+        found = described["detect_with_taps"](detector, photons, rng, threads)
+        return found
+    if described or not hasattr(detector, "detect_with_taps"):
+        return *detect(photons, detector, rng, threads), None
+    own: Any = call_member(detector, "detect_with_taps", photons, rng)
+    if not isinstance(own, tuple) or len(own) != 3 or not isinstance(own[2], Taps | None):
+        raise make_answer_error(detector, "detect_with_taps", own, "return (Reading, Waveforms or None, Taps or None)")
+    return *check_reading(detector, "detect_with_taps", own[:2], photons), own[2]
 
 
 def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> None:
@@ -203,28 +184,33 @@ def describe(detector: AnyDetector, n_pixels: int) -> list[str]:
     """Describe a detector of `n_pixels` pixels in some lines; the last one says when it looks."""
     traits = detector.traits
     line = f"detector    {type(detector).__name__}, sees {traits.sees_from_m:g} to {traits.sees_to_m:g} m"
-    return list(_call(detector, "describe", n_pixels, default=[line]))
+    lines: list[str] = _call(detector, "describe", n_pixels, default=[line], check=check_lines)
+    return lines or [line]
 
 
 def advise(detector: AnyDetector, pulse_fwhm_s: float) -> list[str]:
     """List what is allowed and doubtful about a detector with a pulse of this length [s]; by default nothing."""
-    return list(_call(detector, "advise", pulse_fwhm_s, default=[]))
+    lines: list[str] = _call(detector, "advise", pulse_fwhm_s, default=[], check=check_lines)
+    return lines
 
 
 def describe_storage(detector: AnyDetector) -> list[str]:
     """Describe what limits the choice among several returns of a pixel: nothing, or how little is stored of it."""
-    return list(_call(detector, "describe_storage", default=[]))
+    lines: list[str] = _call(detector, "describe_storage", default=[], check=check_lines)
+    return lines
 
 
 def describe_window(detector: AnyDetector) -> str:
     """Describe in a few words when a detector looks."""
     traits = detector.traits
-    return str(_call(detector, "describe_window", default=f"armed {traits.sees_from_m:g} to {traits.sees_to_m:g} m"))
+    window = f"armed {traits.sees_from_m:g} to {traits.sees_to_m:g} m"
+    return str(_call(detector, "describe_window", default=window, check=check_text))
 
 
 def list_neglected_effects(detector: AnyDetector) -> list[str]:
     """List the settings of a detector that its closed form does not count; by default none."""
-    return list(_call(detector, "list_neglected_effects", default=[]))
+    effects: list[str] = _call(detector, "list_neglected_effects", default=[], check=check_lines)
+    return effects
 
 
 # ---------------------------------------------------------------------------------------------------- closed forms
@@ -232,12 +218,15 @@ def list_neglected_effects(detector: AnyDetector) -> list[str]:
 
 def false_alarm_probability(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
     """Return the probability (range) that noise in the dark is reported before light from there comes; by default 0."""
-    return np.asarray(_call(detector, "false_alarm_probability", range_m, default=np.zeros(np.shape(range_m))))
+    none = np.zeros(np.shape(range_m))
+    check = partial(check_values, shape=none.shape, least=0.0, most=1.0)
+    return np.asarray(_call(detector, "false_alarm_probability", range_m, default=none, check=check))
 
 
 def detection_probability(detector: AnyDetector, photons: np.ndarray) -> np.ndarray | None:
     """Return the probability (return) of detection by expected photons; None where only a trial can find it."""
-    found = _call(detector, "detection_probability", photons, default=None)
+    check = partial(check_values, shape=np.shape(photons), least=0.0, most=1.0)
+    found = _call(detector, "detection_probability", photons, check=check)
     return None if found is None else np.asarray(found)
 
 
@@ -260,7 +249,8 @@ def predict_closed_form(
     """
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
     given = (photons, depth_s, only_probability) if _find_answers(detector) else (photons, depth_s)
-    found: Prediction | None = _call(detector, "predict_closed_form", pulse, *given)
+    check = partial(check_prediction, shape=photons.shape)
+    found: Prediction | None = _call(detector, "predict_closed_form", pulse, *given, check=check)
     return found
 
 
@@ -272,7 +262,8 @@ def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> floa
     detector : the detector.
     background_photons_per_s : sunlight on a pixel [photons/s].
     """
-    return float(_call(detector, "noise_growth", background_photons_per_s, default=1.0))
+    check = partial(check_values, least=0.0)
+    return float(_call(detector, "noise_growth", background_photons_per_s, default=1.0, check=check))
 
 
 # ------------------------------------------------------------------------------------------ a pixel and its array
@@ -281,6 +272,8 @@ def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> floa
 def isolate(detector: AnyDetector, gain: float = 1.0) -> AnyDetector:
     """Return a detector whose pixels do nothing to each other; its APDs have `gain` times their gain at rest."""
     apart: AnyDetector = _call(detector, "isolate", gain, default=detector)
+    if not isinstance(apart, Detector | Gsfl | Empirical | GeigerArray):
+        raise make_answer_error(detector, "isolate", apart, "return a detector")
     return apart
 
 
@@ -288,6 +281,8 @@ def array_load(detector: AnyDetector, photons: Photons) -> ArrayLoad:
     """Simulate what the pixels of one flash do to each other; by default nothing."""
     n_pixels = photons.shape[0] * photons.shape[1]
     load: ArrayLoad = _call(detector, "array_load", photons, default=ArrayLoad(np.ones(n_pixels), np.zeros(n_pixels)))
+    if not isinstance(load, ArrayLoad):
+        raise make_answer_error(detector, "array_load", load, "return an ArrayLoad")
     return load
 
 
@@ -301,12 +296,13 @@ def draw_crosstalk_m(detector: AnyDetector, together_fraction: np.ndarray, rng: 
     rng : generator of the errors.
     """
     none = np.zeros(np.shape(together_fraction))
-    return np.asarray(_call(detector, "draw_crosstalk_m", together_fraction, rng, default=none))
+    check = partial(check_values, shape=none.shape)
+    return np.asarray(_call(detector, "draw_crosstalk_m", together_fraction, rng, default=none, check=check))
 
 
 def frame_jitter_s(detector: AnyDetector) -> float:
     """Return the jitter that all pixels of a frame share [s, 1 sigma]; by default none."""
-    return float(_call(detector, "frame_jitter_s", default=0.0))
+    return float(_call(detector, "frame_jitter_s", default=0.0, check=partial(check_values, least=0.0)))
 
 
 def _find_answers(detector: AnyDetector) -> dict[str, Callable[..., Any]] | None:
@@ -314,10 +310,25 @@ def _find_answers(detector: AnyDetector) -> dict[str, Callable[..., Any]] | None
     return next((answers for part, answers in _ANSWERS.items() if isinstance(detector, part)), None)
 
 
-def _call(detector: AnyDetector, name: str, *given: Any, default: Any = None) -> Any:
-    """Ask a detector: a part by the function listed for it, an object by its method; without either, return the default."""
+def _call(
+    detector: AnyDetector,
+    name: str,
+    *given: Any,
+    default: Any = None,
+    check: Callable[[object, str, object], Any] = lambda _owner, _method, found: found,
+) -> Any:
+    """Ask a detector: a part by the function listed for it, an object by its method; without either, return the default.
+
+    Parameters
+    ----------
+    detector : the detector.
+    name : of the function or method.
+    given : its further arguments.
+    default : what an object without that method answers.
+    check : called with an object, the name of its method and the answer; returns the answer, or raises an error.
+    """
     described = _find_answers(detector)
-    if described is None:
-        method = getattr(detector, name, None)
-        return default if method is None else method(*given)
-    return described[name](detector, *given) if name in described else default
+    if described is not None:
+        return described[name](detector, *given) if name in described else default
+    found = call_member(detector, name, *given, default=default)
+    return found if found is default else check(detector, name, found)

@@ -47,7 +47,9 @@ class SunVectors:
     def position_m(self) -> np.ndarray | None:
         """Vectors (time, 3) from the root's origin to the Sun [m]; None without a Sun."""
         if not self.local:
-            return sun_position_m(self.epochs)
+            position_m = sun_position_m(self.epochs).view()
+            position_m.setflags(write=False)  # a user's own attitude is given it
+            return position_m
         if self.given is None:
             return None
         return np.broadcast_to(self._unit * units.ASTRONOMICAL_UNIT_M, (len(self.epochs), 3))

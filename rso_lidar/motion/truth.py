@@ -17,11 +17,11 @@ from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.hinge import find_sun_in_body
 from rso_lidar.motion.bodies.order import list_dependencies, sort_bodies
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel, fly_open_loop
-from rso_lidar.motion.motions.motion import chief_of, states_of
+from rso_lidar.motion.motions.motion import chief_of, list_exceeded_limits, states_of
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.motion.sun_vectors import SunVectors
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.trajectory import differentiate, state_rates, two_body_rates
+from rso_lidar.orbit.trajectory import differentiate, find_breaks_s, state_rates, two_body_rates
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, rotate_vectors
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.rpo.relative.relative_motion import RelativeMotion
@@ -118,8 +118,8 @@ class _Evaluation:
         for motion in (body.motion for body in some):
             if isinstance(motion, RelativeMotion):
                 breaks.append(motion.breaks_s(self.epochs, Chief(some, motion.relative_to)))
-            elif (own := getattr(motion, "breaks_s", None)) is not None:
-                breaks.append(np.asarray(own(self.epochs), dtype=float))
+            else:
+                breaks.append(find_breaks_s(motion, self.epochs))
 
         def rows(time_s: np.ndarray) -> np.ndarray:
             poses = truth(some, Epochs(self.epochs.start_utc, time_s), flights=self.flights, rates=False).poses
@@ -201,8 +201,8 @@ class _Evaluation:
         else:
             state = states_of(motion, self.epochs)
             place = Place(state.position_m, state.velocity_m_s)
-        if has_warnings_enabled() and (validity := getattr(motion, "validity", None)) is not None:
-            for line in validity(*known):
+        if has_warnings_enabled():
+            for line in list_exceeded_limits(motion, *known):
                 warn(f"{body.name}.motion: {line}")
         return place
 

@@ -16,6 +16,7 @@ from rso_lidar.errors import PropagationError, suppress_warnings
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import dot
 from rso_lidar.records import BodyState
+from rso_lidar.user_objects import call_member, make_answer_error, to_real_array
 
 # With 2 s the truncation error in low orbit is below 1e-9 m/s and 3e-6 of the acceleration. The rounding of time in SGP4
 # (1e-9 s after a month) adds some 2 um/s.
@@ -67,8 +68,7 @@ def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.n
     if known is not None:
         rates: tuple[np.ndarray, np.ndarray] = known(state)
         return rates
-    breaks = getattr(trajectory, "breaks_s", None)
-    breaks_s = np.empty(0) if breaks is None else np.asarray(breaks(epochs), dtype=float)
+    breaks_s = find_breaks_s(trajectory, epochs)
 
     def rows(time_s: np.ndarray) -> np.ndarray:
         with suppress_warnings():
@@ -91,6 +91,21 @@ def two_body_rates(state: BodyState) -> tuple[np.ndarray, np.ndarray]:
     r = state.position_m
     distance = np.sqrt(dot(r, r))[..., None]
     return np.array(state.velocity_m_s), -units.EARTH_GM_M3_S2 * r / distance**3
+
+
+def find_breaks_s(trajectory: Any, epochs: Epochs) -> np.ndarray:
+    """Return the instants [s] at which the states of a trajectory have a jump or a corner; by default none.
+
+    Parameters
+    ----------
+    trajectory : anything with states of its own.
+    epochs : instants that matter.
+    """
+    found = call_member(trajectory, "breaks_s", epochs, default=())
+    breaks = to_real_array(found)
+    if breaks is None or breaks.ndim != 1 or np.isnan(breaks).any():
+        raise make_answer_error(trajectory, "breaks_s", found, "return a list of numbers")
+    return breaks
 
 
 def differentiate(rows: Any, time_s: np.ndarray, here: np.ndarray, breaks_s: np.ndarray | None = None) -> np.ndarray:

@@ -60,9 +60,12 @@ class Record:
                 continue
             place = f"{type(self).__name__}.{name}"
             try:
+                if getattr(value, "dtype", None) is not spec.dtype and np.iscomplexobj(value):
+                    raise TypeError  # the conversion would drop the imaginary part with a warning
                 values = locked(value, spec.dtype)
             except (TypeError, ValueError, OverflowError):
-                raise RecordError(f"{place}: needs an array of {spec.dtype}, not {value!r:.60}; convert it") from None
+                given = " ".join(f"{value!r:.60}".split())
+                raise RecordError(f"{place}: needs an array of {spec.dtype}, not {given}; convert it") from None
             dims, shape = spec.dims, values.shape
             if dims[0] == "…":  # single, or batched over epochs
                 dims, shape = dims[1:], shape[1 - len(dims) :]

@@ -60,6 +60,13 @@ def test_help_says_every_word_as_it_is_written(rso_lidar, monkeypatch, words, fu
                 assert " ".join(more.help.split()) in flat
 
 
+def test_without_words_it_prints_its_help(rso_lidar):
+    _, asked, _ = rso_lidar("--help")
+    status, printed, told = rso_lidar()
+    assert (status, printed) == (2, "")
+    assert told == asked.rstrip("\n").rstrip(".").splitlines()
+
+
 def test_the_step_of_track_is_no_emoji(rso_lidar):
     assert "A:B:C" in rso_lidar("track", "--help")[1]
     assert "[m/s2/sqrt(Hz)]" in rso_lidar("track", "--help")[1]

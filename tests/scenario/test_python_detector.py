@@ -127,12 +127,15 @@ NONE = np.zeros((32, 32))
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (None, r"detect\(\) returned a NoneType; return \(Reading, Waveforms or None\)"),
-        ((NONE, None), r"detect\(\) returned no Reading"),
-        ((Reading(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))), None), r"returned no Reading of"),
+        (None, r"detect\(\) returned None; return \(Reading, Waveforms or None\)"),
+        ((NONE, None), r"detect\(\) returned array.*; return a Reading of \(32, 32\) pixels"),
+        (
+            (Reading(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))), None),
+            r"returned <Reading.*; return a Reading of",
+        ),
         ((Reading(NONE - 1.0, NONE, NONE), None), r"ranges that are negative or infinite"),
         ((Reading(NONE + np.inf, NONE, NONE), None), r"ranges that are negative or infinite"),
-        ((Reading(NONE, NONE, NONE), "w"), r"returned a str as waveforms"),
+        ((Reading(NONE, NONE, NONE), "w"), r"returned 'w'; return Waveforms or None after the Reading"),
     ],
 )
 def test_what_is_no_reading_is_refused(flown, answer, message):
@@ -142,5 +145,99 @@ def test_what_is_no_reading_is_refused(flown, answer, message):
 
     wrong = flown.replace(lidar=flown.lidar.replace(detector=Answering()))
     assert wrong.lidar.receiver.shape == NONE.shape
-    with pytest.raises(ScenarioError, match=rf"Answering: .*{message}"):
+    with pytest.raises(ScenarioError, match=rf"Answering\(.*\): .*{message}"):
         next(rl.simulate(wrong, frames=[0]))
+
+
+def asked(flown, **members):
+    """Return the scenario with a detector that has further members."""
+    own = type("Own", (FirstPhoton,), members)
+    return flown.replace(lidar=flown.lidar.replace(detector=own()))
+
+
+GATED = DetectorTraits(sees_to_m=2000.0, threshold_photons=2.0, is_gated=True)
+TAPPED = DetectorTraits(sees_to_m=2000.0, threshold_photons=2.0, has_taps=True)
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        ({"traits": {"sees_to_m": 3}}, r"traits is \{'sees_to_m': 3\}; give it a DetectorTraits"),
+        ({"traits": lambda self: GATED}, r"traits is a method; give it a DetectorTraits"),
+        ({"traits": GATED}, r"promise a method with_gate_delay\(\), which it lacks"),
+        ({"traits": TAPPED}, r"promise a method detect_with_taps\(\), which it lacks"),
+        ({"check_size": 3}, r"check_size is 3; make it a method"),
+        ({"describe": lambda self, n: None}, r"describe\(\) returned None; return a list of texts"),
+        ({"describe": lambda self, n: "a line"}, r"describe\(\) returned 'a line'; return a list of texts"),
+        ({"describe": lambda self, n: [3]}, r"describe\(\) returned \[3\]; return a list of texts"),
+        ({"describe_window": lambda self: None}, r"describe_window\(\) returned None; return a text"),
+        ({"advise": lambda self, fwhm: "look"}, r"advise\(\) returned 'look'; return a list of texts"),
+        ({"list_neglected_effects": lambda self: 3}, r"list_neglected_effects\(\) returned 3"),
+        ({"noise_growth": lambda self, light: "x"}, r"noise_growth\(\) returned 'x'; return a number"),
+        ({"noise_growth": lambda self, light: -1.0}, r"noise_growth\(\) returned -1\.0; return a number from 0"),
+        ({"false_alarm_probability": lambda self, at: at}, r"returned [\d.]+; return numbers of shape .* from 0 to 1"),
+        (
+            {"false_alarm_probability": lambda self, at: np.zeros(7)},
+            r"returned an array of shape \(7,\); return numbers of",
+        ),
+        ({"detection_probability": lambda self, n: n * np.nan}, r"detection_probability\(\) returned nan"),
+        ({"predict_closed_form": lambda self, *given: 3}, r"returned 3; return a Prediction with arrays of shape"),
+        ({"isolate": lambda self, gain: None}, r"isolate\(\) returned None; return a detector"),
+        ({"array_load": lambda self, photons: None}, r"array_load\(\) returned None; return an ArrayLoad"),
+        ({"frame_jitter_s": lambda self: None}, r"frame_jitter_s\(\) returned None; return a number"),
+        ({"draw_crosstalk_m": lambda self, share, rng: "x"}, r"draw_crosstalk_m\(\) returned 'x'; return numbers"),
+    ],
+)
+def test_what_an_optional_member_must_not_be(flown, members, message):
+    """Each is told in one line, wherever it is read first."""
+    from rso_lidar import detector
+
+    with pytest.raises(ScenarioError, match=rf"Own\(.*\): .*{message}") as error:
+        scenario = asked(flown, **members)
+        mine, photons = scenario.lidar.detector, np.array([1.0, 5.0])
+        next(rl.simulate(scenario, frames=[0], keep="photons"))
+        detector.describe(mine, 4)
+        detector.describe_window(mine)
+        detector.advise(mine, 1e-9)
+        detector.list_neglected_effects(mine)
+        detector.noise_growth(mine, 1.0)
+        detector.false_alarm_probability(mine, np.array([1e3, 2e3]))
+        detector.detection_probability(mine, photons)
+        detector.predict(mine, detector.LaserPulse(1e-9, np.array([0.0, 1e9, 0.0]), 1e-9), photons, 0.0)
+        detector.isolate(mine)
+        detector.array_load(mine, next(rl.simulate(scenario, frames=[0], keep="photons")).kept["photons"])
+        detector.frame_jitter_s(mine)
+        detector.draw_crosstalk_m(mine, photons, np.random.default_rng(1))
+    assert "\n" not in str(error.value)
+
+
+def test_taps_of_its_own_are_checked_and_kept(flown):
+    def detect_with_taps(self, photons, rng):
+        return (*self.detect(photons, rng), answer)
+
+    scenario = asked(flown, traits=TAPPED, detect_with_taps=detect_with_taps)
+    answer = None
+    assert next(rl.simulate(scenario, frames=[0], keep="taps")).kept == {}
+    answer = 3
+    with pytest.raises(
+        ScenarioError, match=r"detect_with_taps\(\) returned \(<Reading.*; return \(Reading, Waveforms or None"
+    ):
+        next(rl.simulate(scenario, frames=[0], keep="taps"))
+
+
+def test_a_gate_of_its_own_follows_a_plan(flown):
+    @dataclass(frozen=True)
+    class Gated(FirstPhoton):
+        delay_ns: float = 0.0
+
+        @property
+        def traits(self):
+            return DetectorTraits(9000.0, 2.0, is_gated=True, settings={"gate_delay_s": self.delay_ns * units.NS})
+
+        def with_gate_delay(self, delay_ns):
+            return Gated(delay_ns=delay_ns)
+
+    plan = {"time_s": (0.0, 1.0), "gate_delay_ns": (100.0, 300.0)}
+    scenario = flown.replace(lidar=flown.lidar.replace(detector=Gated(), schedule=plan))
+    seen = [frame.observation.settings["gate_delay_s"] for frame in rl.simulate(scenario, frames=[0, 1])]
+    assert seen == pytest.approx([100e-9, 140e-9])  # 5 frames a second

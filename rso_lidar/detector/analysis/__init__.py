@@ -1,1 +1,1 @@
-"""Analysis of the shipped detectors: loads of the array, closed forms and descriptions."""
+"""Analysis of the shipped detectors (array load, closed forms, descriptions), and checks of a user's own."""

@@ -11,8 +11,9 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.part import Part, kind_of
+from rso_lidar.part import Part, kind_of, show_value
 from rso_lidar.pose import Link, rotate_vectors
+from rso_lidar.user_objects import read_member
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -115,18 +116,22 @@ class Situation:
 
 def laws_of(attitude: Any) -> tuple[Any, ...]:
     """Return the attitude itself, or all laws between which a slew leads."""
-    laws: tuple[Any, ...] = getattr(attitude, "laws", (attitude,))
+    laws: tuple[Any, ...] = getattr(attitude, "laws", (attitude,)) if isinstance(attitude, Part) else (attitude,)
     return laws
 
 
 def looks_at(attitude: Any) -> tuple[str, ...]:
     """Return the names of bodies and axes that an attitude looks at."""
-    return tuple(getattr(attitude, "looks_at", ()))
+    cure = "make it a tuple of names, such as ('station',), or a property"
+    names = read_member(attitude, "looks_at", (), (tuple, list), cure)
+    if not all(isinstance(name, str) for name in names):
+        raise ScenarioError(f"{kind_of(attitude)}: looks_at is {show_value(names)}; {cure}")
+    return tuple(names)
 
 
 def needs_orbit(attitude: Any) -> bool:
     """Return whether an attitude requires a body that orbits."""
-    return bool(getattr(attitude, "needs_orbit", False))
+    return bool(read_member(attitude, "needs_orbit", False, bool, "make it True or False, or a property"))
 
 
 def orient(attitude: Any, situation: Situation) -> Orientation:

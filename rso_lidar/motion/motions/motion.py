@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from types import NoneType
 from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -15,6 +16,7 @@ from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.orbit import J2, Ephemeris, Kepler, Numerical, Omm, State, Tle
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Part, Seam, kind_of
+from rso_lidar.pose import cross, dot
 from rso_lidar.records import BodyState
 from rso_lidar.rpo import (
     Circumnavigation,
@@ -34,6 +36,14 @@ from rso_lidar.rpo import (
     Waypoints,
     YamanakaAnkersen,
 )
+from rso_lidar.user_objects import (
+    call_member,
+    check_lines,
+    check_text,
+    read_member,
+)
+
+_PARALLEL = 1e-20  # squared sine below which position and velocity are taken as parallel
 
 
 @runtime_checkable
@@ -101,7 +111,7 @@ AnyMotion = Annotated[DescribedMotion | Motion, Seam(DescribedMotion, Motion)]
 
 def has_orbit(motion: Any) -> bool:
     """Return whether a body with this motion has an orbit, and therefore rtn axes."""
-    return bool(getattr(motion, "orbits", True))
+    return bool(read_member(motion, "orbits", True, bool, "make it True or False, or a property"))
 
 
 def chief_of(motion: Any) -> str | None:
@@ -115,7 +125,7 @@ def chief_of(motion: Any) -> str | None:
     -------
     name of that body; None if the motion is relative to the root.
     """
-    name: str | None = getattr(motion, "relative_to", None)
+    name: str | None = read_member(motion, "relative_to", None, (str, NoneType), "name a body, or leave it out")
     return name
 
 
@@ -137,7 +147,26 @@ def states_of(motion: Any, epochs: Epochs) -> BodyState:
         )
     if not (np.isfinite(state.position_m).all() and np.isfinite(state.velocity_m_s).all()):
         raise ScenarioError(f"{kind_of(motion)}: states() returned numbers that are not finite; correct them")
+    if has_orbit(motion):
+        position, velocity = state.position_m, state.velocity_m_s
+        momentum = cross(position, velocity)
+        if not (dot(momentum, momentum) > _PARALLEL * dot(position, position) * dot(velocity, velocity)).all():
+            raise ScenarioError(
+                f"{kind_of(motion)}: states() returned a velocity that is zero or along the position, so that the orbit has "
+                "no plane; correct it, or set orbits = False"
+            )
     return state
+
+
+def list_exceeded_limits(motion: Any, *known: Any) -> list[str]:
+    """List the limits of its model that a motion exceeds, one sentence each; by default none.
+
+    Parameters
+    ----------
+    motion : any motion.
+    known : the epochs, and for a relative motion its chief.
+    """
+    return check_lines(motion, "validity", call_member(motion, "validity", *known, default=[]))
 
 
 def summarize(motion: Any, start_utc: datetime.datetime) -> str:
@@ -152,8 +181,7 @@ def summarize(motion: Any, start_utc: datetime.datetime) -> str:
     -------
     a few words.
     """
-    own = getattr(motion, "summarize", None)
-    text = str(own(start_utc)) if own is not None else kind_of(motion)
+    text = check_text(motion, "summarize", call_member(motion, "summarize", start_utc, default=kind_of(motion)))
     return text if chief_of(motion) is None else f"{text} relative to {chief_of(motion)}"
 
 
@@ -169,5 +197,4 @@ def advise(part: Any, end_s: float) -> list[str]:
     -------
     one line for each mistake.
     """
-    own = getattr(part, "advise", None)
-    return [] if own is None else list(own(end_s))
+    return check_lines(part, "advise", call_member(part, "advise", end_s, default=[]))

@@ -9,7 +9,7 @@ from typing import Any, Self
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector import AnyDetector, Gsfl
+from rso_lidar.detector import AnyDetector, Gsfl, check_traits
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver
@@ -64,6 +64,11 @@ class Lidar(Part):
                 f"preset: no camera '{name}'{did_you_mean(name, load_presets())} (known: {', '.join(load_presets())})"
             )
         return _merge_tables({key: value for key, value in load_presets()[name].items() if key != "what"}, given)
+
+    @model_validator(mode="after")
+    def _has_traits(self) -> Self:
+        check_traits(self.detector)
+        return self
 
     @model_validator(mode="after")
     def _can_be_hashed(self) -> Self:

@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from numbers import Real
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Part, name_object
+from rso_lidar.user_objects import make_answer_error, read_member, to_real_array
 
 # Angular radius of the Sun from 1 au, 0.2665 degree: 6.8e-5 sr.
 SUN_RADIUS_RAD = math.asin(units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M)
@@ -170,18 +172,27 @@ class _Completed(Scatterer):
 
     def __init__(self, material: Material) -> None:
         self._material = material
+        for name in ("is_retro", "is_narrow"):
+            read_member(material, name, False, bool, "make it True or False, or a property")
+        for name in ("lambertian_per_sr", "rms_slope"):
+            read_member(material, name, 0.0, Real, "make it a number, or a property")
 
     def __getattribute__(self, name: str) -> Any:
         """Return the object's own member, where it has one."""
         own = object.__getattribute__(self, "_material")
-        if not name.startswith("_") and name not in ("at", "brdf_per_sr", "summarize") and hasattr(own, name):
+        if not name.startswith("_") and name not in _CHECKED and hasattr(own, name):
             return getattr(own, name)
         return object.__getattribute__(self, name)
 
     def at(self, wavelength_m: float) -> Scatterer:
         """Return the object as light of a wavelength [m] sees it."""
         own: Any = self._material
-        return complete(own.at(wavelength_m)) if hasattr(own, "at") else self
+        if not hasattr(own, "at"):
+            return self
+        seen = own.at(wavelength_m)
+        if not isinstance(seen, Material):
+            raise make_answer_error(own, "at", seen, "return a material")
+        return complete(seen)
 
     def summarize(self) -> str:
         """Return the name of the object."""
@@ -191,20 +202,53 @@ class _Completed(Scatterer):
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the object's BRDF [1/sr], after checking that it is one finite number from 0 up for each hit."""
+        return self._ask("brdf_per_sr", cos_in, cos_out, cos_phase)
+
+    def mean_brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the object's mean BRDF [1/sr], or else its BRDF, checked."""
+        return self._ask("mean_brdf_per_sr", cos_in, cos_out, cos_phase)
+
+    def sunlight_brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
+        """Return the object's BRDF [1/sr] in sunlight, or else its BRDF, checked."""
+        return self._ask("sunlight_brdf_per_sr", cos_in, cos_out, cos_phase)
+
+    def _ask(
+        self, method: str, cos_in: np.ndarray, cos_out: np.ndarray | None, cos_phase: np.ndarray | None
+    ) -> np.ndarray:
+        """Call a method of the object with read-only arrays, and check its BRDF.
+
+        Parameters
+        ----------
+        method : its name; an object that lacks it has `brdf_per_sr`.
+        cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+        """
+        own = self._material
+        method = method if hasattr(own, method) else "brdf_per_sr"
         cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
-        cosines = np.broadcast_arrays(cos_in, cos_out, phase)
-        brdf = np.asarray(self._material.brdf_per_sr(*cosines), dtype=float)
+        cosines = [values.view() for values in np.broadcast_arrays(cos_in, cos_out, phase)]
+        for values in cosines:
+            values.setflags(write=False)
+        found = getattr(own, method)(*cosines)
+        brdf = to_real_array(found)
+        if brdf is None:
+            raise make_answer_error(own, method, found, "return a real number for each hit")
         if brdf.shape not in ((), cosines[0].shape):
             raise ScenarioError(
-                f"{self.summarize()}: brdf_per_sr returns an array of shape {brdf.shape} for cosines of shape "
+                f"{self.summarize()}: {method} returns an array of shape {brdf.shape} for cosines of shape "
                 f"{cosines[0].shape}; return one number for each hit"
             )
         if not np.all((brdf >= 0.0) & (brdf < np.inf)):
             raise ScenarioError(
-                f"{self.summarize()}: brdf_per_sr returns {brdf[~((brdf >= 0.0) & (brdf < np.inf))].flat[0]:g}; "
+                f"{self.summarize()}: {method} returns {brdf[~((brdf >= 0.0) & (brdf < np.inf))].flat[0]:g}; "
                 "a BRDF is finite and at least 0"
             )
         return np.array(np.broadcast_to(brdf, cosines[0].shape))  # a copy, because the object may return its argument
+
+
+# What `_Completed` does not take from the object as it is.
+_CHECKED = ("at", "summarize", "brdf_per_sr", "mean_brdf_per_sr", "sunlight_brdf_per_sr")
 
 
 def _short(value: Any) -> str:

@@ -107,6 +107,17 @@ class TestSchedule:
             _ = rl.Scenario.loads(text, settings=zooms).instrument
 
 
+@pytest.mark.parametrize(
+    ("kind", "key", "owner"),
+    [("gsfl", "counts_per_photon", "empirical"), ("gsfl", "pulses", "geiger"), ("geiger", "gate", "gsfl")],
+)
+def test_a_key_of_another_detector_names_that_detector(text, kind, key, owner):
+    with pytest.raises(
+        ScenarioError, match=rf"lidar\.detector: unknown key '{key}'; it is a key of type = \"{owner}\"$"
+    ):
+        rl.Scenario.loads(text, settings=(f'lidar.detector={{type="{kind}", {key}=1}}',))
+
+
 class TestInForce:
     @pytest.fixture
     def lidar(self):

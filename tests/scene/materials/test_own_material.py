@@ -153,3 +153,79 @@ def test_an_object_may_stand_for_a_part_or_a_colour_of_a_target(example):
 def test_a_budget_takes_an_object(example):
     made = budget(example["clean"], materials=[example["Dust"](albedo=0.3)])
     assert any("Dust(albedo=0.3)" in curve.material for curve in made.curves)
+
+
+class Dull:
+    """A material with the members that a test gives it."""
+
+    def brdf_per_sr(self, cos_in, cos_out, cos_phase):
+        return 0.1 * cos_in
+
+    def __repr__(self):
+        return "Dull()"
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        (
+            {"brdf_per_sr": lambda self, a, b, c: a * (0.1 + 0.2j)},
+            r"brdf_per_sr\(\) returned array.*a real number for each",
+        ),
+        (
+            {"brdf_per_sr": lambda self, a, b, c: a.astype(str)},
+            r"brdf_per_sr\(\) returned array.*a real number for each",
+        ),
+        ({"brdf_per_sr": lambda self, a, b, c: None}, r"brdf_per_sr\(\) returned None; return a real number"),
+        (
+            {"brdf_per_sr": lambda self, a, b, c: [[1], [1, 2]]},
+            r"brdf_per_sr\(\) returned \[\[1\], \[1, 2\]\]; return a real number",
+        ),
+        ({"brdf_per_sr": lambda self, a, b, c: np.zeros(7)}, r"brdf_per_sr returns an array of shape \(7,\)"),
+        ({"mean_brdf_per_sr": lambda self, a, b, c: -a}, r"mean_brdf_per_sr returns -[\d.]+; a BRDF is finite"),
+        ({"sunlight_brdf_per_sr": lambda self, a, b, c: 1j}, r"sunlight_brdf_per_sr\(\) returned 1j; return a real"),
+        ({"is_retro": "no"}, r"is_retro is 'no'; make it True or False"),
+        ({"is_narrow": lambda self: True}, r"is_narrow is a method; make it True or False"),
+        ({"lambertian_per_sr": "x"}, r"lambertian_per_sr is 'x'; make it a number"),
+        ({"rms_slope": None}, r"rms_slope is None; make it a number"),
+        ({"at": lambda self, wavelength_m: None}, r"at\(\) returned None; return a material"),
+    ],
+)
+def test_what_a_member_must_not_be(members, message):
+    cosines = np.array([0.2, 0.9])
+    with pytest.raises(ScenarioError, match=rf"Dull\(\): {message}") as error:
+        material = complete(type("Dull", (Dull,), members)()).at(1064e-9)
+        material.brdf_per_sr(cosines)
+        material.mean_brdf_per_sr(cosines)
+        material.sunlight_brdf_per_sr(cosines, cosines, cosines)
+    assert "\n" not in str(error.value)
+
+
+def test_a_brdf_is_given_read_only_cosines_and_may_return_them():
+    class Writing(Dull):
+        def brdf_per_sr(self, cos_in, cos_out, cos_phase):
+            assert not any(values.flags.writeable for values in (cos_in, cos_out, cos_phase))
+            return cos_in
+
+    cosines = np.array([0.2, 0.9])
+    found = complete(Writing()).brdf_per_sr(cosines, cosines, np.array([1.0, 0.5]))
+    assert found.flags.writeable and cosines.flags.writeable
+    np.testing.assert_array_equal(found, cosines)
+
+
+def test_brdfs_of_its_own_for_areas_and_for_sunlight_are_used():
+    class Both(Dull):
+        def mean_brdf_per_sr(self, cos_in, cos_out, cos_phase):
+            return 2.0
+
+        def sunlight_brdf_per_sr(self, cos_in, cos_out, cos_phase):
+            return 3.0
+
+    cosines = np.array([0.2, 0.9])
+    for own, mean, sunlight in ((Both(), 2.0, 3.0), (Dull(), 0.1 * cosines, 0.1 * cosines)):
+        material = complete(own)
+        np.testing.assert_allclose(material.brdf_per_sr(cosines), 0.1 * cosines)
+        np.testing.assert_allclose(material.mean_brdf_per_sr(cosines), np.broadcast_to(mean, 2))
+        np.testing.assert_allclose(
+            material.sunlight_brdf_per_sr(cosines, cosines, cosines), np.broadcast_to(sunlight, 2)
+        )

@@ -1,0 +1,71 @@
+"""What a user's own detector states and returns, checked where it enters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rso_lidar.detector.analysis.closed_form import Prediction
+from rso_lidar.detector.settings.traits import DetectorTraits
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Part, name_object
+from rso_lidar.records import Photons, Reading, Waveforms
+from rso_lidar.user_objects import make_answer_error, read_member
+
+
+def check_traits(detector: object) -> None:
+    """Check that a user's own detector has traits, and the methods that they promise.
+
+    Raises
+    ------
+    ScenarioError : if it has not.
+    """
+    traits = read_member(detector, "traits", None, DetectorTraits, "give it a DetectorTraits")
+    for promised, method in ((traits.is_gated, "with_gate_delay"), (traits.has_taps, "detect_with_taps")):
+        if promised and not isinstance(detector, Part) and not callable(getattr(detector, method, None)):
+            raise ScenarioError(
+                f"{name_object(detector)}: its traits promise a method {method}(), which it lacks; add it, or change traits"
+            )
+
+
+def check_reading(detector: object, method: str, found: object, photons: Photons) -> tuple[Reading, Waveforms | None]:
+    """Check what a user's own detector returned.
+
+    Parameters
+    ----------
+    detector : the user's object.
+    method : its method.
+    found : what the method returned.
+    photons : the light that it was given.
+
+    Raises
+    ------
+    ScenarioError : where that is not a reading of the array with or without waveforms.
+    """
+    if not isinstance(found, tuple) or len(found) != 2:
+        raise make_answer_error(detector, method, found, "return (Reading, Waveforms or None)")
+    reading, waveforms = found
+    if not isinstance(reading, Reading) or reading.range_m.shape != photons.shape:
+        raise make_answer_error(detector, method, reading, f"return a Reading of {photons.shape} pixels first")
+    if waveforms is not None and not isinstance(waveforms, Waveforms):
+        raise make_answer_error(detector, method, waveforms, "return Waveforms or None after the Reading")
+    if np.isinf(reading.range_m).any() or (reading.range_m < 0.0).any():
+        raise ScenarioError(
+            f"{name_object(detector)}: {method}() returned ranges that are negative or infinite; NaN is no return"
+        )
+    return reading, waveforms
+
+
+def check_prediction(detector: object, method: str, found: object, *, shape: tuple[int, ...]) -> Prediction | None:
+    """Return the closed form of a user's own detector, or raise an error where it is none for these returns.
+
+    Parameters
+    ----------
+    detector, method : the object and the name of its method.
+    found : what the method returned.
+    shape : of the returns.
+    """
+    if found is None:
+        return None
+    if not isinstance(found, Prediction) or any(np.shape(values) != shape for values in vars(found).values()):
+        raise make_answer_error(detector, method, found, f"return a Prediction with arrays of shape {shape}, or None")
+    return found

@@ -1,0 +1,124 @@
+"""Optional members of users' own Python objects, and what their methods return: read, and checked where they enter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Part, name_object, show_value
+
+_ROUNDING = 1e-9  # by which a number may be outside of its limits
+
+
+def make_answer_error(owner: object, method: str, found: object, cure: str) -> ScenarioError:
+    """Return the error for an object whose method returned something else than it should.
+
+    Parameters
+    ----------
+    owner : the object.
+    method : name of its method.
+    found : what the method returned.
+    cure : what to do.
+    """
+    return ScenarioError(f"{name_object(owner)}: {method}() returned {show_value(found)}; {cure}")
+
+
+def read_member(owner: object, name: str, default: Any, kind: type | tuple[type, ...], cure: str) -> Any:
+    """Return an optional attribute of an object.
+
+    Parameters
+    ----------
+    owner : a part, whose own attribute needs no check, or a user's object.
+    name : of the attribute.
+    default : its value for an object that lacks it.
+    kind : types that it may have.
+    cure : what to do where it has another.
+
+    Raises
+    ------
+    ScenarioError : if the attribute has another type.
+    """
+    value = getattr(owner, name, default)
+    if not isinstance(value, kind) and not isinstance(owner, Part):
+        what = "a method" if callable(value) else show_value(value)
+        raise ScenarioError(f"{name_object(owner)}: {name} is {what}; {cure}")
+    return value
+
+
+def call_member(owner: object, name: str, *given: Any, default: Any = None) -> Any:
+    """Call an optional method of an object; return the default for an object that lacks it.
+
+    Raises
+    ------
+    ScenarioError : if the attribute is no method.
+    """
+    method = getattr(owner, name, None)
+    if method is None:
+        return default
+    if not callable(method):
+        raise ScenarioError(f"{name_object(owner)}: {name} is {show_value(method)}; make it a method, or rename it")
+    return method(*given)
+
+
+def check_lines(owner: object, method: str, found: object) -> list[str]:
+    """Return lines of text that a method returned, or raise an error if they are none.
+
+    Parameters
+    ----------
+    owner, method : the object and the name of its method.
+    found : what the method returned.
+    """
+    if isinstance(found, Sequence) and not isinstance(found, str) and all(isinstance(line, str) for line in found):
+        return [" ".join(line.split("\n")) for line in found]
+    raise make_answer_error(owner, method, found, "return a list of texts, one for each line")
+
+
+def check_text(owner: object, method: str, found: object) -> str:
+    """Return a text that a method returned, or raise an error if it is none; the parameters are those of `check_lines`."""
+    if isinstance(found, str):
+        return " ".join(found.split("\n"))
+    raise make_answer_error(owner, method, found, "return a text")
+
+
+def check_values(
+    owner: object,
+    method: str,
+    found: object,
+    *,
+    shape: tuple[int, ...] = (),
+    least: float = -np.inf,
+    most: float = np.inf,
+) -> np.ndarray:
+    """Return numbers that a method returned as an array of float64, or raise an error if they are not as they must be.
+
+    Parameters
+    ----------
+    owner, method : the object and the name of its method.
+    found : what the method returned; one number stands for as many as there are.
+    shape : of the array.
+    least, most : limits; NaN is outside of them.
+    """
+    cure = f"return numbers of shape {shape}" if shape else "return a number"
+    values = to_real_array(found)
+    if values is None:
+        raise make_answer_error(owner, method, found, cure)
+    if values.shape not in ((), shape):
+        raise ScenarioError(f"{name_object(owner)}: {method}() returned an array of shape {values.shape}; {cure}")
+    wrong = ~((values >= least - _ROUNDING) & (values <= most + _ROUNDING))
+    if wrong.any():
+        cure += f" from {least:g}" if np.isfinite(least) else ""
+        cure += f" to {most:g}" if np.isfinite(most) else ""
+        raise make_answer_error(owner, method, float(values[wrong].flat[0]), cure)
+    return np.broadcast_to(values, shape)
+
+
+def to_real_array(found: object) -> np.ndarray | None:
+    """Return real numbers as an array of float64; None for what is no array of real numbers."""
+    try:
+        values = np.asarray(found)
+    except (TypeError, ValueError):
+        return None
+    return values.astype(np.float64, copy=False) if values.dtype.kind in "fiub" else None
