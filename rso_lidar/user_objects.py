@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import Part, name_object, show_value
+from rso_lidar.part import Part, name_object
+from rso_lidar.validation_messages import show_value
 
 _ROUNDING = 1e-9  # by which a number may be outside of its limits
 
