@@ -53,7 +53,7 @@ def test_it_is_flown_and_recorded(flown, tmp_path):
     assert recording[0].observation.settings["efficiency"] == 0.5
     assert "FirstPhoton(efficiency=0.5" in recording.source.scenario
     with pytest.raises(
-        ScenarioError, match=r"lidar\.detector: stands for the Python object .*FirstPhoton.*give the object"
+        ScenarioError, match=r"lidar\.detector: stands for the Python object .*FirstPhoton.*the object again"
     ):
         rl.Scenario.loads(recording.source.scenario)
 
