@@ -16,7 +16,6 @@ from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.orbit import J2, Ephemeris, Kepler, Numerical, Omm, State, Tle
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Part, Seam, kind_of
-from rso_lidar.pose import cross, dot
 from rso_lidar.records import BodyState
 from rso_lidar.rpo import (
     Circumnavigation,
@@ -43,7 +42,7 @@ from rso_lidar.user_objects import (
     read_member,
 )
 
-_PARALLEL = 1e-20  # squared sine below which position and velocity are taken as parallel
+_PARALLEL = 1e-12  # squared sine below which position and velocity are taken as parallel
 
 
 @runtime_checkable
@@ -149,13 +148,19 @@ def states_of(motion: Any, epochs: Epochs) -> BodyState:
         raise ScenarioError(f"{kind_of(motion)}: states() returned numbers that are not finite; correct them")
     if has_orbit(motion):
         position, velocity = state.position_m, state.velocity_m_s
-        momentum = cross(position, velocity)
-        if not (dot(momentum, momentum) > _PARALLEL * dot(position, position) * dot(velocity, velocity)).all():
+        squares = _row_products(position, position) * _row_products(velocity, velocity)
+        if not (squares - _row_products(position, velocity) ** 2 > _PARALLEL * squares).all():
             raise ScenarioError(
                 f"{kind_of(motion)}: states() returned a velocity that is zero or along the position, so that the orbit has "
                 "no plane; correct it, or set orbits = False"
             )
     return state
+
+
+def _row_products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the scalar products (time) of vectors (time, 3)."""
+    products: np.ndarray = np.einsum("ij,ij->i", a, b)
+    return products
 
 
 def list_exceeded_limits(motion: Any, *known: Any) -> list[str]:
