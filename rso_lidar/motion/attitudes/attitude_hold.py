@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
-_IDENTITY = (0.0, 0.0, 0.0, 1.0)
-
-
 @cache
 def rtn_from_lvlh_ccsds() -> Rotation:
     """Return the rotation from CCSDS axes to rtn: z (nadir) is rtn -x, y, along -(r x v), is rtn -z, x is rtn +y."""

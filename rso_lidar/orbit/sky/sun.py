@@ -14,8 +14,6 @@ from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.precession import gcrs_from_mean_of_date
 
-_ARCSEC = units.DEG / 3600.0
-
 
 def sun_position_m(epochs: Epochs) -> np.ndarray:
     """Return the apparent position of the Sun from the Earth's centre.

@@ -307,10 +307,3 @@ def _propagate_one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarra
     """
     position, velocity, bad = propagate_universal(r, v, np.array([dt_s]), inverse_semi_major_axis(r, v))
     return position[0], velocity[0], bool(bad[0])
-
-
-def _perigee_distance(r: np.ndarray, v: np.ndarray) -> np.ndarray:
-    h2 = dot(r, r) * dot(v, v) - dot(r, v) ** 2
-    e = np.sqrt(np.maximum(1.0 + h2 / GM * (dot(v, v) / GM - 2.0 / length(r)), 0.0))
-    perigee: np.ndarray = h2 / GM / (1.0 + e)
-    return perigee
