@@ -29,7 +29,7 @@ def loads(node):
 
 
 def mentions(trees):
-    """Return the names that are imported from modules, read as attributes, or written in strings that name code."""
+    """Return the names that are imported from modules, read as attributes, or written in strings that are code."""
     found = set()
     for tree in trees:
         for node in ast.walk(tree):
@@ -38,7 +38,7 @@ def mentions(trees):
                     found |= {alias.name for alias in names}
                 case ast.Attribute(attr=name):
                     found.add(name)
-                case ast.Constant(value=str(text)) if re.fullmatch(r"[\w.:]+", text):
+                case ast.Constant(value=str(text)) if re.fullmatch(r"[\w.:]+|from [\w.]+ import [^\n]+", text):
                     found |= set(re.findall(r"\w+", text))
     return found
 
@@ -72,6 +72,7 @@ def test_every_definition_has_a_user():
         ("_LEAST = 3", ["_LEAST"]),
         ("_LEAST: int = 3\nprint(_LEAST)", []),
         ("def write(): ...\nFORMATS = ['module:write']\nprint(FORMATS)", []),
+        ("def run(): ...\nprint('from module import run; run()')", []),
     ],
 )
 def test_what_has_no_user_is_found(code, dead):
