@@ -100,7 +100,7 @@ def simulate_analog(
     """
     n, gain = rows.length, np.float32(gsfl.apd.gain)
     amplifier = build_filters(gsfl.amplifier, n, plan.step_s)
-    light = spread_light(photons, rows, plan.step_s, draw_speckle_factors(gsfl.speckle, photons, rng) if rng else None)
+    factors = draw_speckle_factors(gsfl.speckle, photons, rng) if rng else None
     filters = _pulse_filters(
         amplifier,
         gsfl.quantum_efficiency,
@@ -109,7 +109,7 @@ def simulate_analog(
         photons.pulse_power_per_s.tobytes(),
     )
     n_rows = len(rows.pixel)
-    primaries, quiet, excess, electrons, amplitude = (np.empty((n_rows, n), np.float32) for _ in range(5))
+    light, primaries, quiet, excess, electrons, amplitude = (np.empty((n_rows, n), np.float32) for _ in range(6))
     base = (base_rate_per_s(gsfl.quantum_efficiency, camera, photons) * plan.step_s).astype(np.float32)[rows.pixel]
     common = float(base.min(initial=np.inf)) if len(base) else 0.0
     pixel_gain = camera.gain[rows.pixel].astype(np.float32)
@@ -125,6 +125,7 @@ def simulate_analog(
 
     def simulate_block(block: slice) -> None:
         """Write the mean behind the amplifier, and the excess of the electrons before it, both at the gain of rest."""
+        light[block] = spread_light(photons, rows.select(block), plan.step_s, factors)
         convolve_light(light[block], filters, _LEAST_PRIMARIES, primaries[block], quiet[block])
         if noise is None:
             np.multiply(quiet[block], pixel_gain[block, None], out=amplitude[block])

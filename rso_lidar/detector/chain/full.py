@@ -39,7 +39,7 @@ def run_chain(
     threads : number of threads (None: one for each core). The result is the same to the bit.
     """
     waveforms, taps = _store(gsfl, photons, rng, with_taps=with_taps, threads=threads)
-    return measure(gsfl, waveforms, shape_pulse(gsfl, photons), rng), waveforms, taps
+    return measure(gsfl, waveforms, shape_pulse(gsfl, photons), rng, threads), waveforms, taps
 
 
 def _store(

@@ -19,18 +19,22 @@ def spread_light(photons: Photons, rows: Rows, step_s: float, factors: np.ndarra
     Parameters
     ----------
     photons : the light.
-    rows : stretches of time to fill.
+    rows : stretches of time to fill, all rows of some pixels.
     step_s : length of a step [s].
     factors : (return) multiply the photons, where given.
     """
-    weight = photons.photons if factors is None else photons.photons * factors
     grid = np.zeros((len(rows.pixel), rows.length), np.float32)
+    if not len(grid):
+        return grid
+    ends = rows.pixel[[0, -1]].astype(photons.pixel.dtype)
+    some = slice(np.searchsorted(photons.pixel, ends[0]), np.searchsorted(photons.pixel, ends[1], "right"))
+    weight = photons.photons[some] if factors is None else photons.photons[some] * factors[some]
     last = rows.length - 3 - rows.room
     share_returns(
-        packed(photons.pixel),
-        packed(photons.delay_s),
+        packed(photons.pixel[some]),
+        packed(photons.delay_s[some]),
         packed(weight),
-        packed(photons.depth_spread_s),
+        packed(photons.depth_spread_s[some]),
         float(photons.late_s),
         step_s,
         WIDEST,

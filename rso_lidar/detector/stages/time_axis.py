@@ -59,6 +59,11 @@ class Rows:
     length: int
     room: int = 0  # steps at the end where no return may begin: the transform would wrap its tail to the front
 
+    def select(self, block: slice) -> "Rows":
+        """Return some of the rows."""
+        columns = (values[block] for values in (self.pixel, self.start, self.first, self.last))
+        return Rows(*columns, self.length, self.room)
+
 
 def make_plan(
     readout: Readout,
