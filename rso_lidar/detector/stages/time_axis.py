@@ -61,8 +61,8 @@ class Rows:
 
     def select(self, block: slice) -> "Rows":
         """Return some of the rows."""
-        columns = (values[block] for values in (self.pixel, self.start, self.first, self.last))
-        return Rows(*columns, self.length, self.room)
+        pixel, start = self.pixel[block], self.start[block]
+        return Rows(pixel, start, self.first[block], self.last[block], self.length, self.room)
 
 
 def make_plan(
