@@ -40,7 +40,7 @@ from typing import Annotated, Any, Protocol, runtime_checkable
 import numpy as np
 from pydantic import Field
 
-from rso_lidar.detector.analysis import closed_form, description, full_chain
+from rso_lidar.detector.analysis import closed_form, description, noise_effects, simulation_size
 from rso_lidar.detector.analysis.array_load import ArrayLoad, simulate_array_load
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.analysis.user_detector import check_prediction, check_reading
@@ -86,24 +86,24 @@ _ANSWERS: dict[type, dict[str, Callable[..., Any]]] = {
     Gsfl: {
         "detect": lambda gsfl, *given: run_chain(gsfl, given[0], given[1], threads=given[2])[:2],
         "detect_with_taps": lambda gsfl, *given: run_chain(gsfl, *given[:2], with_taps=True, threads=given[2]),
-        "check_size": full_chain.check_size_gsfl,
+        "check_size": simulation_size.check_size_gsfl,
         "describe": description.describe_gsfl,
         "advise": description.advise_gsfl,
         "describe_storage": description.describe_storage,
         "describe_window": description.describe_window_gsfl,
         "list_neglected_effects": description.list_neglected_gsfl,
-        "false_alarm_probability": full_chain.false_alarms_of_gsfl,
+        "false_alarm_probability": noise_effects.false_alarms_of_gsfl,
         "predict_closed_form": closed_form.predict_gsfl,
-        "noise_growth": full_chain.noise_growth_gsfl,
+        "noise_growth": noise_effects.noise_growth_gsfl,
         "isolate": Gsfl.alone,
         "array_load": simulate_array_load,
-        "draw_crosstalk_m": full_chain.draw_crosstalk_gsfl_m,
+        "draw_crosstalk_m": noise_effects.draw_crosstalk_gsfl_m,
         "frame_jitter_s": lambda gsfl: gsfl.frame_jitter_s,
     },
     Empirical: {
         "detect": lambda empirical, photons, rng, threads: (detect_by_curves(empirical, photons, rng), None),
         "describe": lambda empirical, n_pixels: description.describe_empirical(empirical),
-        "false_alarm_probability": full_chain.false_alarms_of_empirical,
+        "false_alarm_probability": noise_effects.false_alarms_of_empirical,
         "detection_probability": Empirical.detection_probability,
         "predict_closed_form": closed_form.predict_empirical,
     },
