@@ -11,7 +11,7 @@ from pydantic import Field, Strict, model_validator
 
 from rso_lidar import units
 from rso_lidar.part import Fraction, NotNegative, Positive, Whole
-from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, phong_per_sr
+from rso_lidar.scene.materials.scatterer import MaterialPart, check_energy, complete_cosines, phong_per_sr
 
 _Tilt = Annotated[float, Strict(), Field(gt=0, le=30)]
 _NODES = 120  # along either slope: a lobe of exponent 300 is a third as wide as slopes of 5 degrees
@@ -48,11 +48,7 @@ class Crinkled(MaterialPart):
 
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:
-        if self.diffuse + self.specular > 1.0 + 1e-12:
-            total = self.diffuse + self.specular
-            raise ValueError(
-                f"diffuse + specular is {total:.4g}, which is more than the incident light; keep the sum at or below 1"
-            )
+        check_energy("diffuse + specular", self.diffuse + self.specular)
         return self
 
     @property

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.part import Fraction
-from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, half_vector_cosines
+from rso_lidar.scene.materials.scatterer import MaterialPart, check_energy, complete_cosines, half_vector_cosines
 from rso_lidar.units import DEG
 
 _NARROW_ROUGHNESS = 0.1  # rougher lobes hardly change over the Sun's disc: 0.5 % at the peak
@@ -73,11 +73,7 @@ class Ggx(MaterialPart):
 
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:
-        total = self.diffuse + self.specular
-        if total > 1.0 + 1e-12:
-            raise ValueError(
-                f"diffuse + specular is {total:.4g}, which is more than the incident light; keep the sum at or below 1"
-            )
+        check_energy("diffuse + specular", self.diffuse + self.specular)
         return self
 
     @property

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.part import Fraction, NotNegative
-from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, phong_per_sr
+from rso_lidar.scene.materials.scatterer import MaterialPart, check_energy, complete_cosines, phong_per_sr
 
 _NARROW_EXPONENT = 100.0  # broader lobes hardly change over the Sun's disc: 0.5 % at the peak
 
@@ -55,11 +55,7 @@ class Phong(MaterialPart):
 
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:
-        if self.diffuse + self.specular > 1.0 + 1e-12:
-            total = self.diffuse + self.specular
-            raise ValueError(
-                f"diffuse + specular is {total:.4g}, which is more than the incident light; keep the sum at or below 1"
-            )
+        check_energy("diffuse + specular", self.diffuse + self.specular)
         return self
 
     @property

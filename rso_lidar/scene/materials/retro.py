@@ -10,7 +10,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Fraction, Positive
 from rso_lidar.scene.materials.diffraction import mean_irradiance
-from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, MaterialPart, Scatterer, complete_cosines
+from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, MaterialPart, Scatterer, check_energy, complete_cosines
 
 
 class RetroReflector(MaterialPart):
@@ -46,11 +46,7 @@ class RetroReflector(MaterialPart):
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:
         total = self.reflectance * self.fill_fraction + self.diffuse
-        if total > 1.0 + 1e-12:
-            raise ValueError(
-                f"reflectance x fill_fraction + diffuse is {total:.4g}, which is more than the incident "
-                "light; keep it at or below 1"
-            )
+        check_energy("reflectance x fill_fraction + diffuse", total)
         return self
 
     def at(self, wavelength_m: float) -> Scatterer:

@@ -255,6 +255,12 @@ def _short(value: Any) -> str:
     return f"{value:g}" if isinstance(value, int | float) else "..."
 
 
+def check_energy(what: str, total: float) -> None:
+    """Raise `ValueError` if the reflectances of a material, which `what` names, add up to more than 1."""
+    if total > 1.0 + 1e-12:
+        raise ValueError(f"{what} is {total:.4g}, which is more than the incident light; keep the sum at or below 1")
+
+
 def complete_cosines(
     cos_in: np.ndarray, cos_out: np.ndarray | None, cos_phase: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | float]:
