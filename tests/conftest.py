@@ -1,5 +1,6 @@
 """What every test stands on: the folder of real data, no network, and hypothesis without surprises."""
 
+import gc
 import os
 import socket
 import sys
@@ -23,6 +24,12 @@ hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "desk")
 @pytest.hookimpl(trylast=True)  # after the terminal's
 def pytest_configure(config):
     limits.watch(config)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish():
+    """Let the garbage collector skip what collection made: it lives until the end, and each full search visits it."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -90,29 +90,30 @@ def test_a_wrong_loop_is_an_error_and_machine_code_stays(room, monkeypatch):
     assert sorted(room[2].rglob("*.nbc")) == before
 
 
-@pytest.mark.parametrize(("changed", "product"), [({"light": 30.0}, "15.0"), ({"half": 3.0}, "12.0")])
-def test_machine_code_is_made_anew_when_an_imported_constant_or_kernel_changes(room, changed, product):
+def test_machine_code_is_made_anew_when_an_imported_constant_or_kernel_changes(room):
     write, ask, _ = room
     assert answer(ask())[0] == ["2.0", "0"]
     assert answer(ask())[0] == ["2.0", "1"]  # read from disk
-    write(**changed)
-    assert answer(ask())[0] == [product, "0"]
+    write(light=30.0)
+    assert answer(ask())[0] == ["15.0", "0"]
+    write(half=3.0)
+    assert answer(ask())[0] == ["12.0", "0"]
 
 
-@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
-def test_damaged_machine_code_is_made_anew_and_then_kept(room, suffix):
+def test_damaged_machine_code_is_made_anew_and_then_kept(room):
     _, ask, cache = room
     answer(ask())
-    files = sorted(cache.rglob(f"*{suffix}"))
-    assert files
-    for file in files:
-        file.write_bytes(file.read_bytes()[:20])
-    found, said = answer(ask())
-    assert found == ["2.0", "0"]
-    assert "cannot be read or kept" in said
-    found, said = answer(ask())
-    assert found == ["2.0", "1"]
-    assert not said
+    for suffix in (".nbi", ".nbc"):
+        files = sorted(cache.rglob(f"*{suffix}"))
+        assert files
+        for file in files:
+            file.write_bytes(file.read_bytes()[:20])
+        found, said = answer(ask())
+        assert found == ["2.0", "0"], suffix
+        assert "cannot be read or kept" in said, suffix
+        found, said = answer(ask())
+        assert found == ["2.0", "1"], suffix
+        assert not said, suffix
 
 
 def test_without_a_place_to_keep_machine_code_each_process_compiles(room):

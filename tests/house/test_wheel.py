@@ -73,6 +73,8 @@ def test_wheel_holds_the_package_and_its_data_and_nothing_else(wheel):
     assert {"rso_lidar/tle/index.toml", "rso_lidar/models/index.toml"} <= data
     assert names - {name for name in names if name.startswith(info)} == sources | data | {"rso_lidar/py.typed"}
     assert f"{info}/licenses/LICENSE" in names
+    with zipfile.ZipFile(wheel) as archive:
+        assert not [name for name in sources if archive.read(name) != (ROOT / name).read_bytes()]
 
 
 def test_wheel_says_its_version(away):
@@ -88,25 +90,29 @@ def test_wheel_finds_what_it_ships(away):
     )
 
 
-def test_wheel_writes_a_scenario_from_each_example_and_flies_two_frames(away):
-    """`new` finds the example, and what it needs, in the wheel. One process compiles inner loops once for all."""
+def test_wheel_writes_a_scenario_from_each_example_and_reads_all_that_it_names(away):
+    """`new` finds the example, and what it needs, in the wheel. The README's flies: its code is that of the checkout."""
     code = """
 import json, rso_lidar.cli
-flown = {}
+read = {}
 for example in sys.argv[1:]:
-    for words in (["new", f"my_{example}", "--from", example],
-                  ["run", f"my_{example}.toml", "-o", f"{example}.h5", "--frames", "0:2"]):
+    flight = ["run", f"my_{example}.toml", "-o", f"{example}.h5", "--frames", "0:2"]
+    for words in (["new", f"my_{example}", "--from", example], *[flight] * (example == "tdrs_approach")):
         try:
             rso_lidar.cli.main(words)
         except SystemExit as left:
             assert not left.code, words
-    with rso_lidar.open(f"{example}.h5") as recording:
-        flown[example] = (len(recording), recording[1].range_m.ndim)
-print(json.dumps(flown))
+    scenario = rso_lidar.Scenario.load(f"my_{example}.toml")
+    bodies = rso_lidar.motion.truth(
+        scenario.bodies, scenario.epochs(), local=scenario.is_local, sun_direction=scenario.world.sun_direction
+    )
+    read[example] = scenario.instrument.receiver.n_rows > 0 and len(bodies.states) > 0 and len(scenario.surfaces) > 0
+with rso_lidar.open("tdrs_approach.h5") as recording:
+    print(json.dumps((read, len(recording), recording[1].range_m.ndim)))
 """
     names = [example.stem for example in EXAMPLES]
     assert len(names) > 8
-    assert json.loads(away(code, *names).splitlines()[-1]) == {name: [2, 2] for name in names}
+    assert json.loads(away(code, *names).splitlines()[-1]) == [dict.fromkeys(names, True), 2, 2]
 
 
 def test_runs_leave_nothing_among_the_installed_data(away):

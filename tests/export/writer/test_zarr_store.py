@@ -167,11 +167,12 @@ def test_damage_in_a_store_is_one_line_or_changes_nothing(tmp_path):
         damaged = bytearray(whole)
         damaged[int(rng.integers(len(damaged)))] ^= 1 << int(rng.integers(8))
         file.write_bytes(damaged)
+        inside = [name for name in names if (store / name) in file.parents]  # other datasets are in untouched files
         try:
             with export.open(store) as recording:
                 assert recording.source == source
                 assert recording.line_of_sight.tobytes() == sight, file
-                for name in names:
+                for name in inside or names:
                     assert recording.dataset(name)[:].tobytes() == before[name], file
         except RecordingError as error:
             told.append((str(file.relative_to(store)), str(error)))
