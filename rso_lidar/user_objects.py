@@ -52,6 +52,17 @@ def read_member(owner: object, name: str, default: Any, kind: type | tuple[type,
 def call_member(owner: object, name: str, *given: Any, default: Any = None) -> Any:
     """Call an optional method of an object; return the default for an object that lacks it.
 
+    Parameters
+    ----------
+    owner : the object.
+    name : name of the method.
+    given : its arguments.
+    default : result for an object without the method.
+
+    Returns
+    -------
+    what the method returned, or the default.
+
     Raises
     ------
     ScenarioError : if the attribute is no method.
@@ -78,7 +89,14 @@ def check_lines(owner: object, method: str, found: object) -> list[str]:
 
 
 def check_text(owner: object, method: str, found: object) -> str:
-    """Return a text that a method returned, or raise an error if it is none; the parameters are those of `check_lines`."""
+    """Return a text that a method returned, or raise an error if it is none; the parameters are those of `check_lines`.
+
+    Parameters
+    ----------
+    owner : the object.
+    method : name of its method.
+    found : what the method returned.
+    """
     if isinstance(found, str):
         return " ".join(found.split("\n"))
     raise make_answer_error(owner, method, found, "return a text")

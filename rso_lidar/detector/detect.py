@@ -1,8 +1,8 @@
-"""The seam of the detectors: what any detector can be asked, and which module answers for the one that was given.
+"""The interface of all detectors, and the functions that implement it for each kind.
 
-`Gsfl`, `Empirical` and `GeigerArray` are data; the table `_ANSWERS` lists what answers for each. A Python user may give an
+`Gsfl`, `Empirical` and `GeigerArray` are data; the table `_FUNCTIONS` lists the functions of each. A Python user may give an
 object of another class in their place, as ``lidar.detector``: it follows the protocol `Detector`. Every function here takes
-either, and nothing outside this room asks which detector it has.
+either, and code outside this room does not depend on the kind of detector.
 
 - `detect` makes a reading of the light of one flash; `detect_with_taps` also returns the signals between the stages.
 - ``detector.traits`` holds the facts: reach, threshold, number of returns, gate, settings in force (`DetectorTraits`).
@@ -10,8 +10,8 @@ either, and nothing outside this room asks which detector it has.
 - `check_size`, `describe`, `advise`, `describe_window`, `describe_storage` and `list_neglected_effects` serve the checks and
   the texts of a scenario.
 - `false_alarm_probability`, `detection_probability`, `predict_closed_form` and `noise_growth` are closed forms.
-  `prediction.predict` tries pixels where there is no closed form.
-- `isolate`, `array_load`, `draw_crosstalk_m` and `frame_jitter_s` separate pixels from their array, for `trial.trial`.
+  `prediction.predict` runs a trial of pixels for a detector without a closed form.
+- `isolate`, `array_load`, `draw_crosstalk_m` and `frame_jitter_s` separate pixels from their array, for `trial.run_trial`.
 
 A detector without noise that lists the first return of each pixel::
 
@@ -28,7 +28,8 @@ A detector without noise that lists the first return of each pixel::
             return Reading(*planes), None
 
 Such an object may also have methods named like the functions above, with the same arguments after the detector. A
-function whose method is missing returns the default that its docstring states.
+function whose method is missing returns the default that its docstring states; a method with an invalid result raises
+`ScenarioError`.
 """
 
 from __future__ import annotations
@@ -58,17 +59,17 @@ from rso_lidar.user_objects import call_member, check_lines, check_text, check_v
 
 @runtime_checkable
 class Detector(Protocol):
-    """A detector that a user brings as a Python object.
+    """Protocol of user-defined detectors.
 
     Parameters
     ----------
-    traits : what the scenario must know of it.
+    traits : facts that the scenario needs: reach, threshold, number of returns.
     """
 
     traits: DetectorTraits
 
     def detect(self, photons: Photons, rng: np.random.Generator) -> tuple[Reading, Waveforms | None]:
-        """Return what the sensor says of one flash, and the samples it stored, None where it has none.
+        """Return the reading of one flash, and the stored samples; None for a detector without waveforms.
 
         Parameters
         ----------
@@ -81,8 +82,8 @@ class Detector(Protocol):
 DescribedDetector = Annotated[Gsfl | Empirical | GeigerArray, Field(discriminator="type")]
 AnyDetector = Annotated[Gsfl | Empirical | GeigerArray | Detector, Seam(DescribedDetector, Detector)]
 
-# What answers for each described part, by the names of the functions below. Each takes the part first.
-_ANSWERS: dict[type, dict[str, Callable[..., Any]]] = {
+# Functions of each described part, by the names of the functions below. Each takes the part first.
+_FUNCTIONS: dict[type, dict[str, Callable[..., Any]]] = {
     Gsfl: {
         "detect": lambda gsfl, *given: run_chain(gsfl, given[0], given[1], threads=given[2])[:2],
         "detect_with_taps": lambda gsfl, *given: run_chain(gsfl, *given[:2], with_taps=True, threads=given[2]),
@@ -107,7 +108,7 @@ _ANSWERS: dict[type, dict[str, Callable[..., Any]]] = {
         "detection_probability": Empirical.detection_probability,
         "predict_closed_form": closed_form.predict_empirical,
     },
-    GeigerArray: photon_counter.ANSWERS,
+    GeigerArray: photon_counter.FUNCTIONS,
 }
 
 
@@ -125,9 +126,9 @@ def detect(
 
     Returns
     -------
-    What the sensor says, and the samples that it stored to say so (None: it has no waveforms).
+    reading, and the stored samples; None for a detector without waveforms.
     """
-    described = _find_answers(detector)
+    described = _find_functions(detector)
     if described:
         found: tuple[Reading, Waveforms | None] = described["detect"](detector, photons, rng, threads)
         return found
@@ -147,8 +148,12 @@ def detect_with_taps(
     detector : a part, or an object that may have a method of this name.
     rng : generator of all noise.
     threads : number of threads (None: one for each core). The result is the same to the bit.
+
+    Returns
+    -------
+    reading, waveforms and signals between the stages; None for what is not simulated.
     """
-    described = _find_answers(detector)
+    described = _find_functions(detector)
     if described and "detect_with_taps" in described:
         found: tuple[Reading, Waveforms | None, Taps | None]
         found = described["detect_with_taps"](detector, photons, rng, threads)
@@ -181,7 +186,13 @@ def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> Non
 
 
 def describe(detector: AnyDetector, n_pixels: int) -> list[str]:
-    """Describe a detector of `n_pixels` pixels in some lines; the last one says when it looks."""
+    """Return a description of a detector in some lines; the last one states when it looks.
+
+    Parameters
+    ----------
+    detector : the detector.
+    n_pixels : number of pixels of the array.
+    """
     traits = detector.traits
     line = f"detector    {type(detector).__name__}, sees {traits.sees_from_m:g} to {traits.sees_to_m:g} m"
     lines: list[str] = _call(detector, "describe", n_pixels, default=[line], check=check_lines)
@@ -189,26 +200,47 @@ def describe(detector: AnyDetector, n_pixels: int) -> list[str]:
 
 
 def advise(detector: AnyDetector, pulse_fwhm_s: float) -> list[str]:
-    """List what is allowed and doubtful about a detector with a pulse of this length [s]; by default nothing."""
+    """Return what is allowed but doubtful about a detector, a line each; by default nothing.
+
+    Parameters
+    ----------
+    detector : the detector.
+    pulse_fwhm_s : length of the laser's pulse [s].
+    """
     lines: list[str] = _call(detector, "advise", pulse_fwhm_s, default=[], check=check_lines)
     return lines
 
 
 def describe_storage(detector: AnyDetector) -> list[str]:
-    """Describe what limits the choice among several returns of a pixel: nothing, or how little is stored of it."""
+    """Return what limits the choice among several returns of a pixel, a line each; by default nothing.
+
+    Parameters
+    ----------
+    detector : the detector.
+    """
     lines: list[str] = _call(detector, "describe_storage", default=[], check=check_lines)
     return lines
 
 
 def describe_window(detector: AnyDetector) -> str:
-    """Describe in a few words when a detector looks."""
+    """Return in a few words when a detector looks.
+
+    Parameters
+    ----------
+    detector : the detector.
+    """
     traits = detector.traits
     window = f"armed {traits.sees_from_m:g} to {traits.sees_to_m:g} m"
     return str(_call(detector, "describe_window", default=window, check=check_text))
 
 
 def list_neglected_effects(detector: AnyDetector) -> list[str]:
-    """List the settings of a detector that its closed form does not count; by default none."""
+    """Return the settings that the closed form of a detector neglects; by default none.
+
+    Parameters
+    ----------
+    detector : the detector.
+    """
     effects: list[str] = _call(detector, "list_neglected_effects", default=[], check=check_lines)
     return effects
 
@@ -217,14 +249,26 @@ def list_neglected_effects(detector: AnyDetector) -> list[str]:
 
 
 def false_alarm_probability(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
-    """Return the probability (range) that noise in the dark is reported before light from there comes; by default 0."""
+    """Return the probability that noise in the dark is reported before light from a range arrives; by default 0.
+
+    Parameters
+    ----------
+    detector : the detector.
+    range_m : (range) [m].
+    """
     none = np.zeros(np.shape(range_m))
     check = partial(check_values, shape=none.shape, least=0.0, most=1.0)
     return np.asarray(_call(detector, "false_alarm_probability", range_m, default=none, check=check))
 
 
 def detection_probability(detector: AnyDetector, photons: np.ndarray) -> np.ndarray | None:
-    """Return the probability (return) of detection by expected photons; None where only a trial can find it."""
+    """Return the probability (return) of detection; None for a detector without a closed form.
+
+    Parameters
+    ----------
+    detector : the detector.
+    photons : (return) expected photons.
+    """
     check = partial(check_values, shape=np.shape(photons), least=0.0, most=1.0)
     found = _call(detector, "detection_probability", photons, check=check)
     return None if found is None else np.asarray(found)
@@ -238,17 +282,17 @@ def predict_closed_form(
     *,
     only_probability: bool = False,
 ) -> Prediction | None:
-    """Predict what a detector reports of returns; None where only a trial tells.
+    """Return the prediction of what a detector reports of returns; None for a detector without a closed form.
 
     Parameters
     ----------
     detector : the detector.
     pulse : the laser's pulse.
     photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s].
-    only_probability : the other members of the prediction are not needed.
+    only_probability : whether the other members of the prediction are not needed.
     """
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
-    given = (photons, depth_s, only_probability) if _find_answers(detector) else (photons, depth_s)
+    given = (photons, depth_s, only_probability) if _find_functions(detector) else (photons, depth_s)
     check = partial(check_prediction, shape=photons.shape)
     found: Prediction | None = _call(detector, "predict_closed_form", pulse, *given, check=check)
     return found
@@ -270,7 +314,13 @@ def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> floa
 
 
 def isolate(detector: AnyDetector, gain: float = 1.0) -> AnyDetector:
-    """Return a detector whose pixels do nothing to each other; its APDs have `gain` times their gain at rest."""
+    """Return a detector whose pixels do not affect each other.
+
+    Parameters
+    ----------
+    detector : the detector.
+    gain : gain of its APDs over their gain at rest.
+    """
     apart: AnyDetector = _call(detector, "isolate", gain, default=detector)
     if not isinstance(apart, Detector | Gsfl | Empirical | GeigerArray):
         raise make_answer_error(detector, "isolate", apart, "return a detector")
@@ -278,7 +328,13 @@ def isolate(detector: AnyDetector, gain: float = 1.0) -> AnyDetector:
 
 
 def array_load(detector: AnyDetector, photons: Photons) -> ArrayLoad:
-    """Simulate what the pixels of one flash do to each other; by default nothing."""
+    """Return how the pixels of one flash affect each other, by simulation; by default not at all.
+
+    Parameters
+    ----------
+    detector : the detector.
+    photons : light on every pixel.
+    """
     n_pixels = photons.shape[0] * photons.shape[1]
     load: ArrayLoad = _call(detector, "array_load", photons, default=ArrayLoad(np.ones(n_pixels), np.zeros(n_pixels)))
     if not isinstance(load, ArrayLoad):
@@ -287,7 +343,7 @@ def array_load(detector: AnyDetector, photons: Photons) -> ArrayLoad:
 
 
 def draw_crosstalk_m(detector: AnyDetector, together_fraction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw the range error [m] of pixels from others that latch with them; by default none.
+    """Return random range errors (pixel) [m] from other pixels that latch with each; by default none.
 
     Parameters
     ----------
@@ -301,13 +357,18 @@ def draw_crosstalk_m(detector: AnyDetector, together_fraction: np.ndarray, rng: 
 
 
 def frame_jitter_s(detector: AnyDetector) -> float:
-    """Return the jitter that all pixels of a frame share [s, 1 sigma]; by default none."""
+    """Return the jitter that all pixels of a frame share [s, 1 sigma]; by default none.
+
+    Parameters
+    ----------
+    detector : the detector.
+    """
     return float(_call(detector, "frame_jitter_s", default=0.0, check=partial(check_values, least=0.0)))
 
 
-def _find_answers(detector: AnyDetector) -> dict[str, Callable[..., Any]] | None:
-    """Return the functions that answer for a described part, None for an object."""
-    return next((answers for part, answers in _ANSWERS.items() if isinstance(detector, part)), None)
+def _find_functions(detector: AnyDetector) -> dict[str, Callable[..., Any]] | None:
+    """Return the functions of a described part; None for an object."""
+    return next((functions for part, functions in _FUNCTIONS.items() if isinstance(detector, part)), None)
 
 
 def _call(
@@ -317,17 +378,17 @@ def _call(
     default: Any = None,
     check: Callable[[object, str, object], Any] = lambda _owner, _method, found: found,
 ) -> Any:
-    """Ask a detector: a part by the function listed for it, an object by its method; without either, return the default.
+    """Return the result of a function of a part or of a method of an object, or a default if there is neither.
 
     Parameters
     ----------
-    detector : the detector.
-    name : of the function or method.
-    given : its further arguments.
-    default : what an object without that method answers.
+    detector : a part or an object.
+    name : name of the function or method.
+    given : its arguments after the detector.
+    default : result without it.
     check : called with an object, the name of its method and the answer; returns the answer, or raises an error.
     """
-    described = _find_answers(detector)
+    described = _find_functions(detector)
     if described is not None:
         return described[name](detector, *given) if name in described else default
     found = call_member(detector, name, *given, default=default)

@@ -25,15 +25,9 @@ NOT_YET = {  # functions that are documented next, by room
         _Lines.__init__ _check_known _check_word _is_complete _show_warning _summarise main
     """,
     "detector": """
-        Amplifier.correlation Amplifier.response Bridge.__init__ Empirical.counts
-        Empirical.detection_probability Empirical.noise_photons Empirical.range_noise_m Filters.__init__
-        Gate.n_samples GeigerArray.false_peak_probability GeigerArray.find_least_counts
-        GeigerArray.noise_per_s Gsfl.alone Gsfl.counts Gsfl.noise_in_light Gsfl.with_gate_delay
-        Matched.__init__ _call _draw_first_false_s _draw_normal _make_filter _pulses _quantise _rates
-        _shape_pulse _simulate_listed _solve_threshold _store _wait advise array_load copy_shared crlb_s
-        cross_edges describe describe_storage describe_window detect_with_taps detection_probability
-        draw_crossings draw_crosstalk_m draw_first_crossings draw_speckle_factors false_alarm_probability
-        find_crossings_between find_rows frame_jitter_s isolate list_neglected_effects predict
+        Bridge.__init__ Filters.__init__ Matched.__init__ _draw_first_false_s _draw_normal _make_filter _pulses
+        _quantise _rates _shape_pulse _solve_threshold _store copy_shared crlb_s cross_edges draw_crossings
+        draw_first_crossings draw_speckle_factors find_crossings_between find_rows
     """,
     "export": """
         ChunkWriter._append Frames.__init__ InterferenceError.__init__ Recorder._has_other_lens Recorder.write

@@ -84,14 +84,14 @@ class LaserPulse(NamedTuple):
 def predict_empirical(
     detector: Empirical, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray, only_probability: bool = False
 ) -> Prediction:
-    """Predict the returns of the empirical detector by its curves, to which depth makes no difference.
+    """Return the prediction of the empirical detector by its curves, on which depth has no effect.
 
     Parameters
     ----------
     detector : the detector.
     pulse : the laser's pulse.
     photons, depth_s : (return) expected photons, and the time over which the surface stretches each return [s].
-    only_probability : not used: all members come together.
+    only_probability : not used: all members are computed together.
     """
     precision_m = np.hypot(detector.range_noise_m(photons, pulse.fwhm_s), pulse.timing_jitter_ns * _RANGE_PER_NS)
     return Prediction(
@@ -105,7 +105,7 @@ def predict_empirical(
 def predict_gsfl(
     gsfl: Gsfl, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray, only_probability: bool = False
 ) -> Prediction:
-    """Predict the returns of the full chain in closed form.
+    """Return the prediction of the full chain in closed form.
 
     Parameters
     ----------
@@ -114,6 +114,11 @@ def predict_gsfl(
     photons : (return) expected photons.
     depth_s : (return) time over which the surface stretches each return [s].
     only_probability : leave the other members of the prediction zero, which is faster.
+
+    Raises
+    ------
+    ScenarioError
+        If the amplifier is too fast for the closed form of the pulse.
     """
     if gsfl.amplifier.pole_s * _FASTEST < pulse.fwhm_s:
         raise ScenarioError(
@@ -229,7 +234,7 @@ class _Response:
 
 @lru_cache(maxsize=1024)
 def _compute_response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -> _Response:
-    """Compute what a pulse, stretched evenly by a surface, becomes behind the amplifier.
+    """Return the response of the amplifier to a pulse that a surface stretches evenly.
 
     Parameters
     ----------
@@ -286,7 +291,7 @@ def _compute_response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: 
 def _fit(
     gsfl: Gsfl, step_s: float, power_per_s: bytes, light: np.ndarray, respond: _Kernel, dark: _Kernel, beside_s: float
 ) -> tuple[tuple[float, float], tuple[float, float, float], float]:
-    """Compute `place_s2`, `fitted` and `threshold_electrons` of a response.
+    """Return `place_s2`, `fitted` and `threshold_electrons` of a response.
 
     The matched filter assumes the pulse as it left, and noise of the amplifier's colour with a little white noise. Its
     error is that of a linear fit with these weights in the true noise, shot noise included (Kay 1993, sec. 6.5). Slopes

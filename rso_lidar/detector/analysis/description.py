@@ -20,7 +20,7 @@ def describe_empirical(detector: Empirical) -> list[str]:
 
 
 def describe_gsfl(gsfl: Gsfl, n_pixels: int) -> list[str]:
-    """Describe the full chain in a few lines; the last one says when its `n_pixels` pixels look."""
+    """Describe the full chain in a few lines; the last one states when its `n_pixels` pixels look."""
     apd, amplifier, readout = gsfl.apd, gsfl.amplifier, gsfl.readout
     lines = [
         f"detector    gsfl {gsfl.preset}: QE {gsfl.quantum_efficiency:g}, gain {apd.gain:g} (F "

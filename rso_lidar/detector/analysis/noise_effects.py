@@ -24,6 +24,18 @@ def false_alarms_of_empirical(empirical: Empirical, range_m: np.ndarray) -> np.n
 
 
 def _wait(detector: Gsfl | Empirical, rate: float, range_m: np.ndarray) -> np.ndarray:
+    """Compute the probability that noise triggers a pixel before light from a range arrives.
+
+    Parameters
+    ----------
+    detector : with the range from which it is armed.
+    rate : false alarms of a pixel [1/s].
+    range_m : (range) [m].
+
+    Returns
+    -------
+    (range) probability.
+    """
     armed_m = np.clip(range_m, detector.armed_from_m, detector.armed_to_m) - detector.armed_from_m
     before: np.ndarray = -np.expm1(-rate * armed_m / units.RANGE_PER_DELAY_M_S)
     return before
@@ -36,13 +48,17 @@ def noise_growth_gsfl(gsfl: Gsfl, background_photons_per_s: float) -> float:
 
 
 def draw_crosstalk_gsfl_m(gsfl: Gsfl, together_fraction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw the range error [m] of the full chain's pixels from others that latch with them.
+    """Draw the range errors of the full chain's pixels from others that latch with them.
 
     Parameters
     ----------
     gsfl : the detector.
     together_fraction : (pixel) share of the array that latches with each.
     rng : generator of the errors.
+
+    Returns
+    -------
+    (pixel) errors [m]; zero without crosstalk, or behind a gate.
     """
     if gsfl.crosstalk is None or gsfl.gate is not None:
         return np.zeros(np.shape(together_fraction))

@@ -1,4 +1,4 @@
-"""What a user's own detector states and returns, checked where it enters."""
+"""Checks of the traits of a user-defined detector, and of what its methods return."""
 
 from __future__ import annotations
 
@@ -13,11 +13,15 @@ from rso_lidar.user_objects import make_answer_error, read_member
 
 
 def check_traits(detector: object) -> None:
-    """Check that a user's own detector has traits, and the methods that they promise.
+    """Check that a user-defined detector has traits, and the methods that they promise.
+
+    Parameters
+    ----------
+    detector : the user's object.
 
     Raises
     ------
-    ScenarioError : if it has not.
+    ScenarioError : if it lacks one.
     """
     traits = read_member(detector, "traits", None, DetectorTraits, "give it a DetectorTraits")
     for promised, method in ((traits.is_gated, "with_gate_delay"), (traits.has_taps, "detect_with_taps")):
@@ -28,7 +32,7 @@ def check_traits(detector: object) -> None:
 
 
 def check_reading(detector: object, method: str, found: object, photons: Photons) -> tuple[Reading, Waveforms | None]:
-    """Check what a user's own detector returned.
+    """Check what the method of a user-defined detector returned.
 
     Parameters
     ----------
@@ -37,9 +41,13 @@ def check_reading(detector: object, method: str, found: object, photons: Photons
     found : what the method returned.
     photons : the light that it was given.
 
+    Returns
+    -------
+    the reading, and the waveforms or None.
+
     Raises
     ------
-    ScenarioError : where that is not a reading of the array with or without waveforms.
+    ScenarioError : if that is not a reading of the array with or without waveforms.
     """
     if not isinstance(found, tuple) or len(found) != 2:
         raise make_answer_error(detector, method, found, "return (Reading, Waveforms or None)")
@@ -50,19 +58,28 @@ def check_reading(detector: object, method: str, found: object, photons: Photons
         raise make_answer_error(detector, method, waveforms, "return Waveforms or None after the Reading")
     if np.isinf(reading.range_m).any() or (reading.range_m < 0.0).any():
         raise ScenarioError(
-            f"{name_object(detector)}: {method}() returned ranges that are negative or infinite; NaN is no return"
+            f"{name_object(detector)}: {method}() returned ranges that are negative or infinite; write NaN for no return"
         )
     return reading, waveforms
 
 
 def check_prediction(detector: object, method: str, found: object, *, shape: tuple[int, ...]) -> Prediction | None:
-    """Return the closed form of a user's own detector, or raise an error where it is none for these returns.
+    """Check the closed form that a user-defined detector returned, and return it.
 
     Parameters
     ----------
     detector, method : the object and the name of its method.
     found : what the method returned.
-    shape : of the returns.
+    shape : shape of the returns.
+
+    Returns
+    -------
+    the prediction, or None without a closed form.
+
+    Raises
+    ------
+    ScenarioError
+        If it is not a prediction for these returns.
     """
     if found is None:
         return None

@@ -2,8 +2,8 @@
 
 The reference state is a plate at normal incidence and a Gaussian pulse of 8 ns. 1000 mean photons reach the pixel, after the
 optics and before quantum efficiency. Dark current and threshold spread are on, background is off. There 95 % of flashes are
-detected (Fuller et al., sec. 3.3). ``noise_limited`` also asks that threshold over noise be 6, ``offset_limited`` that the
-amplifier have 300 electrons. The curves of the empirical detector are then fitted to the chain's. Nothing here runs when a
+detected (Fuller et al., sec. 3.3). ``noise_limited`` also has a threshold of 6 times the noise, ``offset_limited`` an
+amplifier of 300 electrons. The curves of the empirical detector are then fitted to the chain's. Nothing here runs when a
 user changes a setting.
 """
 
@@ -85,6 +85,10 @@ def run_reference_trial(gsfl: Gsfl, photons: float, repeats: int = 2) -> Trial:
     gsfl : the detector.
     photons : on each pixel.
     repeats : number of flashes.
+
+    Returns
+    -------
+    results of all pixels of all flashes.
     """
     rng = np.random.Generator(np.random.Philox(_SEED + round(photons)))
     seen = make_plate(photons, _PIXELS, make_reference_pulse(), REFERENCE_FWHM_S)
@@ -129,13 +133,13 @@ def fit_empirical(gsfl: Gsfl) -> dict[str, float]:
         return np.asarray(np.minimum(linear / (1.0 + (linear / x[1]) ** 4) ** 0.25, gsfl.full_scale_counts))
 
     bend = least_squares(lambda x: np.log(bend_counts(x) / counts), [0.04, 5000.0], bounds=([1e-3, 1e3], [1.0, 1e5]))
-    told = np.array([2000.0, 4000.0, 8000.0, 16_000.0, 32_000.0])
+    levels = np.array([2000.0, 4000.0, 8000.0, 16_000.0, 32_000.0])
     noise_photons = (
-        np.array([float(run_reference_trial(gsfl, level).intensity_counts.std()) for level in told]) / bend.x[0]
+        np.array([float(run_reference_trial(gsfl, level).intensity_counts.std()) for level in levels]) / bend.x[0]
     )
 
     def scatter(x: np.ndarray) -> np.ndarray:
-        return np.asarray(np.sqrt(x[0] ** 2 + x[1] * told / quantum + 1.0 / (12.0 * bend.x[0] ** 2)))
+        return np.asarray(np.sqrt(x[0] ** 2 + x[1] * levels / quantum + 1.0 / (12.0 * bend.x[0] ** 2)))
 
     intensity = least_squares(
         lambda x: np.log(scatter(x) / noise_photons), [130.0, 3.5], bounds=([0.0, 0.1], [900, 60])

@@ -32,7 +32,11 @@ def predict(
     detector : a part, or an object that follows the protocol `Detector`.
     pulse : the laser's pulse.
     photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s].
-    only_probability : the other members of the prediction are not needed.
+    only_probability : whether the other members of the prediction are not needed, which is faster for some detectors.
+
+    Returns
+    -------
+    probability, precision, signal over noise and saturation of each return.
     """
     known = predict_closed_form(detector, pulse, photons, depth_s, only_probability=only_probability)
     return _predict_by_trial(detector, pulse, photons, depth_s) if known is None else known
@@ -45,6 +49,10 @@ def _predict_by_trial(detector: AnyDetector, pulse: LaserPulse, photons: np.ndar
     ----------
     detector, pulse : as for `predict`.
     photons, depth_s : (return) as for `predict`.
+
+    Returns
+    -------
+    as `predict`.
     """
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
     traits, levels = detector.traits, photons.size

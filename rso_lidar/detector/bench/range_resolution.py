@@ -54,6 +54,10 @@ class Separations:
         ----------
         out, inside : number of a separation where the probability is below it, and of one where it is not.
         probability : to pass.
+
+        Returns
+        -------
+        separation [m].
         """
         if not 0 <= out < len(self.probability):
             return float(self.separation_m[inside])
@@ -72,7 +76,7 @@ def simulate_pairs(
 ) -> Separations:
     """Simulate how often both of two returns of a pixel are listed, through the whole chain; the same draws each time.
 
-    Both count where a report lies within half a metre of each, or within half their separation if that is less.
+    A pair is resolved if a report is within half a metre of each, or within half their separation if that is less.
 
     Parameters
     ----------
@@ -82,6 +86,10 @@ def simulate_pairs(
     separation_m : (separation) distances of the two in range [m].
     photons : of the near and the far return (None: five times the threshold each).
     each : trials of each separation.
+
+    Returns
+    -------
+    probability at each separation that both are listed.
     """
     traits = detector.traits
     near, far = photons or (OVER * traits.threshold_photons,) * 2
@@ -107,7 +115,7 @@ def simulate_pairs(
 def simulate_separations(
     detector: AnyDetector, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = OVER
 ) -> Separations:
-    """Simulate pairs at the separations that decide: about the pulse's length, and about the end of the stored depth.
+    """Simulate pairs at the separations that matter: about the pulse's length, and about the end of the stored depth.
 
     Parameters
     ----------
@@ -115,13 +123,30 @@ def simulate_separations(
     pulse : the laser's step [s] and power (tap) [1/s].
     pulse_fwhm_s : its length [s].
     over : light of each return over the threshold.
+
+    Returns
+    -------
+    probability at each separation that both are listed.
     """
-    asked: Any = detector  # every detector is hashable
-    return _simulate_listed(asked, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
+    hashable: Any = detector  # as every detector is
+    return _simulate_listed(hashable, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
 
 
 @lru_cache(maxsize=16)
 def _simulate_listed(detector: Any, step_s: float, power_per_s: bytes, pulse_fwhm_s: float, over: float) -> Separations:
+    """Simulate what `simulate_separations` returns, cached.
+
+    Parameters
+    ----------
+    detector : the detector, hashable.
+    step_s, power_per_s : step and power of the pulse, the second as bytes.
+    pulse_fwhm_s : length of the pulse [s].
+    over : light of each return over the threshold.
+
+    Returns
+    -------
+    probability at each separation that both are listed.
+    """
     traits, width_m = detector.traits, pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
     stored_m = min(traits.stored_behind_m, traits.sees_to_m - traits.sees_from_m)
     near = np.linspace(0.25 * width_m, 3.0 * width_m, 45)

@@ -19,7 +19,7 @@ _NEAR_M = 5.0  # a report farther from the plate than a pulse reaches is a false
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Effects of whole flashes on the pixels of a trial, each of which represents one pixel of a flash of its own.
+    """Effects of whole flashes on the pixels of a trial, each of which represents one pixel of a separate flash.
 
     Parameters
     ----------
@@ -88,6 +88,10 @@ def make_plate(
     pulse : the laser's step [s] and power (tap) [1/s].
     pulse_fwhm_s : length of the pulse [s].
     range_m : scalar or (n), least range [m].
+
+    Returns
+    -------
+    light on one row of `n` pixels.
     """
     golden = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0]
     photons = np.broadcast_to(np.asarray(photons, dtype=float), (n,))
@@ -103,17 +107,21 @@ def make_point_returns(
     photons: np.ndarray,
     coherence_cells: float = COHERENCE_CELLS,
 ) -> Photons:
-    """Make the light of returns without depth, each in a cluster of its own.
+    """Make the light of returns without depth, each in a separate cluster.
 
     Parameters
     ----------
     shape : rows and columns of the array.
     pulse : the laser's step [s] and power (tap) [1/s].
     pulse_fwhm_s : length of the pulse [s].
-    pixel : (return) number of the pixel, rising.
+    pixel : (return) number of the pixel, ascending.
     range_m : (return) [m].
     photons : (return) mean on the pixel after the optics.
     coherence_cells : of each return; infinite for light without speckle.
+
+    Returns
+    -------
+    light on the array.
     """
     number = np.arange(len(pixel))
     return Photons(
@@ -142,7 +150,7 @@ def run_trial(
 ) -> Trial:
     """Simulate what a detector makes of a return in each pixel, such as `make_plate` makes.
 
-    Each pixel represents one pixel of a flash of its own. So the pixels of a trial draw no common current, do not latch
+    Each pixel represents one pixel of a separate flash. So the pixels of a trial draw no common current, do not latch
     together and share no jitter; `around` holds what their own flashes do to them.
 
     Parameters
@@ -152,6 +160,10 @@ def run_trial(
     rng : generator of the noise.
     true_m : (pixel) true ranges [m] for the range errors (None: of the one return in each pixel).
     around : effects of their own flashes on the pixels.
+
+    Returns
+    -------
+    detections, range errors and counts of all pixels.
     """
     if true_m is None:
         true_m = photons.delay_s * units.RANGE_PER_DELAY_M_S

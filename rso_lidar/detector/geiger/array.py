@@ -109,7 +109,7 @@ class GeigerArray(Part):
     @model_validator(mode="after")
     def _sensible(self) -> Self:
         if self.gate_to_m <= self.gate_from_m:
-            raise ValueError(f"gate_to_m ({self.gate_to_m:g}) must lie beyond gate_from_m ({self.gate_from_m:g})")
+            raise ValueError(f"gate_to_m ({self.gate_to_m:g}) must be beyond gate_from_m ({self.gate_from_m:g})")
         if not 2 <= self.n_bins <= _MOST_BINS:
             raise ValueError(
                 f"a gate of {self.gate_s / units.NS:.4g} ns has {self.n_bins:,} bins of bin_ns = {self.bin_ns:g}, not 2 "
@@ -199,18 +199,33 @@ class GeigerArray(Part):
         return self.replace(gate_from_m=opens_m, gate_to_m=opens_m + (self.gate_to_m - self.gate_from_m))
 
     def noise_per_s(self, background_photons_per_s: np.ndarray) -> np.ndarray:
-        """Return avalanches that are not of the laser [1/s], of pixels under sunlight [photons/s]."""
+        """Return the rate of avalanches that are not due to the laser [1/s].
+
+        Parameters
+        ----------
+        background_photons_per_s : sunlight on each pixel [photons/s].
+        """
         return self.dark_count_rate_hz + self.detection_efficiency * background_photons_per_s
 
     def find_least_counts(self, background_photons_per_s: np.ndarray) -> np.ndarray:
-        """Return the least counts of a peak for pixels under sunlight [photons/s]."""
+        """Return the least counts of a peak that is reported.
+
+        Parameters
+        ----------
+        background_photons_per_s : sunlight on each pixel [photons/s].
+        """
         if self.least_counts is not None:
             return np.full(np.shape(background_photons_per_s), self.least_counts)
         noise = self._frame_noise_per_s(background_photons_per_s)
         return find_least_counts(self.false_alarm_probability, noise, self.gate_s, self.bin_s, self.peak_bins)
 
     def false_peak_probability(self, background_photons_per_s: np.ndarray) -> np.ndarray:
-        """Return the probability that noise alone makes a pixel report, under sunlight [photons/s]."""
+        """Return the probability that noise alone makes a pixel report, for a frame.
+
+        Parameters
+        ----------
+        background_photons_per_s : sunlight on each pixel [photons/s].
+        """
         noise = self._frame_noise_per_s(background_photons_per_s)
         least = self.find_least_counts(background_photons_per_s)
         return false_peak_probability(least, noise, self.gate_s, self.bin_s, self.peak_bins)

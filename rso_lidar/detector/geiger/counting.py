@@ -45,6 +45,10 @@ def find_least_counts(
     ----------
     probability : of a false peak, for a pixel and frame.
     noise_per_s, gate_s, bin_s, peak_bins : as for `false_peak_probability`.
+
+    Returns
+    -------
+    least counts, in the shape of `noise_per_s`.
     """
     noise, place = np.unique(np.asarray(noise_per_s, dtype=float), return_inverse=True)
     low, high = np.zeros(len(noise), dtype=int), np.full(len(noise), _MOST_COUNTS)
@@ -57,7 +61,7 @@ def find_least_counts(
 
 
 def peak_probability(fired: np.ndarray, pulses: int, counts: int) -> np.ndarray:
-    """Return the probability of a peak of at least so many counts.
+    """Return the probability of a peak of at least a number of counts.
 
     Parameters
     ----------

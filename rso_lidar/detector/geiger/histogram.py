@@ -26,7 +26,7 @@ _STAGE = 0  # of the words' address
 
 @dataclass(frozen=True, eq=False)
 class PhotonPeaks:
-    """What the histograms of one frame say; arrays (pixel).
+    """Highest peaks of the histograms of one frame; arrays (pixel).
 
     Parameters
     ----------
@@ -51,6 +51,10 @@ def count_photons(
     photons : light on every pixel, of each pulse.
     rng : generator of all noise.
     threads : number of threads (None: one for each core). The result is the same to the bit.
+
+    Returns
+    -------
+    time and counts of the highest peak of each pixel.
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     sunlight = photons.background_photons_per_s

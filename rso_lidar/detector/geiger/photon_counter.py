@@ -1,4 +1,4 @@
-"""What a Geiger-mode array answers: the functions of `rso_lidar.detector.detect` for it, by their names."""
+"""Functions of a Geiger-mode array: those of `rso_lidar.detector.detect` for it, by their names."""
 
 from __future__ import annotations
 
@@ -29,6 +29,10 @@ def detect(
     photons : light on every pixel, of each pulse.
     rng : generator of all noise.
     threads : number of threads (None: one for each core). The result is the same to the bit.
+
+    Returns
+    -------
+    reading of the frame; a detector that counts has no waveforms.
     """
     peaks = count_photons(array, photons, rng, threads)
     sunlight = photons.background_photons_per_s
@@ -86,7 +90,7 @@ def list_neglected_effects(array: GeigerArray) -> list[str]:
 
 
 def false_alarm_probability(array: GeigerArray, range_m: np.ndarray) -> np.ndarray:
-    """Return the probability (range) that noise in the dark forms a peak, whatever the range."""
+    """Return the probability (range) that noise in the dark forms a peak, the same at any range."""
     return np.full(np.shape(range_m), array.false_peak_probability(np.zeros(1))[0])
 
 
@@ -115,7 +119,11 @@ def predict_closed_form(
     array : the detector.
     pulse : the laser's pulse.
     photons, depth_s : (return) expected photons of a pulse, and the time over which a surface stretches them [s].
-    only_probability : not used: all members come together.
+    only_probability : not used: all members are computed together.
+
+    Returns
+    -------
+    probability, precision, signal over noise and saturation of each return.
     """
     from scipy.special import erf
 
@@ -146,7 +154,7 @@ def _live_fraction(array: GeigerArray, background_photons_per_s: float) -> float
     return live_fraction(noise, array.hold_off_s, 0.5 * array.gate_s)
 
 
-ANSWERS: dict[str, Callable[..., Any]] = {
+FUNCTIONS: dict[str, Callable[..., Any]] = {
     one.__name__: one
     for one in (
         detect,

@@ -1,4 +1,4 @@
-"""Settings of a pixel's transimpedance amplifier: two poles, noise of its own, and the unit of amplitude.
+"""Settings of a pixel's transimpedance amplifier: two poles, its own noise, and the unit of amplitude.
 
 The impulse response is h(t) = (t/τ²) exp(−t/τ), H(f) = 1/(1 + 2πi f τ)². With one pole only, the crossing rate of the noise
 would diverge as the time step shrinks; two make it finite (Rice 1944).
@@ -18,7 +18,7 @@ from rso_lidar.part import NotNegative, Part, Positive
 
 
 class Amplifier(Part):
-    """A two-pole amplifier: `bandwidth_mhz` to −3 dB, `noise_electrons` rms of its own at the output.
+    """A two-pole amplifier: `bandwidth_mhz` to −3 dB, with its own noise of `noise_electrons` rms at the output.
 
     `integration_ns` is the time in which a current counts as charge. `noise_electrons` is a constant of the preset,
     solved once through the whole chain; bandwidth and integration time are assumed.
@@ -53,12 +53,22 @@ class Amplifier(Part):
         return self.integration_ns * units.NS
 
     def response(self, frequency_hz: np.ndarray) -> np.ndarray:
-        """Return H(f), complex."""
+        """Return the frequency response H(f), complex: two equal poles.
+
+        Parameters
+        ----------
+        frequency_hz : frequencies [Hz].
+        """
         response: np.ndarray = 1.0 / (1.0 + 2j * math.pi * self.pole_s * frequency_hz) ** 2
         return response
 
     def correlation(self, lag_s: np.ndarray) -> np.ndarray:
-        """Return the autocorrelation of white noise after the amplifier, 1 at lag 0: (1 + |t|/τ) exp(−|t|/τ)."""
+        """Return the autocorrelation of white noise after the amplifier, 1 at lag 0: (1 + |t|/τ) exp(−|t|/τ).
+
+        Parameters
+        ----------
+        lag_s : lags [s].
+        """
         x = np.abs(lag_s) / self.pole_s
         correlation: np.ndarray = (1.0 + x) * np.exp(-x)
         return correlation

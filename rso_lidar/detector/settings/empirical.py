@@ -135,9 +135,9 @@ class Empirical(Part):
     @model_validator(mode="after")
     def _sensible(self) -> Self:
         if self.armed_to_m <= self.armed_from_m:
-            raise ValueError(f"armed_to_m ({self.armed_to_m:g}) must lie beyond armed_from_m ({self.armed_from_m:g})")
+            raise ValueError(f"armed_to_m ({self.armed_to_m:g}) must be beyond armed_from_m ({self.armed_from_m:g})")
         if self.threshold_photons <= 0:
-            raise ValueError("the noise is so strong that 95 % detection there needs no threshold; lower the noise")
+            raise ValueError("the noise is so strong that 95 % detection there is impossible; lower the noise")
         return self
 
     @property
@@ -181,14 +181,25 @@ class Empirical(Part):
         return reference - _NORMAL_95 * float(self.noise_photons(np.array(reference)))
 
     def noise_photons(self, photons: np.ndarray) -> np.ndarray:
-        """Return the standard deviation [photons] of the signal of returns, by their expected photons."""
+        """Return the standard deviation of the signal of returns [photons]: constant noise and shot noise.
+
+        Parameters
+        ----------
+        photons : (return) expected photons.
+        """
         shot = self.excess_noise_factor * photons / self.quantum_efficiency
         noise: np.ndarray = np.sqrt(self.noise_equivalent_photons**2 + shot)
         return noise
 
     def detection_probability(self, photons: np.ndarray) -> np.ndarray:
-        """Return the probability that returns of these expected photons trigger.
+        """Return the probability that returns trigger: the normal distribution at signal less threshold, over noise.
 
+        Parameters
+        ----------
+        photons : (return) expected photons.
+
+        Examples
+        --------
         >>> round(float(Empirical().detection_probability(np.array(1000.0))), 6)
         0.95
         """
@@ -202,6 +213,11 @@ class Empirical(Part):
 
         σ² = plateau² + (c/2)² (s² F/(QE N) + 2 s Δt/√π (NEP/N)²), s = FWHM/2.3548. These are the matched filter's shares
         of shot noise and of white amplifier noise: the Cramér-Rao bound of a known Gaussian pulse (docs/instrument.md).
+
+        Parameters
+        ----------
+        photons : (return) expected photons.
+        pulse_fwhm_s : length of the laser's pulse [s].
         """
         s = pulse_fwhm_s / units.FWHM_PER_SIGMA
         photons = np.maximum(photons, 1e-9)
@@ -212,7 +228,12 @@ class Empirical(Part):
         return noise
 
     def counts(self, photons: np.ndarray) -> np.ndarray:
-        """Return the counts of returns before quantisation: linear, then bending, then clipped (Fuller et al., fig. 13)."""
+        """Return the counts of returns before quantisation: linear, then bending, then clipped (Fuller et al., fig. 13).
+
+        Parameters
+        ----------
+        photons : (return) expected photons.
+        """
         linear = self.counts_per_photon * np.maximum(photons, 0.0)
         bent = linear / (1.0 + (linear / self.compression_counts) ** 4) ** 0.25
         clipped: np.ndarray = np.minimum(bent, float(self.full_scale_counts))

@@ -30,7 +30,7 @@ class Maps(Part):
     """Fixed patterns of a camera: spread over its pixels of gain, offset and t0, 1 sigma.
 
     Uncalibrated cameras have 5-15 %, a few counts and 0.3-1 ns. With `calibrated` the reading is corrected by maps measured
-    beforehand. These know each pixel to all but `residual_fraction` of its deviation. All figures are assumed.
+    beforehand. The correction leaves `residual_fraction` of each pixel's deviation. All figures are assumed.
     """
 
     gain_spread_fraction: Annotated[Number, Field(ge=0.0, le=0.3)] = Field(
@@ -63,7 +63,7 @@ class Defects(Part):
     @model_validator(mode="after")
     def _no_more_than_all(self) -> Self:
         if self.dead_fraction + self.hot_fraction > 1.0:
-            raise ValueError("dead_fraction + hot_fraction is over 1; there are no more pixels than all")
+            raise ValueError("dead_fraction + hot_fraction is over 1; reduce one of them")
         return self
 
 

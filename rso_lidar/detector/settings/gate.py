@@ -13,8 +13,8 @@ class Gate(Part):
 
     The samples of `pulses` flashes are averaged. A matched filter then looks for returns above a threshold of constant
     false-alarm rate, `false_alarm_probability` for each pixel and frame. The threshold of a pixel follows from its dark
-    current, the sunlight on it and the avalanches of both. Speckle is drawn anew for each pulse, as if the target turned a
-    little between them.
+    current, the sunlight on it and the avalanches of both. Speckle is drawn independently for each pulse,
+    as if the target turned a little between them.
     """
 
     delay_ns: NotNegative = Field(
@@ -39,5 +39,10 @@ class Gate(Part):
         return (self.delay_ns + self.width_ns) * units.NS * units.RANGE_PER_DELAY_M_S
 
     def n_samples(self, sample_s: float) -> int:
-        """Return the number of samples in the gate, which closes on the last of them."""
+        """Return the number of samples in the gate, which closes on the last of them.
+
+        Parameters
+        ----------
+        sample_s : interval between samples [s].
+        """
         return max(4, round(self.width_ns * units.NS / sample_s))

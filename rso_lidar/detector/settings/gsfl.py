@@ -34,7 +34,7 @@ class Gsfl(Part):
     a high threshold. Other settings change the result; nothing is solved again.
 
     A pixel triggers on the first crossing between `armed_from_m` and `armed_to_m` and stores a few samples about it. Under a
-    `gate` all pixels store the same samples and none triggers. `returns` says which of the returns in these samples is
+    `gate` all pixels store the same samples and none triggers. `returns` selects which of the returns in these samples is
     reported as range and intensity; up to `max_returns` are listed beside it. `camera_seed` draws what is fixed in a camera:
     thresholds, maps, defects. The gate and the parts after it are off unless given.
     """
@@ -132,7 +132,7 @@ class Gsfl(Part):
     @model_validator(mode="after")
     def _sensible(self) -> Self:
         if self.armed_to_m <= self.armed_from_m:
-            raise ValueError(f"armed_to_m ({self.armed_to_m:g}) must lie beyond armed_from_m ({self.armed_from_m:g})")
+            raise ValueError(f"armed_to_m ({self.armed_to_m:g}) must be beyond armed_from_m ({self.armed_from_m:g})")
         if self.gate is not None and self.gate.width_ns < 4.0 * self.readout.sample_ns:
             raise ValueError(
                 f"gate.width_ns ({self.gate.width_ns:g}) holds fewer than 4 samples of "
@@ -141,7 +141,7 @@ class Gsfl(Part):
         if self.saturation is not None and self.saturation.rail_electrons <= self.trigger.threshold_electrons:
             raise ValueError(
                 f"saturation.rail_electrons ({self.saturation.rail_electrons:g}) is below trigger.threshold_electrons "
-                f"({self.trigger.threshold_electrons:g}), which nothing would then reach; raise the rail"
+                f"({self.trigger.threshold_electrons:g}), which no signal could reach; raise the rail"
             )
         false = self.false_alarms_per_s * (self.armed_to_m - self.armed_from_m) / units.RANGE_PER_DELAY_M_S
         if self.gate is None and false > 1.0:
@@ -172,7 +172,12 @@ class Gsfl(Part):
         return self.noise_in_light(0.0)
 
     def noise_in_light(self, background_photons_per_s: float) -> float:
-        """Return the rms noise [electrons] under this rate of sunlight on the pixel [photons/s]."""
+        """Return the rms noise under sunlight [electrons].
+
+        Parameters
+        ----------
+        background_photons_per_s : sunlight on the pixel [photons/s].
+        """
         rate = self.apd.dark_electrons_per_s + self.quantum_efficiency * background_photons_per_s
         amplifier = self.amplifier
         noise = noise_rms(self.apd, rate, amplifier.noise_electrons, amplifier.pole_s, amplifier.integration_s)
@@ -261,13 +266,28 @@ class Gsfl(Part):
         )
 
     def with_gate_delay(self, delay_ns: float) -> Self:
-        """Return a copy whose gate opens `delay_ns` after emission."""
+        """Return a copy whose gate opens at another time.
+
+        Parameters
+        ----------
+        delay_ns : time after emission [ns].
+
+        Raises
+        ------
+        ValueError
+            If the detector has no gate.
+        """
         if self.gate is None:
             raise ValueError("the detector has no gate; add [lidar.detector.gate]")
         return self.replace(gate=self.gate.replace(delay_ns=delay_ns))
 
     def counts(self, photons: np.ndarray) -> np.ndarray:
-        """Return the amplitude [counts] of these photons in a pulse as long as the amplifier's integration time."""
+        """Return the amplitude of photons in a pulse as long as the amplifier's integration time [counts].
+
+        Parameters
+        ----------
+        photons : (return) photons.
+        """
         linear = photons * (self.electrons_per_photon / self.readout.electrons_per_count)
         clipped: np.ndarray = np.minimum(linear, self.full_scale_counts)
         return clipped
@@ -280,7 +300,12 @@ class Gsfl(Part):
         return self.timing.frame_jitter_ns * units.NS / math.sqrt(self.gate.pulses if self.gate else 1)
 
     def alone(self, gain: float = 1.0) -> Self:
-        """Return this detector without coupling between pixels, with `gain` times the APD's gain at rest."""
+        """Return this detector without coupling between pixels.
+
+        Parameters
+        ----------
+        gain : gain of the APD over its gain at rest.
+        """
         apart: dict[str, Any] = {"droop": None, "crosstalk": None, "timing": self.timing.replace(frame_jitter_ns=0.0)}
         if gain != 1.0:
             apart["apd"] = self.apd.replace(gain=max(self.apd.gain * gain, 1.0))

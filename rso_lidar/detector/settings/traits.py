@@ -1,4 +1,4 @@
-"""Facts about a detector that the rest of the package reads, whatever kind of detector it is."""
+"""Facts about a detector of any kind that the rest of the package reads."""
 
 from __future__ import annotations
 

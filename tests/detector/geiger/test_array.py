@@ -22,7 +22,7 @@ PER_M = units.RANGE_PER_DELAY_M_S
         ({"afterpulse_probability": 1.0}, "afterpulse_probability: .*less than 1"),
         ({"pulses": 0}, "pulses: .*greater than or equal to 1"),
         ({"pulses": 2.5}, "pulses: .*integer"),
-        ({"gate_from_m": 300.0}, r"gate_to_m \(300\) must lie beyond gate_from_m \(300\)"),
+        ({"gate_from_m": 300.0}, r"gate_to_m \(300\) must be beyond gate_from_m \(300\)"),
         ({"bin_ns": 1e-6}, "bins of bin_ns = 1e-06, not 2 to 131,072; change bin_ns or the gate"),
         ({"bin_ns": 2500.0, "peak_ns": 1.0}, "a gate of 2001 ns has 1 bins of bin_ns = 2500, not 2 to 131,072"),
         ({"peak_ns": 5000.0}, r"peak_ns \(5000\) is longer than the gate; shorten it"),

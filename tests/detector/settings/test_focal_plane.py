@@ -112,7 +112,7 @@ def test_dead_pixels_never_report(gate):
 
 
 def test_there_are_no_more_defects_than_pixels():
-    with pytest.raises(ScenarioError, match="no more pixels than all"):
+    with pytest.raises(ScenarioError, match="is over 1; reduce"):
         Defects(dead_fraction=0.6, hot_fraction=0.6)
 
 

@@ -201,7 +201,7 @@ def test_a_threshold_in_the_noise_is_refused_with_the_false_alarms_it_means():
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
-        ({"armed_from_m": 100.0, "armed_to_m": 50.0}, "must lie beyond armed_from_m"),
+        ({"armed_from_m": 100.0, "armed_to_m": 50.0}, "must be beyond armed_from_m"),
         ({"preset": "quiet"}, "unknown value 'quiet'"),
         ({"quantum_efficiency": 0.0}, "quantum_efficiency"),
         ({"quantum_efficiency": 1.2}, "quantum_efficiency"),
