@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -129,7 +130,17 @@ def _begin(file: str) -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    _work = pickle.loads(Path(file).read_bytes())
+    try:
+        _work = pickle.loads(Path(file).read_bytes())
+    except Exception as error:  # whatever a user's own object raises
+        _work = partial(_refuse, f"{type(error).__name__}: {error}")
+
+
+def _refuse(problem: str, *_given: Any, **_chosen: Any) -> Any:
+    raise ScenarioError(
+        f"workers: the scenario cannot be rebuilt in another process ({problem}); correct how its objects are pickled, or "
+        "leave out workers"
+    )
 
 
 def _end_with(parent: Any) -> None:
@@ -139,4 +150,12 @@ def _end_with(parent: Any) -> None:
 
 
 def _call(*given: Any, **chosen: Any) -> Any:
-    return _work(*given, **chosen)
+    try:
+        return _work(*given, **chosen)
+    except Exception as error:
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:  # it would end the pool without a word of what happened
+            what = f"{type(error).__name__}: {error}"
+            raise RunError(f"workers: a call raised {what}; leave out workers to see where") from None
+        raise

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,60 @@ def test_an_object_that_cannot_be_pickled_is_told(scenario):
         ScenarioError, match=r"workers: the scenario cannot be sent .*\(not to be copied\); .*leave out workers"
     ):
         Processes(1, Stubborn().states)
+
+
+class Restless(Stubborn):
+    """A motion that can be pickled, and not restored."""
+
+    def __getstate__(self):
+        return {"a": 1}
+
+    def __setstate__(self, state):
+        raise ValueError("not to be restored")
+
+
+def test_an_object_that_cannot_be_restored_is_told():
+    with Processes(1, Restless().states) as processes:
+        future = processes.submit(None)
+        with pytest.raises(
+            ScenarioError, match=r"cannot be rebuilt in another process \(ValueError: not to be restored\)"
+        ):
+            processes.result(future)
+
+
+class OddError(Exception):
+    """An exception that cannot be restored: it is called with one argument less."""
+
+    def __init__(self, one, two):
+        super().__init__(one)
+
+
+def raise_odd():
+    raise OddError("one", "two")
+
+
+def test_an_exception_that_cannot_be_restored_is_told():
+    with Processes(1, raise_odd) as processes:
+        future = processes.submit()
+        with pytest.raises(RunError, match=r"workers: a call raised OddError: one; leave out workers to see where"):
+            processes.result(future)
+
+
+@dataclass(frozen=True)
+class Matt:
+    """A material of the user's own."""
+
+    albedo: float
+
+    def brdf_per_sr(self, cos_in, cos_out, cos_phase):
+        return self.albedo / np.pi
+
+
+def test_workers_take_a_material_of_the_users_own(scenario):
+    matt = scenario.replace(target=(scenario.target[0].replace(material=Matt(0.3), part_materials={}),))
+    (alone,), (shared,) = (list(rl.simulate(matt, frames=[20], **how)) for how in ({"threads": 1}, {"workers": 1}))
+    assert alone.valid.any()
+    np.testing.assert_array_equal(alone.range_m, shared.range_m)
 
 
 def test_workers_make_the_same_frames_as_threads(scenario):

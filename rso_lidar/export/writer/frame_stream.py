@@ -23,6 +23,8 @@ def take_first(place: Path, frames: Iterable[Frame]) -> tuple[Frame, Iterator[Fr
     place : output, for messages.
     frames : consumed one by one.
     """
+    if not isinstance(frames, Iterable):
+        raise RecordingError(f"{place}: got a {type(frames).__name__}, not frames; give what simulate or open returns")
     coming = iter(frames)
     first = next(coming, None)
     if first is None:

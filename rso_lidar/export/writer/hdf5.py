@@ -6,7 +6,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RunError
+from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.export.writer.recorder import Recorder, check_output, run_id
 from rso_lidar.records import Frame
 
@@ -15,7 +16,7 @@ def write_hdf5(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     """Write frames to an HDF5 recording, one at a time, and return its path.
 
     Everything that the frames hold is recorded: all returns, kept records, and a lens that changes. An interrupted run
-    leaves a temporary file with all its complete frames.
+    leaves a temporary file with all its complete frames, and its exception a note that names the file.
 
     Parameters
     ----------
@@ -24,15 +25,19 @@ def write_hdf5(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     overwrite : whether an older recording may be replaced.
     """
     output = check_output(path, overwrite=overwrite)
-    coming = iter(frames)
-    first = next(coming, None)
-    if first is None:
-        raise RecordingError(f"{output}: there are no frames to record; check the choice of frames")
+    first, coming = take_first(output, frames)
     source = first.source
+    del first
     named = run_id(source, "", source.versions.get("rso_lidar", ""))
     with Recorder(output, source, run_id=named, overwrite=overwrite, changing_lens=None) as recorder:
-        recorder.write(first)
-        del first
-        for frame in coming:
-            recorder.write(frame)
+        try:
+            for frame in coming:
+                recorder.write(frame)
+        except Exception as error:
+            if recorder.written and not isinstance(error, RunError):  # which names the file itself
+                error.add_note(
+                    f"{recorder.temporary}: holds the {recorder.written} frames before; open() reads it, and "
+                    "overwrite=True replaces it"
+                )
+            raise
     return output

@@ -135,7 +135,7 @@ class Recorder:
             if kept:
                 raise RecordingError(
                     f"{self.temporary}: holds {kept} frames of this run, which was interrupted; "
-                    "give --resume to go on, or --overwrite to start again"
+                    "give --resume to go on, or --overwrite (overwrite=True) to start again"
                 )
 
     def __exit__(

@@ -179,9 +179,10 @@ class _Completed(Scatterer):
 
     def __getattribute__(self, name: str) -> Any:
         """Return the object's own member, where it has one."""
-        own = object.__getattribute__(self, "_material")
-        if not name.startswith("_") and name not in _CHECKED and hasattr(own, name):
-            return getattr(own, name)
+        if not name.startswith("_") and name not in _CHECKED:  # in another process it begins without a material
+            own = object.__getattribute__(self, "_material")
+            if hasattr(own, name):
+                return getattr(own, name)
         return object.__getattribute__(self, name)
 
     def at(self, wavelength_m: float) -> Scatterer:

@@ -106,7 +106,7 @@ def test_overwrite_keeps_the_old_file_until_the_new_one_is_complete(tmp_path):
 
 
 def test_no_frames_is_said(tmp_path):
-    with pytest.raises(RecordingError, match="no frames to record"):
+    with pytest.raises(RecordingError, match="no frames to write"):
         export.save(tmp_path / "run.h5", [])
     with (
         pytest.raises(RecordingError, match="no frames to record"),
@@ -114,6 +114,33 @@ def test_no_frames_is_said(tmp_path):
     ):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_no_frame_is_said(tmp_path):
+    for found, kind in ((3, "int"), (None, "NoneType"), ({"range_m": 1}, "str"), ("x.h5", "str"), ([[]], "list")):
+        with pytest.raises(RecordingError, match=rf"run\.h5: got a {kind}, not (a frame|frames); give what simulate"):
+            export.save(tmp_path / "run.h5", found)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_exception_after_some_frames_says_where_they_are(tmp_path):
+    def breaking(frame):
+        yield from make_frames(2)
+        if frame is not None:
+            yield frame
+        raise ZeroDivisionError
+
+    for frame, error in ((None, ZeroDivisionError), (3, RecordingError)):
+        with pytest.raises(error) as told:
+            export.save(tmp_path / "run.h5", breaking(frame), overwrite=True)
+        (left,) = tmp_path.iterdir()
+        assert told.value.__notes__ == [
+            f"{left}: holds the 2 frames before; open() reads it, and overwrite=True replaces it"
+        ]
+        with export.open(left) as recording:
+            assert len(recording) == 2
+    export.save(tmp_path / "run.h5", make_frames(1), overwrite=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.h5"]
 
 
 def test_exception_keeps_the_temporary_file_and_resume_goes_on(tmp_path):
