@@ -48,26 +48,43 @@ __dir__ = limit_dir(__name__)
 def save(
     path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, format: str = "", **options: Any
 ) -> Path:
-    """Write frames in a format of this package and return the path; `rso_lidar.save` knows more formats.
+    """Write frames in a format of this room; `rso_lidar.save` knows more formats.
 
     Parameters
     ----------
-    path : of the file or folder.
+    path : of the file or folder to write.
     frames : consumed one at a time, from `simulate` or `open`.
     overwrite : whether an existing output may be replaced.
-    format : by name, where the suffix does not state it.
-    options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.formats.pcd.write_pcd`.
+    format : name of the format, if the suffix does not state it.
+    **options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.formats.pcd.write_pcd`.
+
+    Returns
+    -------
+    Path
+        Where the output is.
+
+    Raises
+    ------
+    RecordingError
+        If the format is unknown, the output exists or cannot be written there, or there are no frames.
+    RunError
+        If writing fails midway, such as on a full disk.
     """
     path = convert_path(path, RecordingError)
     return writer_for(format or path)(path, frames, overwrite=overwrite, **options)
 
 
 def open(path: str | os.PathLike[str]) -> Recording:
-    """Open the recording at a path, complete or temporary; arrays are read when they are used.
+    """Open a recording, complete or temporary; arrays are read when they are used.
 
     Parameters
     ----------
     path : of an HDF5 file or a Zarr store.
+
+    Returns
+    -------
+    Recording
+        A sequence of frames; close it, or use it as a context manager.
 
     Raises
     ------
@@ -78,9 +95,9 @@ def open(path: str | os.PathLike[str]) -> Recording:
     suffix = Path(TEMPORARY.sub("", path.name)).suffix
     readable = (*SUFFIXES, *format_for("zarr").suffixes)
     if Path(path).exists() and suffix.lower() in WRITTEN and suffix.lower() not in readable:
-        made = WRITTEN[suffix.lower()].name
+        kind = WRITTEN[suffix.lower()].name
         raise RecordingError(
-            f"{path}: {made} is written for other tools, and not read back; give the recording that it was made from "
+            f"{path}: {kind} is written for other tools and cannot be read back; give the original recording "
             f"({', '.join(readable)})"
         )
     if Path(path).is_file() and suffix.lower() not in readable:

@@ -80,10 +80,24 @@ _INSTEAD = {".mat": "MATLAB reads .h5 with h5read (docs/exports.md)", ".las": "u
 
 
 def format_for(word: str | os.PathLike[str]) -> Format:
-    """Return the format of a name (``"pcd"``), a suffix or a path (``".pcd"``, ``"clouds.pcd"``).
+    """Find a format by its name, a suffix or a path.
 
-    >>> format_for("clouds.pcd").name, format_for("kitti").suffixes
-    ('pcd', ('.kitti',))
+    Parameters
+    ----------
+    word : such as ``"pcd"``, ``".pcd"`` or ``"clouds.pcd"``.
+
+    Returns
+    -------
+    Format
+        Its name, suffixes, writer, and what it loses.
+
+        >>> format_for("clouds.pcd").name, format_for("kitti").suffixes
+        ('pcd', ('.kitti',))
+
+    Raises
+    ------
+    RecordingError
+        If no format matches.
     """
     text = os.fspath(word)
     if text in FORMATS:
@@ -100,7 +114,22 @@ def format_for(word: str | os.PathLike[str]) -> Format:
 
 
 def writer_for(word: str | os.PathLike[str]) -> Writer:
-    """Return the function ``(path, frames, *, overwrite)`` that writes frames in a format, by its name or suffix."""
+    """Find the function that writes frames in a format.
+
+    Parameters
+    ----------
+    word : name, suffix or path, as for `format_for`.
+
+    Returns
+    -------
+    Writer
+        Function ``(path, frames, *, overwrite)``.
+
+    Raises
+    ------
+    RecordingError
+        If no format matches, or the format is written by `rso_lidar.save` only.
+    """
     found = format_for(word)
     if not found.writer:
         raise RecordingError(

@@ -1,8 +1,8 @@
-"""The records that the stages of the walk hand on: frozen, SI, read-only.
+"""The records that the stages of a simulation pass on: frozen, SI, read-only.
 
-Each array field states its dimensions, dtype, unit and meaning once, in `array(...)`. The checks, the attributes in files,
-the tables in the docs and the labels on screen are made from that statement. Absence: no hit, no row in `Hits`; no return,
-NaN in a range and 0 in an intensity; sky in an integer label is -1.
+Each array field states its dimensions, dtype, unit and meaning once, in `array(...)`. Checks, attributes in files, tables in
+the docs and labels on screen are generated from that statement. A ray without a hit has no row in `Hits`. A pixel without a
+return has NaN in ranges and 0 in intensities. Sky is -1 in an integer label.
 """
 
 from rso_lidar.public_names import limit_dir

@@ -1,4 +1,4 @@
-"""One laser flash: what the spacecraft could know, what was there, where it comes from, and what a controller may ask."""
+"""One laser flash: observation, labels, truth and source; and the command of a controller."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SCHEMA_VERSION = 1
 
 @dataclass(frozen=True)
 class TargetEntry:
-    """One target of a recording: the number in labels is its place in `Source.targets`."""
+    """One target of a recording; labels refer to it by its index in `Source.targets`."""
 
     name: str
     model: str
@@ -27,12 +27,12 @@ class TargetEntry:
     parts: tuple[str, ...]  # the number in the label `part` is the place in this list
     materials: tuple[str, ...]  # one for each part, in words
     facets: int  # in the source file, before repairs
-    taxonomy: Taxonomy | None = None  # class, shape, size and how it turns; None where nobody has said
+    taxonomy: Taxonomy | None = None  # None if not stated
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a frame comes from: enough to fly it again."""
+    """Origin of a frame: enough to repeat the simulation."""
 
     scenario: str  # resolved TOML, element sets inline
     title: str
@@ -44,11 +44,11 @@ class Source:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observation(Record):
-    """What the spacecraft could know of one flash: never truth, never labels."""
+    """What the spacecraft could know of one flash: no truth and no labels."""
 
     time_s: float
     reading: Reading
-    settings: Mapping[str, float]  # what was in force, SI, such as focal_length_m
+    settings: Mapping[str, float]  # in force at the flash, SI, such as focal_length_m
     line_of_sight: np.ndarray = array("row col xyz", "f8", "1", "unit vector of each pixel's centre in lidar axes")
     pan_tilt_rad: np.ndarray | None = array(
         "pan_tilt", "f8", "rad", "measured pan and tilt; None without a PTU", optional=True
@@ -63,17 +63,17 @@ class Observation(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Frame:
-    """One laser flash: what the sensor said, what was there, and where everything was."""
+    """One laser flash: the reading of the sensor, its labels, and the poses of all bodies."""
 
     index: int
     observation: Observation
     labels: Labels
     truth: Truth
     source: Source
-    kept: Mapping[str, Record] = dataclasses.field(default_factory=dict)  # intermediate records asked for with `keep`
+    kept: Mapping[str, Record] = dataclasses.field(default_factory=dict)  # intermediate records requested with `keep`
 
     def __repr__(self) -> str:
-        """Return number, instant, pixels and returns."""
+        """Return number, time, pixels and returns."""
         rows, cols = self.range_m.shape
         returns = int(self.valid.sum())
         return f"<Frame {self.index} of {self.source.title!r}: {self.time_s:g} s, {rows} x {cols} pixels, {returns} returns>"
@@ -117,12 +117,12 @@ class Frame:
 
 @dataclass(frozen=True)
 class Command:
-    """What a controller may ask of the next flash; None keeps the scenario's demand. Pan left, tilt up positive.
+    """Settings that a controller requests for the next flash; None keeps those of the scenario.
 
-    `focal_length_m` turns a zoom lens, `divergence_rad` (full angle) an actuated diffuser, `energy_j` is that of one pulse
-    and `gate_delay_s` the two-way delay at which a range gate opens. `inputs` are the u of state-space models, by the name
-    of the body whose motion it is (``follower``), or else whose attitude; where a body has both, its attitude's are
-    ``follower.attitude``.
+    Pan to the left and tilt upward are positive. `focal_length_m` sets a zoom lens, `divergence_rad` (full angle) an actuated diffuser. `energy_j` is the energy of
+    one pulse. `gate_delay_s` is the two-way delay at which a range gate opens. `inputs` holds the inputs u of
+    state-space models. Its keys are names of bodies whose motion, or else attitude, is such a model. Where both are,
+    the key of the attitude is ``follower.attitude``.
     """
 
     pan_rad: float | None = None

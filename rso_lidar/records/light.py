@@ -13,9 +13,9 @@ from rso_lidar.records.schema import Record, array
 class Extent(Record):
     """Where each target can be seen, as bounds in the tangent plane z = 1 of the lidar; empty where low > high.
 
-    `outlines` are, for each target, the corners (corner, right_down) of convex outlines there, in order around them, that
-    together cover all that can be seen of it; None where the target reaches behind the lidar, or is not seen at all.
-    Without outlines the bounds stand alone.
+    `outlines` holds, for each target, the corners (corner, right_down) of convex outlines that together cover its
+    visible extent, in order around them. It is None where the target reaches behind the lidar or is not visible; the
+    bounds then stand alone.
     """
 
     low: np.ndarray = array("target right_down", "f8", "1", "least x/z and y/z of the target in lidar axes")
@@ -52,19 +52,19 @@ class Hits(Record):
         "f8",
         "sr-1",
         "BRDF from the Sun to the lidar times the cosine of the Sun's incidence and the share of its disc that is seen; "
-        "None where no background was asked for",
+        "None without background",
         optional=True,
     )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Photons(Record):
-    """Light that comes back to the focal plane, ordered by pixel: one return for each hit, more behind a lens that blurs.
+    """Light that returns to the focal plane, ordered by pixel: one return for each hit, more behind a lens that blurs.
 
-    Returns of a pixel whose ranges leave a gap wider than c * FWHM / 2, beyond what a tilted surface itself spans from ray
-    to ray, belong to different clusters; their numbers run through the frame by pixel and, in a pixel, from near to far.
-    `pulse_step_s` [s] is the time from tap to tap of the pulse, `late_s` [s] by how much it left later than the receiver's
-    clock believes.
+    Returns of a pixel belong to different clusters if their ranges leave a gap wider than c * FWHM / 2, beyond the
+    depth that a tilted surface spans between rays. Clusters are numbered through the frame by pixel, and in a pixel
+    from near to far. `pulse_step_s` [s] is the time between taps of the pulse. `late_s` [s] is the delay of the pulse
+    relative to the receiver's clock.
     """
 
     shape: tuple[int, int]

@@ -1,4 +1,4 @@
-"""What the sensor stored and said of one flash, and what was really there."""
+"""Output of the sensor for one flash, its intermediate signals, and the true content of each pixel."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Taps(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reading(Record):
-    """What the sensor said."""
+    """The output of the sensor for one flash."""
 
     range_m: np.ndarray = array("row col", "f4", "m", "measured slant range, NaN where nothing was reported")
     intensity_counts: np.ndarray = array(
@@ -79,10 +79,10 @@ class Reading(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Labels(Record):
-    """What was really there, pixel by pixel, as far as it is lit.
+    """True content of each pixel, as far as it is lit.
 
-    A pixel with several clusters is labelled by its brightest cluster. Within it, part and target are those that return
-    most light, and the facet is that of their brightest return.
+    A pixel with several clusters is labelled by its brightest cluster. Within it, part and target are those that
+    return most light, and the facet is that of their brightest return.
     """
 
     range_m: np.ndarray = array(

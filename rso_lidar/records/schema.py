@@ -1,4 +1,4 @@
-"""The base class of records, and the statement of what each of their arrays is."""
+"""The base class of records, and the statements of their arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rso_lidar.errors import RecordError
 
 @dataclass(frozen=True)
 class ArraySpec:
-    """What one array of a record is: dimension names, dtype, unit and meaning."""
+    """Statement of one array of a record: dimension names, dtype, unit and meaning."""
 
     dims: tuple[str, ...]
     dtype: np.dtype[Any]
@@ -24,7 +24,21 @@ class ArraySpec:
 
 
 def array(dims: str, dtype: str, unit: str, meaning: str, *, optional: bool = False) -> Any:
-    """Return a dataclass field that holds an array, e.g. ``array("row col", "f4", "m", "slant range")``."""
+    """State an array field of a record.
+
+    Parameters
+    ----------
+    dims : names of the dimensions, separated by blanks; ``…`` first for any number of epochs.
+    dtype : of NumPy, such as ``"f4"``.
+    unit : as in the CF conventions, such as ``"m s-1"``.
+    meaning : a phrase for files, docs and labels on screen.
+    optional : whether the field may be None, its default.
+
+    Returns
+    -------
+    dataclasses.Field
+        To be assigned in the class, as in ``range_m: np.ndarray = array("row col", "f4", "m", "slant range")``.
+    """
     spec = ArraySpec(tuple(dims.split()), np.dtype(dtype), unit, meaning)
     metadata = {"array": spec}
     return dataclasses.field(default=None, metadata=metadata) if optional else dataclasses.field(metadata=metadata)
@@ -34,7 +48,12 @@ _specs: dict[type, Mapping[str, ArraySpec]] = {}
 
 
 def specs(record: type) -> Mapping[str, ArraySpec]:
-    """Return what each array field of a record class is, by name, in order."""
+    """Return the statements of the array fields of a record class, by name, in order.
+
+    Parameters
+    ----------
+    record : the class.
+    """
     if record not in _specs:
         found = {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
         _specs[record] = MappingProxyType(found)
@@ -42,7 +61,7 @@ def specs(record: type) -> Mapping[str, ArraySpec]:
 
 
 def locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
-    """Return a view of values that cannot be written to."""
+    """Return a read-only view of an array."""
     view = np.asarray(values, dtype).view()
     view.setflags(write=False)
     return view
@@ -50,7 +69,7 @@ def locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Record:
-    """Base of records: checks its arrays against their statements, and makes them read-only."""
+    """Base class of records: it checks arrays against their statements, and makes them read-only."""
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {"xyz": 3, "quaternion": 4}
@@ -77,14 +96,14 @@ class Record:
             object.__setattr__(self, name, values)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore what another process sent: arrays arrive writable, and become read-only again."""
+        """Restore a record from another process: its arrays become read-only again."""
         self.__dict__.update(state)
         for name in specs(type(self)):
             if (value := getattr(self, name)) is not None:
                 value.setflags(write=False)
 
     def __repr__(self) -> str:
-        """Return the class with the sizes of its arrays, not their contents."""
+        """Return the name of the class and the sizes of its arrays."""
         sizes = ", ".join(
             f"{name}{list(value.shape)}" for name in specs(type(self)) if (value := getattr(self, name)) is not None
         )

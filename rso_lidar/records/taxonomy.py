@@ -1,4 +1,4 @@
-"""What is known of a target beside its mesh: its place in the taxonomy, and its hinges."""
+"""Taxonomy of targets, and hinges of their models."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ ShapeFamily = Literal["box", "box_wing", "cylinder", "cone", "sphere", "plate", 
 SizeClass = Literal["tiny", "small", "medium", "large"]
 Stabilisation = Literal["three_axis", "spin", "gravity_gradient", "tumbling", "fixed"]
 
-# Longest sides [m] at which one size class ends and the next begins: 0.1 m is about what radar catalogues hold in low
-# orbit; a metre and ten are round numbers of our own.
+# Upper limits of the longest side [m]: 0.1 m is about the smallest object that radar catalogues hold in low orbit;
+# 1 m and 10 m are arbitrary round numbers.
 SIZE_LIMITS_M: dict[SizeClass, float] = {"tiny": 0.1, "small": 1.0, "medium": 10.0}
 
 
 class Taxonomy(Part):
-    """Where a target belongs: what to draw a dataset by.
+    """Class of a target, for statistics and for drawing datasets.
 
-    `object_class` follows the catalogues (payload, rocket body, debris), with capsules, calibration bodies and terrain
-    beside them; `subclass` is free. `size_class` is by the longest side: under 0.1 m tiny, under 1 m small, under 10 m
-    medium, else large. `rate_deg_s` is the least and the greatest body rate that is usual for it [deg/s].
+    `object_class` follows the catalogues (payload, rocket body, debris) and adds capsules, calibration bodies and
+    terrain. `subclass` is free text. `size_class` depends on the longest side: below 0.1 m tiny, below 1 m small,
+    below 10 m medium, otherwise large. `rate_deg_s` holds the lowest and highest usual body rate [deg/s].
     """
 
     object_class: ObjectClass = Field(
@@ -41,7 +41,7 @@ class Taxonomy(Part):
 
     @property
     def in_words(self) -> str:
-        """Return the place in the taxonomy in one line."""
+        """Return the taxonomy in one line."""
         low, high = self.rate_deg_s
         rates = f" at {low:g} to {high:g} deg/s" if high else ""
         words = (self.object_class, self.subclass, self.shape_family, self.size_class, self.stabilisation)
@@ -50,15 +50,15 @@ class Taxonomy(Part):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if self.rate_deg_s[0] > self.rate_deg_s[1]:
-            raise ValueError("rate_deg_s: the least comes first; exchange the two")
+            raise ValueError("rate_deg_s: the lowest rate comes first; exchange the two")
         return self
 
 
 class Hinge(Part):
-    """A hinge that a model has: its `parts` turn about `axis` through `position_m` [m], in the axes of the mesh.
+    """Hinge of a model: its `parts` turn about `axis` through `position_m` [m], in the axes of the mesh.
 
-    The mesh stands at angle zero; `travel_deg` is how far the hinge goes [deg]. `normal` is what it turns toward the Sun,
-    or a boresight, at angle zero; left out where there is none.
+    The mesh stands at angle zero, and `travel_deg` holds the limits of the angle [deg]. `normal` is the direction that
+    the
     """
 
     name: Name = Field(description="Name of the hinge.")
@@ -84,7 +84,7 @@ class Hinge(Part):
     def _in_order(self) -> Self:
         low, high = self.travel_deg
         if not low <= 0.0 <= high or low == high:
-            raise ValueError("travel_deg: goes from one end past 0, where the mesh stands, to the other; mend the ends")
+            raise ValueError("travel_deg: the range must contain 0, where the mesh stands; correct the limits")
         return self
 
 

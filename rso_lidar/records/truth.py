@@ -1,4 +1,4 @@
-"""Where everything is: states of bodies, the tree of axes and the PTU's angles."""
+"""Truth: states of bodies, the tree of axes and the angles of the PTU."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class BodyState(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PtuAngles(Record):
-    """PTU angles at one flash: demanded, true, and as the encoders report them. Pan left, tilt up positive."""
+    """PTU angles at one flash: demanded, true, and as the encoders report them. Pan left and tilt up are positive."""
 
     demand_rad: np.ndarray = array("pan_tilt", "f8", "rad", "demanded pan and tilt")
     actual_rad: np.ndarray = array("pan_tilt", "f8", "rad", "true pan and tilt, jitter and misalignment included")
@@ -40,12 +40,12 @@ class PtuAngles(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Truth:
-    """Where everything is: one epoch, or a batch of epochs that `at` cuts into single ones.
+    """Poses and states of all bodies at one epoch, or at a batch of epochs that `at` divides.
 
-    `time_s` is a float, or an array (time) [s since start_utc]; `poses` the tree of axes; `states` the inertial states of
-    bodies; `sun_direction` (…, 3) the unit vector to the Sun in inertial axes, NaN in a local world without a Sun;
-    `pointing` the PTU's angles (None without a PTU); `sunlit` by body the share (…) of the Sun's disc that the Earth
-    does not hide.
+    `time_s` is a float or an array (time) [s since start_utc]. `poses` is the tree of axes, and `states` holds the
+    inertial states of bodies. `sun_direction` (…, 3) is the unit vector to the Sun in inertial axes, NaN in a local
+    world without a Sun. `pointing` holds the angles of the PTU (None without a PTU). `sunlit` is, by body, the share
+    (…) of the Sun's disc that the Earth does not hide.
     """
 
     time_s: Any
@@ -63,16 +63,43 @@ class Truth:
         return f"<Truth: {np.size(self.time_s)} epoch(s), axes {', '.join(self.poses)}>"
 
     def pose(self, a: str, b: str) -> RigidTransform:
-        """Return a_from_b, such as lidar_from_tdrs (Fuller et al., eq. 5): coordinates in b to coordinates in a [m]."""
+        """Return the pose a_from_b, which converts coordinates in axes b to coordinates in axes a (Fuller et al., eq. 5).
+
+        Parameters
+        ----------
+        a, b : names of axes, such as "lidar" and "tdrs"; "inertial" is the root.
+
+        Raises
+        ------
+        ScenarioError
+            If there are no axes of that name.
+        """
         return self.poses.pose(a, b)
 
     def rates(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return velocity [m/s] of b's origin as a sees it (a's axes), and angular velocity [rad/s] of b in a (b's axes)."""
+        """Return the velocity and angular velocity of axes b relative to axes a.
+
+        Parameters
+        ----------
+        a, b : names of axes, such as "lidar" and "tdrs"; "inertial" is the root.
+
+        Returns
+        -------
+        velocity_m_s
+            (…, 3) of the origin of b, in axes a [m/s]; it contains the transport term where a rotates.
+        angular_velocity_rad_s
+            (…, 3) in axes b [rad/s].
+        """
         link: Link = self.poses.link(a, b)
         return link.velocity_m_s, link.angular_velocity_rad_s
 
     def at(self, epoch: int) -> Truth:
-        """Return the truth at one epoch of a batch."""
+        """Return the truth at one epoch of a batch.
+
+        Parameters
+        ----------
+        epoch : index of the epoch.
+        """
         return Truth(
             float(self.time_s[epoch]),
             self.poses.at(epoch),

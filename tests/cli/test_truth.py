@@ -88,7 +88,7 @@ def test_an_orbit_and_an_attitude_in_files_of_the_standard(call, tmp_path):
         (["-o", "no/out.csv"], "there is no folder"),
         (["-o", "out.png", "--figure", "angels"], "no such picture; did you mean 'angles'?"),
         (["-o", "out.csv", "--figure", "angles"], "is for pictures"),
-        (["-o", "out.png", "--figure", "orbit"], "nothing here orbits"),
+        (["-o", "out.png", "--figure", "orbit"], "no body orbits"),
         (["-o", "out.csv", "--every", "0"], "needs seconds above 0"),
         (["-o", "out.csv", "--every", "0.01"], "frames are 0.2 s apart"),
         (["-o", "out.png", "--body", "plat"], "did you mean 'plate'?"),

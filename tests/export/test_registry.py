@@ -175,7 +175,7 @@ def test_an_empty_folder_is_as_good_as_none(tmp_path):
 
 @pytest.mark.parametrize("kind", FOLDERS)
 def test_a_frame_that_comes_twice_is_refused(tmp_path, kind):
-    with pytest.raises(RecordingError, match=rf"out.{kind}: frame 3 comes twice; give each frame once"):
+    with pytest.raises(RecordingError, match=rf"out.{kind}: frame 3 is given twice; give each frame once"):
         write(tmp_path, kind, [make_frame(1), make_frame(2), make_frame(1)])
     assert list(tmp_path.iterdir()) == []
 

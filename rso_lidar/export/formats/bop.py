@@ -30,8 +30,8 @@ SCENE = "000000"
 FOLDERS = ("depth", "gray", "mask", "mask_visib")
 TABLES = ("scene_camera", "scene_gt", "scene_gt_info")
 FULL = 2**16 - 1
-BEYOND, BEYOND_M = 1.01, 10.0  # depth reaches so much further than what is on a target
-MOST_OFF_PINHOLE_PIXELS = 0.05  # of a pixel: what a camera matrix leaves out and nobody notices
+BEYOND, BEYOND_M = 1.01, 10.0  # margins of the depth scale beyond the farthest target: a factor, and metres
+MOST_OFF_PINHOLE_PIXELS = 0.05  # error of the camera matrix below which there is no warning
 
 
 def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
@@ -114,16 +114,25 @@ def choose_depth_scale(greatest_mm: float) -> float:
 
 
 def _write_images(place: Path, scene: Path, frame: Frame) -> float:
-    """Write depth and intensity; return the depth_scale [mm per count].
+    """Write depth and intensity of a frame.
 
-    The scale is as fine as the targets' true ranges permit. False triggers beyond that range are left out.
+    Parameters
+    ----------
+    place : of the output, for messages.
+    scene : folder of the scene.
+    frame : to be written; false triggers beyond the range of the scale are left out.
+
+    Returns
+    -------
+    float
+        depth_scale [mm per count], as fine as the true ranges of the targets permit.
     """
     depth_mm = frame.points_m[..., 2] / MM
     valid, on_target = frame.valid, frame.labels.target >= 0
     known = frame.labels.range_m[on_target] if on_target.any() else frame.range_m[valid]
     step = choose_depth_scale((BEYOND * float(known.max(initial=0.0)) + BEYOND_M) / MM)
     counts = np.zeros(depth_mm.shape)
-    counts[valid] = np.maximum(np.rint(depth_mm[valid] / step), 1)  # 0 is for none
+    counts[valid] = np.maximum(np.rint(depth_mm[valid] / step), 1)  # 0 means no depth
     counts[counts > FULL] = 0
     name = f"{get_file_stem(place, frame)}.png"
     write_new_file(place, scene / "depth" / name, _encode_png(counts.astype(np.uint16)))
@@ -132,9 +141,16 @@ def _write_images(place: Path, scene: Path, frame: Frame) -> float:
 
 
 def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
-    """Write camera.json with the camera of the first frame, because tools expect one camera per folder."""
+    """Write camera.json with the camera of the first frame, because tools expect one camera per folder.
+
+    Parameters
+    ----------
+    folder : of the output.
+    frame : the first one, for its numbers of rows and columns.
+    camera : (3, 3) matrix [pixels].
+    """
     rows, cols = frame.range_m.shape
-    told = {
+    content = {
         "cx": camera[0, 2],
         "cy": camera[1, 2],
         "fx": camera[0, 0],
@@ -142,15 +158,30 @@ def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
         "width": cols,
         "height": rows,
     }
-    (folder / "camera.json").write_text(json.dumps(told, indent=1) + "\n", newline="\n")
+    (folder / "camera.json").write_text(json.dumps(content, indent=1) + "\n", newline="\n")
 
 
 def _describe_camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> dict[str, Any]:
+    """Describe the camera of one image.
+
+    Parameters
+    ----------
+    frame : of the image.
+    camera : (3, 3) matrix [pixels].
+    depth_scale : [mm per count].
+    """
     return {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
 
 
 def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Write the masks of the targets; return their poses and their visible areas."""
+    """Write the masks of the targets of a frame, and describe their poses and visible areas.
+
+    Parameters
+    ----------
+    place : of the output, for messages.
+    scene : folder of the scene.
+    frame : to be described.
+    """
     poses, infos = [], []
     seen = compute_lidar_poses(frame.truth.poses)
     here = [(number, target.name) for number, target in enumerate(frame.source.targets) if target.name in seen]
@@ -209,4 +240,11 @@ def _open_table(path: Path) -> Iterator[TextIO]:
 
 
 def _write_entry(stream: TextIO, key: str, value: Any) -> None:
+    """Write one entry of a JSON object.
+
+    Parameters
+    ----------
+    stream : with what was written so far.
+    key, value : of the entry.
+    """
     stream.write(f"{',' if stream.tell() > 1 else ''}\n{json.dumps(key)}: {json.dumps(value)}")

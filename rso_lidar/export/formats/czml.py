@@ -155,13 +155,21 @@ def _check_document(
     lines: Sequence[tuple[str, str]],
     beams: Sequence[CzmlBeam],
 ) -> None:
-    """Raise a `RecordingError` for input that would make an unreadable document."""
+    """Raise a `RecordingError` for input that would make an unreadable document.
+
+    Parameters
+    ----------
+    time_s : (time) instants [s].
+    bodies, names : the bodies and their names.
+    lines : pairs of names that lines join.
+    beams : with the name of the body that each starts from.
+    """
     if not bodies or time_s.size < 1:
-        raise RecordingError("czml: there is no body, or no instant, to write; check the choice")
+        raise RecordingError("czml: no body or no instant to write; check the selection")
     if len(set(names)) < len(names):
-        raise RecordingError(f"czml: two bodies have one name ({', '.join(names)}); ids must differ")
+        raise RecordingError(f"czml: two bodies have the same name ({', '.join(names)}); rename one")
     if np.any(np.diff(time_s) <= 0.0):
-        raise RecordingError("czml: the instants do not rise; sort them")
+        raise RecordingError("czml: the instants do not increase; sort them")
     for what, values in [(body.name, body.position_m) for body in bodies] + [(beam.name, beam.tip_m) for beam in beams]:
         if values.shape != (time_s.size, 3) or not np.all(np.isfinite(values)):
             raise RecordingError(f"czml: {what}: needs a finite position (x, y, z) at each of {time_s.size} instants")
@@ -171,7 +179,7 @@ def _check_document(
                 f"czml: {body.name}: needs a quaternion (x, y, z, w) at each of {time_s.size} instants"
             )
     for name in {*(name for pair in lines for name in pair), *(beam.of for beam in beams)} - set(names):
-        raise RecordingError(f"czml: a line is tied to '{name}', which is no body here; known: {', '.join(names)}")
+        raise RecordingError(f"czml: a line ends at '{name}', which is not a body; known: {', '.join(names)}")
 
 
 def _grey() -> tuple[int, int, int]:
@@ -179,7 +187,14 @@ def _grey() -> tuple[int, int, int]:
 
 
 def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
-    """Return time-tagged samples in one row; a single sample is a constant without a time."""
+    """Return time-tagged samples in one row; a single sample is a constant without a time.
+
+    Parameters
+    ----------
+    at_s : (time) instants [s].
+    values : (time, n).
+    digits : decimal places to keep.
+    """
     if at_s.size == 1:
         return [round(float(value), digits) for value in values[0]]
     rows = zip(at_s.tolist(), values.tolist(), strict=True)
@@ -187,6 +202,15 @@ def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
 
 
 def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int = DEGREE) -> dict[str, Any]:
+    """Return a position in inertial axes.
+
+    Parameters
+    ----------
+    at_s : (time) instants [s].
+    position_m : (time, 3) in GCRS axes [m].
+    epoch : ISO 8601 text of the start.
+    degree : of the interpolating polynomial.
+    """
     return {
         "interpolationAlgorithm": "LAGRANGE" if degree > 1 else "LINEAR",
         "interpolationDegree": min(degree, max(at_s.size - 1, 1)),
@@ -197,7 +221,14 @@ def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int 
 
 
 def _orientation(at_s: np.ndarray, quaternion: np.ndarray, epoch: str) -> dict[str, Any]:
-    """Return the orientation as quaternions whose signs keep neighbours close."""
+    """Return the orientation as quaternions whose signs keep neighbours close.
+
+    Parameters
+    ----------
+    at_s : (time) instants [s].
+    quaternion : (time, 4), x, y, z, w.
+    epoch : ISO 8601 text of the start.
+    """
     flips = np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=-1) < 0.0, -1.0, 1.0)
     smooth = quaternion * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
     return {
@@ -209,6 +240,16 @@ def _orientation(at_s: np.ndarray, quaternion: np.ndarray, epoch: str) -> dict[s
 
 
 def _line(name: str, a: str, b: str, span: str, rgba: tuple[int, ...], width: int) -> dict[str, Any]:
+    """Return a straight line between two bodies.
+
+    Parameters
+    ----------
+    name : of the line.
+    a, b : names of the bodies.
+    span : interval of time in which it is shown.
+    rgba : colour, 0 to 255.
+    width : [pixels].
+    """
     return {
         "id": name,
         "name": name,

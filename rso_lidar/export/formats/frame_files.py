@@ -67,18 +67,37 @@ def get_file_stem(place: Path, frame: Frame) -> str:
 
 
 def write_new_file(place: Path, file: Path, content: bytes) -> None:
-    """Write a new file; raise a `RecordingError` if a frame comes twice."""
+    """Write a file that must not exist yet.
+
+    Parameters
+    ----------
+    place : of the output, for the message.
+    file : to write; its name begins with the number of its frame.
+    content : of the file.
+
+    Raises
+    ------
+    RecordingError
+        If the file exists, because a frame is given twice.
+    """
     try:
         with file.open("xb") as stream:
             stream.write(content)
     except FileExistsError:
         number = int(file.stem.split("_")[0])
-        raise RecordingError(f"{place}: frame {number} comes twice; give each frame once") from None
+        raise RecordingError(f"{place}: frame {number} is given twice; give each frame once") from None
 
 
 def write_source(folder: Path, source: Source, kind: str) -> None:
-    """Write source.json: the origin of the frames in a folder, and their axes."""
-    told = {
+    """Write source.json: the origin of the frames in a folder, and their axes.
+
+    Parameters
+    ----------
+    folder : of the output.
+    source : of the frames.
+    kind : name of the format.
+    """
+    content = {
         "format": kind,
         "rso_lidar_version": source.versions.get("rso_lidar", "unknown"),
         "title": source.title,
@@ -90,7 +109,7 @@ def write_source(folder: Path, source: Source, kind: str) -> None:
         "versions": dict(source.versions),
         "scenario": source.scenario,
     }
-    text = json.dumps(told, indent=1, ensure_ascii=False)
+    text = json.dumps(content, indent=1, ensure_ascii=False)
     (folder / "source.json").write_text(text + "\n", encoding="utf-8", newline="\n")
 
 

@@ -120,7 +120,14 @@ def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Fram
 
 
 def _check_file(place: Path, draft: Path, messages: int) -> None:
-    """Raise a `RunError` unless the summary at the end of the file counts the expected messages."""
+    """Raise a `RunError` unless the summary at the end of the file counts the expected messages.
+
+    Parameters
+    ----------
+    place : of the output, for messages.
+    draft : the file.
+    messages : expected number.
+    """
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
 
@@ -128,10 +135,10 @@ def _check_file(place: Path, draft: Path, messages: int) -> None:
         with draft.open("rb") as file:
             summary = make_reader(file, validate_crcs=True).get_summary()
     except (McapError, ValueError, struct.error) as error:
-        raise RunError(f"{place}: is not written, because it does not read back ({error}); run again") from error
+        raise RunError(f"{place}: not written: the file cannot be read back ({error}); run again") from error
     found = summary.statistics.message_count if summary and summary.statistics else 0
     if found != messages:
-        raise RunError(f"{place}: is not written, because it reads back with {found} of {messages} messages; run again")
+        raise RunError(f"{place}: not written: the file has {found} of {messages} messages; run again")
 
 
 def _provenance(source: Source, camera: Camera) -> dict[str, str]:
@@ -149,6 +156,13 @@ def _provenance(source: Source, camera: Camera) -> dict[str, str]:
 
 
 def _stamp(place: Path, source: Source, frame: Frame) -> int:
+    """Return the stamp of a frame [ns since 1970].
+
+    Parameters
+    ----------
+    place : of the output, for the message.
+    source, frame : with the start and the time since it.
+    """
     at_ns = to_stamp_ns(source.start_utc, frame.time_s)
     if not 0 <= at_ns < _LAST_S * 1_000_000_000:
         raise RecordingError(f"{place}: ROS stamps hold 1970 to 2038, the run is at {source.start_utc}; shift it")
@@ -156,7 +170,14 @@ def _stamp(place: Path, source: Source, frame: Frame) -> int:
 
 
 def _messages(frame: Frame, at_ns: int, camera: Camera) -> dict[str, dict[str, Any]]:
-    """Return the messages of a frame by topic."""
+    """Return the messages of a frame by topic.
+
+    Parameters
+    ----------
+    frame : to be written.
+    at_ns : its stamp [ns since 1970].
+    camera : fitted to its lines of sight.
+    """
     rows, cols = frame.range_m.shape
     stamp = {"sec": at_ns // 1_000_000_000, "nanosec": at_ns % 1_000_000_000}
     header = {"stamp": stamp, "frame_id": LIDAR}
@@ -196,6 +217,14 @@ def _messages(frame: Frame, at_ns: int, camera: Camera) -> dict[str, dict[str, A
 
 
 def _image(size: dict[str, Any], encoding: str, values: np.ndarray) -> dict[str, Any]:
+    """Return an Image message.
+
+    Parameters
+    ----------
+    size : its header, height and width.
+    encoding : name of the encoding in ROS.
+    values : (row, col).
+    """
     step = values.itemsize * values.shape[1]
     return {**size, "encoding": encoding, "is_bigendian": 0, "step": step, "data": values.tobytes()}
 

@@ -76,7 +76,14 @@ def write_npz(
 
 
 def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
-    """Raise a `RunError` unless all arrays are in the file with correct CRC-32."""
+    """Raise a `RunError` unless all arrays are in the file with correct CRC-32.
+
+    Parameters
+    ----------
+    place : of the output, for messages.
+    draft : the file.
+    names : expected arrays.
+    """
     try:
         with zipfile.ZipFile(draft) as packed:
             wrong = packed.testzip() or ", ".join({f"{name}.npy" for name in names} ^ set(packed.namelist()))
@@ -84,19 +91,26 @@ def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
         wrong = str(error)
     if wrong:
-        raise RunError(f"{place}: is not written, because it does not read back ({wrong}); run again")
+        raise RunError(f"{place}: not written: the file cannot be read back ({wrong}); run again")
 
 
 def _describe_arrays(first: Frame, found: dict[str, Variable], *, changing: bool) -> dict[str, Any]:
-    """Return the attributes of each array and of the recording, by name, ready for JSON."""
+    """Return the attributes of each array and of the recording, by name, ready for JSON.
+
+    Parameters
+    ----------
+    first : the first frame.
+    found : variables by name.
+    changing : whether the lens changes.
+    """
     source = first.source
     root = get_root_attributes(source) | {"tree": get_parents(first), "states": list(first.truth.states)}
-    told: dict[str, Any] = {"/": {**to_json(root), "targets": json.loads(root["targets"]), "seed": source.seed}}
+    described: dict[str, Any] = {"/": {**to_json(root), "targets": json.loads(root["targets"]), "seed": source.seed}}
     for name, variable in found.items():
-        told[name] = to_json(get_array_attributes(variable, source)) | {"dims": ["time", *variable.spec.dims]}
+        described[name] = to_json(get_array_attributes(variable, source)) | {"dims": ["time", *variable.spec.dims]}
     sight = specs(Observation)["line_of_sight"]
     dims = ["lens_number"] * changing + list(sight.dims)
-    told["line_of_sight"] = {"units": sight.unit, "long_name": sight.meaning, "dims": dims}
+    described["line_of_sight"] = {"units": sight.unit, "long_name": sight.meaning, "dims": dims}
     if changing:
-        told["lens"] = {"units": LENS.unit, "long_name": LENS.meaning, "dims": ["time"]}
-    return told
+        described["lens"] = {"units": LENS.unit, "long_name": LENS.meaning, "dims": ["time"]}
+    return described

@@ -133,7 +133,14 @@ def to_stamp_ns(start_utc: str, time_s: float) -> int:
 def _open_text(
     path: str | os.PathLike[str], frames: Iterable[Frame], overwrite: bool
 ) -> Iterator[tuple[TextIO, Source, Iterator[TruthBatch]]]:
-    """Yield a text file that appears when it is complete, the source of the frames, and their truth in batches."""
+    """Yield a text file that appears when it is complete, the source of the frames, and their truth in batches.
+
+    Parameters
+    ----------
+    path : of the output.
+    frames : consumed in batches.
+    overwrite : whether an existing file may be replaced.
+    """
     place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
     with write_atomically(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
@@ -148,7 +155,14 @@ def _open_text(
 
 
 def _resolve_axes(source: Source, target: str | None, lidar_in_target: bool) -> tuple[str, str, str]:
-    """Return the name of the target axes, and a and b of the poses a_from_b to write."""
+    """Return the name of the target axes, and a and b of the poses a_from_b to write.
+
+    Parameters
+    ----------
+    source : of the frames, with the names of the targets.
+    target : name given by the user; None for the only target.
+    lidar_in_target : whether to write target_from_lidar instead of lidar_from_target.
+    """
     known = [entry.name for entry in source.targets]
     if target is None:
         if len(known) != 1:
@@ -159,7 +173,14 @@ def _resolve_axes(source: Source, target: str | None, lidar_in_target: bool) -> 
 
 
 def _compute_poses(truth: Truth, name: str, a: str, b: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a_from_b as translations (time, 3) [m], quaternions (time, 4) and matrices (time, 3, 3)."""
+    """Return a_from_b as translations (time, 3) [m], quaternions (time, 4) and matrices (time, 3, 3).
+
+    Parameters
+    ----------
+    truth : a batch of epochs.
+    name : given by the user, for the message.
+    a, b : names of the axes.
+    """
     known = list(truth.poses)
     if name not in known:
         guess = did_you_mean(name, known)

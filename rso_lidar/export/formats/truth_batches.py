@@ -15,7 +15,7 @@ from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import BodyState, Frame, PtuAngles, Source, Truth, specs
 
 TruthBatch = tuple[Truth, tuple[PtuAngles, ...]]  # a batch of truth, and the PTU's angles at each of its instants
-_READ = 1024  # frames read at once
+_READ = 1024  # frames per batch
 _JOINED = 128  # frames kept, where they come one by one
 
 

@@ -65,7 +65,9 @@ def get_time_attributes(start_utc: str) -> dict[str, str]:
     try:
         start = datetime.datetime.fromisoformat(start_utc)
     except ValueError:
-        raise RecordingError(f"start_utc: '{start_utc}' is no ISO 8601 instant; write 2024-09-17T12:00:00Z") from None
+        raise RecordingError(
+            f"start_utc: '{start_utc}' is not an ISO 8601 instant; write 2024-09-17T12:00:00Z"
+        ) from None
     if start.tzinfo is not None:
         start = start.astimezone(datetime.UTC).replace(tzinfo=None)
     return {

@@ -36,11 +36,21 @@ FIELDS = {  # by group of the file: name in the file, and in the record
     "oversampled": {"range": "range_m", "photons": "photons"},
 }
 CONSTANTS = {"waveforms": ("sample_s", "baseline_counts")}  # attributes of a group: the same in all frames
-_DIMS = {"trace": ("row", "col")}  # where a trace stands in the file
+_DIMS = {"trace": ("row", "col")}  # a trace is stored at its pixel
 
 
 def check_kept(names: Iterable[str]) -> None:
-    """Raise a `RecordingError` for names of records that a recording cannot keep."""
+    """Check the names of intermediate records to keep.
+
+    Parameters
+    ----------
+    names : such as "waveforms", the values of `keep`.
+
+    Raises
+    ------
+    RecordingError
+        If a recording cannot keep a record of that name.
+    """
     for name in names:
         if name not in RECORDS:
             guess = did_you_mean(name, RECORDS)

@@ -29,6 +29,12 @@ class Recording(RecordingFile, Sequence[Frame]):
     """
 
     def __init__(self, path: str | Path) -> None:
+        """Open a recording.
+
+        Parameters
+        ----------
+        path : of an HDF5 file or a Zarr store.
+        """
         super().__init__(path)
         self._rows: dict[str, tuple[int, np.ndarray]] = {}
 
@@ -126,7 +132,12 @@ class Recording(RecordingFile, Sequence[Frame]):
         return tables
 
     def dataset(self, path: str) -> StoredArray:
-        """Return the array at a path of the file, such as ``truth/tdrs/position``, with its attributes."""
+        """Return the array at a path of the file, with its attributes.
+
+        Parameters
+        ----------
+        path : such as ``truth/tdrs/position``.
+        """
         return StoredArray(self, path)
 
     # ------------------------------------------------------------------------------------------------------ the inside
@@ -214,6 +225,13 @@ class Frames(Sequence[Frame]):
     """Some frames of a recording, read when asked for."""
 
     def __init__(self, recording: Recording, places: Sequence[int]) -> None:
+        """Select frames of a recording.
+
+        Parameters
+        ----------
+        recording : to read from.
+        places : their indices.
+        """
         self.recording, self.places = recording, places
 
     def __len__(self) -> int:

@@ -30,6 +30,17 @@ class RecordingFile:
     """
 
     def __init__(self, path: str | Path) -> None:
+        """Open a recording and check its structure.
+
+        Parameters
+        ----------
+        path : of an HDF5 file or a Zarr store.
+
+        Raises
+        ------
+        RecordingError
+            If there is no recording at the path, or it is damaged.
+        """
         self.path = Path(path)
         self.complete = TEMPORARY.search(self.path.name) is None
         zarr = self.path.suffix.lower() == SUFFIX
@@ -45,7 +56,17 @@ class RecordingFile:
         return self._count
 
     def place(self, k: Any) -> int:
-        """Return the index of frame k, counted from the end where k is negative."""
+        """Return the index of a frame, counted from the end if negative.
+
+        Parameters
+        ----------
+        k : any integer.
+
+        Raises
+        ------
+        IndexError
+            If there is no such frame.
+        """
         place = operator.index(k)
         if not -len(self) <= place < len(self):
             raise IndexError(f"{self.path}: there is no frame {place}; it has {len(self)}")
@@ -57,7 +78,17 @@ class RecordingFile:
         return "lens" in self._datasets
 
     def handle(self, path: str) -> Any:
-        """Return the h5py dataset or Zarr array at a path; errors of its library pass through."""
+        """Return the h5py dataset or Zarr array at a path; errors of its library are not translated.
+
+        Parameters
+        ----------
+        path : such as ``range``.
+
+        Raises
+        ------
+        RecordingError
+            If the file is closed or has no such dataset.
+        """
         if not self._file:
             raise RecordingError(f"{self.path}: is closed; open it again")
         if path not in self._datasets:
@@ -65,7 +96,23 @@ class RecordingFile:
         return self._datasets[path]
 
     def read(self, path: str, key: Any) -> Any:
-        """Read what an index selects of a dataset; an error names the damaged dataset."""
+        """Read part of a dataset.
+
+        Parameters
+        ----------
+        path : of the dataset, such as ``range``.
+        key : index, slice or tuple of them, as in h5py.
+
+        Returns
+        -------
+        ndarray or scalar
+            The selected values.
+
+        Raises
+        ------
+        RecordingError
+            If the dataset is missing or damaged.
+        """
         with self.watched(path):
             return self.handle(path)[key]
 
@@ -83,7 +130,16 @@ class RecordingFile:
 
     @contextlib.contextmanager
     def watched(self, what: str = "") -> Iterator[None]:
-        """Turn errors of h5py over a damaged file into a `RecordingError` that names the dataset `what`."""
+        """Convert errors of h5py and Zarr in this context to a `RecordingError` that names a dataset.
+
+        Parameters
+        ----------
+        what : path of the dataset; empty for the whole file.
+
+        Yields
+        ------
+        None
+        """
         place = f"{self.path}: {what}" if what else f"{self.path}"
         try:
             yield
@@ -172,7 +228,13 @@ class RecordingFile:
 
 
 def _extract_between(start: str, text: str, end: str) -> str:
-    """Return the text between a prefix and a suffix, or an empty text where either is missing."""
+    """Return the text between a prefix and a suffix, or an empty text where either is missing.
+
+    Parameters
+    ----------
+    start, end : the prefix and the suffix.
+    text : to extract from.
+    """
     return text[len(start) : -len(end)] if text.startswith(start) and text.endswith(end) else ""
 
 

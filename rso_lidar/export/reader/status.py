@@ -60,6 +60,14 @@ def read_status(path: Path) -> RecordingStatus:
 
 
 def _read_file_status(output: Path, file: Path, *, running: bool) -> RecordingStatus:
+    """Read the status of one file of a recording.
+
+    Parameters
+    ----------
+    output : final name of the recording.
+    file : the file, final or temporary.
+    running : whether a process writes it.
+    """
     complete = file == output
     try:
         with Recording(file) as recording:

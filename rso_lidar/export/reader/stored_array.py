@@ -17,6 +17,14 @@ class StoredArray:
     """
 
     def __init__(self, recording: RecordingFile, path: str, dtype: Any = None) -> None:
+        """Refer to a dataset.
+
+        Parameters
+        ----------
+        recording : open file.
+        path : of the dataset.
+        dtype : of the values read; by default that of the file.
+        """
         self._recording, self._path = recording, path
         dataset = recording.handle(path)
         self.shape: tuple[int, ...] = (len(recording), *dataset.shape[1:])

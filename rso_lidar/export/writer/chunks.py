@@ -55,6 +55,14 @@ class ChunkWriter:
         self._datasets["time"][0].flush()
 
     def _append(self, path: str, chunk: Any, place: int) -> None:
+        """Append an encoded chunk to a dataset.
+
+        Parameters
+        ----------
+        path : of the dataset.
+        chunk : encoded bytes.
+        place : number of the frame.
+        """
         dataset, shape, corner = self._datasets[path]
         dataset.set_extent((place + 1, *shape))
         dataset.write_direct_chunk((place, *corner), chunk)

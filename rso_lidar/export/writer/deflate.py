@@ -133,7 +133,19 @@ def split_into_tokens(
 
 @kernel
 def _end_run(tokens: np.ndarray, found: int, value: int, run: int) -> int:
-    """Write `run` more bytes of a value as matches and literals; return the number of tokens."""
+    """Write the rest of a run of equal bytes as matches and literals.
+
+    Parameters
+    ----------
+    tokens : written in place.
+    found : number of tokens so far.
+    value : of the bytes.
+    run : number of bytes that remain.
+
+    Returns
+    -------
+    Number of tokens.
+    """
     while run >= _SHORTEST_MATCH:
         length = min(run, _LONGEST_MATCH)
         tokens[found] = _MATCH + length

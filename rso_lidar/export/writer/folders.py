@@ -72,11 +72,11 @@ def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
             with defer_signals():
                 draft = _make_folder(place, "part")
                 ours.append((draft, made := draft.lstat()))
-                if os.name == "posix":  # as long as it is open, no other folder gets its inode
+                if os.name == "posix":  # while it is open, no other folder can get its inode
                     held.callback(os.close, os.open(draft, os.O_RDONLY))
             yield draft
             check_draft(draft, made, place)
-            check_folder(place, overwrite=overwrite)  # what appeared meanwhile is not ours to remove
+            check_folder(place, overwrite=overwrite)  # a folder that appeared since belongs to someone else
             with defer_signals():
                 if place.is_dir():
                     old = _make_folder(place, "old")

@@ -60,6 +60,15 @@ def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = Fa
 
 
 def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], changing: bool) -> None:
+    """Create /line_of_sight, filled unless the lens changes.
+
+    Parameters
+    ----------
+    file : empty h5py file.
+    frame : the first one.
+    scales : dimension scales by name; a scale is added if the lens changes.
+    changing : whether the lens changes.
+    """
     stated = specs(Observation)["line_of_sight"]
     shape, dims = frame.line_of_sight.shape, stated.dims
     squeeze = {"compression": "gzip", "shuffle": True, "fletcher32": True, "dtype": stated.dtype}
@@ -78,7 +87,14 @@ def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], chan
 
 
 def _make_own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]) -> dict[str, Any]:
-    """Create the scales of dimensions that only the dataset's group has, such as the samples of waveforms."""
+    """Create the scales of dimensions that only the dataset's group has, such as the samples of waveforms.
+
+    Parameters
+    ----------
+    dataset : of the variable.
+    variable : with its dimensions.
+    scales : those of the whole file.
+    """
     sizes = zip(variable.spec.dims, variable.shape, strict=True)
     group = dataset.parent
     return {
@@ -87,6 +103,14 @@ def _make_own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]
 
 
 def _make_scale(group: Any, dim: str, size: int) -> Any:
+    """Create the scale of a counted dimension.
+
+    Parameters
+    ----------
+    group : that it belongs to.
+    dim : name of the dimension.
+    size : of the dimension.
+    """
     made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", fletcher32=True)
     _write_attributes(made, {"units": "1", "long_name": SCALES[dim]})
     made.make_scale(dim)
@@ -94,6 +118,14 @@ def _make_scale(group: Any, dim: str, size: int) -> Any:
 
 
 def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) -> Any:
+    """Create the empty dataset of a variable.
+
+    Parameters
+    ----------
+    file : h5py file.
+    variable : shape, dtype, chunks and fill value.
+    attributes : to write.
+    """
     squeeze = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if variable.is_image else {}
     made = file.create_dataset(
         variable.path,
@@ -112,6 +144,14 @@ def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) 
 
 
 def _attach_scales(dataset: Any, dims: tuple[str, ...], scales: Mapping[str, Any]) -> None:
+    """Attach a scale to each dimension of a dataset.
+
+    Parameters
+    ----------
+    dataset : of h5py.
+    dims : names of its dimensions.
+    scales : by name.
+    """
     for axis, dim in enumerate(dims):
         dataset.dims[axis].attach_scale(scales[dim])
 

@@ -52,7 +52,17 @@ def run_id(source: Source, frames_text: str, version: str) -> str:
 
 
 def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Check that a recording can be written at a path, and return the path; nothing is left behind.
+    """Check that a recording can be written at a path; no file remains there.
+
+    Parameters
+    ----------
+    path : of the recording.
+    overwrite : whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+        The path with its leading ``~`` expanded.
 
     Raises
     ------
@@ -60,7 +70,7 @@ def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
         If the path exists and `overwrite` is False, has another suffix, or cannot be written.
     """
     output = check_writable(path, SUFFIXES, overwrite=overwrite)
-    try:  # a long run follows: try what the rights of the folder only promise
+    try:  # before a long run: permissions alone do not prove that a file can be made
         probe = output.with_name(f"{output.name}.tmp-{secrets.token_hex(4)}.probe")
         probe.open("xb").close()
         probe.unlink()
@@ -159,7 +169,19 @@ class Recorder:
             self._lock.close()
 
     def write(self, frame: Frame) -> None:
-        """Write one frame; once this returns, a kill cannot lose the frame."""
+        """Write one frame; once this returns, a kill cannot lose the frame.
+
+        Parameters
+        ----------
+        frame : with the arrays, source and kept records of the first frame.
+
+        Raises
+        ------
+        RecordingError
+            If the frame does not fit the recording.
+        RunError
+            If the file cannot be written; frames written before are kept.
+        """
         if self._file is None:
             self._start(frame, None)
         filled = self._checked(frame)
@@ -260,7 +282,19 @@ class Recorder:
         return entries
 
     def _has_other_lens(self, frame: Frame, first: Frame, place: str) -> bool:
-        """Return whether the line of sight requires a new file; raise where frames must not differ in it."""
+        """Return whether the line of sight of a frame requires a new file with room for several lenses.
+
+        Parameters
+        ----------
+        frame : to be written.
+        first : the first frame.
+        place : of the frame, for messages.
+
+        Raises
+        ------
+        RecordingError
+            If lines of sight must not differ in this recording.
+        """
         ours, theirs = frame.line_of_sight, first.line_of_sight
         if is_same_memory(ours, theirs):
             return False

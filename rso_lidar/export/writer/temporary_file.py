@@ -21,6 +21,14 @@ class InterferenceError(OSError):
     """
 
     def __init__(self, what: str, cure: str, *, intact: bool = True) -> None:
+        """Describe the interference.
+
+        Parameters
+        ----------
+        what : what happened.
+        cure : what to do before the next run.
+        intact : whether the open file still holds all its frames.
+        """
         super().__init__(what)
         self.cure, self.intact = cure, intact
 

@@ -65,6 +65,15 @@ class ZarrWriter:
     """A Zarr store that grows by complete shards."""
 
     def __init__(self, zarr: Any, place: Path, folder: Path, first: Frame) -> None:
+        """Create the store and its arrays.
+
+        Parameters
+        ----------
+        zarr : the library.
+        place : of the output, for messages.
+        folder : to write in.
+        first : the first frame.
+        """
         self._zarr, self._place, self._folder, self._first = zarr, place, folder, first
         self._variables = list_variables(first)
         self._per_shard = int(np.clip(MOST_BATCH_BYTES // count_frame_bytes(self._variables), 1, FRAMES_PER_SHARD))
@@ -113,9 +122,7 @@ class ZarrWriter:
             add_metadata_crc32(self._folder)
             written = open_zarr(self._folder)["time"].shape[0]
         except (RecordingError, KeyError, ValueError) as error:
-            raise RunError(
-                f"{self._place}: is not written, because it does not read back ({error}); run again"
-            ) from error
+            raise RunError(f"{self._place}: not written: the store cannot be read back ({error}); run again") from error
         if written != self._written:
             raise RunError(
                 f"{self._place}: is not written, because it reads back with {written} of {self._written} frames; run again"
@@ -142,6 +149,15 @@ class ZarrWriter:
         stated: Mapping[str, Any],
         attributes: Mapping[str, Any],
     ) -> Any:
+        """Create an empty array.
+
+        Parameters
+        ----------
+        path : in the store.
+        shape, chunk, shard : sizes along its dimensions; without shard, each chunk is a file.
+        stated : its dtype, fill value and dimension names.
+        attributes : to write.
+        """
         *groups, name = path.split("/")
         place = self._root
         for group in groups:

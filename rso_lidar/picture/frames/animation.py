@@ -58,7 +58,9 @@ def animate(
     """
     place = check_writable(path, ANIMATION_SUFFIXES, overwrite=True)
     if frame_rate_hz is not None and not 0 < frame_rate_hz <= FASTEST_HZ:
-        raise RecordingError(f"{place}: plays at {frame_rate_hz:g} Hz: choose a rate above 0, up to {FASTEST_HZ:g} Hz")
+        raise RecordingError(
+            f"{place}: frame rate of {frame_rate_hz:g} Hz; choose a rate above 0 and up to {FASTEST_HZ:g} Hz"
+        )
     ffmpeg = _import_ffmpeg(place) if place.suffix.lower() == ".mp4" else None
     thumbnails, _ = pick(frames, max_frames, Thumbnail.of)
     rate_hz = frame_rate_hz or min(max(len(thumbnails) / SHOWN_S, 4.0), 20.0)
@@ -140,6 +142,14 @@ def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail]) -> list[tuple[f
 
 
 def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float) -> None:
+    """Write pictures as a GIF.
+
+    Parameters
+    ----------
+    draft : path to write.
+    pictures : consumed one at a time.
+    rate_hz : pictures per second of playback; GIF rounds their duration to 10 ms.
+    """
     from PIL import Image
 
     palette = Image.new("P", (1, 1))
@@ -161,6 +171,15 @@ def _import_ffmpeg(place: Path):  # type: ignore[no-untyped-def]
 
 
 def _write_mp4(ffmpeg, draft: Path, pictures: Iterator[Image], rate_hz: float) -> None:  # type: ignore[no-untyped-def]
+    """Write pictures as an MP4.
+
+    Parameters
+    ----------
+    ffmpeg : the module imageio_ffmpeg.
+    draft : path to write.
+    pictures : consumed one at a time.
+    rate_hz : pictures per second of playback.
+    """
     writer = ffmpeg.write_frames(str(draft), (WIDTH, HEIGHT), fps=rate_hz, quality=8, macro_block_size=2)
     writer.send(None)
     try:

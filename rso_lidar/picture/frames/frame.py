@@ -46,7 +46,23 @@ MOST_TARGETS = 3  # most targets whose geometry is described
 
 
 def save_frame(frame: Frame, path: str | Path) -> Path:
-    """Draw `frame_figure(frame)` and write it as PNG, PDF or SVG, by the suffix; return the path."""
+    """Draw a frame and write it as PNG, PDF or SVG, by the suffix.
+
+    Parameters
+    ----------
+    frame : to be drawn with `frame_figure`.
+    path : of the picture; an existing file is replaced.
+
+    Returns
+    -------
+    Path
+        Where the picture is.
+
+    Raises
+    ------
+    RecordingError
+        For another suffix, or a path that cannot be written.
+    """
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     return save_figure(frame_figure(frame), place)
 
@@ -62,6 +78,10 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
     frame : what is drawn.
     parts : which parts get a colour of their own where there are more parts than colours, the first first (none:
         those with most pixels); `parts_in_order` of all frames of a series gives a part one colour in all.
+
+    Returns
+    -------
+    Figure
     """
     window = crop(bounding_window(find_target_pixels(frame)))
     figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summarise(frame), tuple(_describe_geometry(frame)))
@@ -152,6 +172,16 @@ def _show(
 
 
 def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, logarithmic: bool = False) -> None:
+    """Draw a colour bar beside a panel.
+
+    Parameters
+    ----------
+    axes : the panel.
+    drawn : image that the bar explains.
+    label : of the bar.
+    extend : ends beyond which values occur: "neither", "both", "min" or "max".
+    logarithmic : whether the scale is.
+    """
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
     place = axes.inset_axes((1.03, 0.0, 0.045, 1.0))
@@ -167,6 +197,14 @@ def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, lo
 
 
 def _write_heading(axes: Axes, text: str, note: str = "") -> None:
+    """Write the heading of a panel.
+
+    Parameters
+    ----------
+    axes : the panel.
+    text : on the left.
+    note : small print on the right.
+    """
     axes.set_title(text, loc="left", fontsize=11, color=hex_colour(INK))
     axes.set_title(note, loc="right", fontsize=8.5, color=hex_colour(QUIET))
 
@@ -261,6 +299,15 @@ def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
 
 
 def _draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKey]) -> None:
+    """Draw the true parts of a frame.
+
+    Parameters
+    ----------
+    axes : the panel.
+    frame : to be drawn.
+    window : rows and columns shown.
+    parts : that have a colour of their own, the first first.
+    """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -313,6 +360,14 @@ def _free_corner(busy: np.ndarray) -> Corner:
 
 
 def _draw_error(axes: Axes, frame: Frame, window: Window) -> None:
+    """Draw range minus truth.
+
+    Parameters
+    ----------
+    axes : the panel.
+    frame : to be drawn.
+    window : rows and columns shown.
+    """
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch

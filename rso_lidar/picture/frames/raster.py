@@ -186,6 +186,15 @@ def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Wind
 
 
 def _draw_bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name: str) -> None:
+    """Draw a colour bar.
+
+    Parameters
+    ----------
+    draw : Pillow's drawing of the picture.
+    x, y : left upper corner [pixels].
+    width, height : of the bar [pixels].
+    name : of the colour ramp.
+    """
     colours = ramp(name)
     for k in range(width):
         colour = tuple(int(v) for v in colours[k * 255 // (width - 1)])

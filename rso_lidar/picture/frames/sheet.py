@@ -50,7 +50,7 @@ def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, r
 
     place = check_writable(path, SHEET_SUFFIXES, overwrite=True)
     if columns < 1 or rows < 1:
-        raise RecordingError(f"a contact sheet of {columns} columns and {rows} rows: each has to be 1 or more")
+        raise RecordingError(f"a contact sheet of {columns} columns and {rows} rows; give 1 or more of each")
     thumbnails, total = pick(frames, columns * rows, _look)
     columns = min(columns, len(thumbnails))
     rows = -(-len(thumbnails) // columns)

@@ -42,15 +42,20 @@ def angles_figure(
 ) -> Figure:
     """Draw range and its rate, azimuth and elevation, angle off the boresight and Sun angles over time.
 
-    Where the Earth hides the Sun from the target, the ground is grey.
+    Panels are shaded grey where the Earth hides the Sun from the target.
 
     Parameters
     ----------
     source : a Truth batched over epochs, with the lidar in it, or frames.
-    target : a name (None: the first).
-    half_field_rad : half the side of the field of view [rad], drawn as a limit where given.
-    shadow_s : spans [s] in which the Earth hides the Sun from the target, infinite where they go on (None: as the frames
-        have it, from middle to middle between two).
+    target : name of the target; by default the first.
+    title : of the figure; by default that of the recording.
+    half_field_rad : half the side of the field of view [rad], drawn as a limit.
+    shadow_s : spans [s] in which the Earth hides the Sun from the target, infinite where they continue. By default
+        from the frames, to half a step.
+
+    Returns
+    -------
+    Figure
     """
     seen, heading, note = _find_sight(source, target)
     if not np.isfinite(seen.phase_rad).any():
@@ -119,9 +124,14 @@ def ptu_figure(
 
     Parameters
     ----------
+    title : of the figure; by default that of the recording.
     source : instants (time) [s] with the PTU's angles at each, or frames.
     travel_rad : the ends of pan and of tilt [rad], drawn where finite and near.
     max_rate_rad_s : the drive's greatest rate [rad/s], drawn where finite.
+
+    Returns
+    -------
+    Figure
     """
     time_s, angles, heading, note = _read_ptu(source)
     table = {
@@ -195,7 +205,7 @@ def _read_ptu(
         times_s = np.array([time_s for time_s, pointing, *_ in picked if pointing is not None])
         heading, note = picked[0][2], f"pan left, tilt up positive   ·   time since {picked[0][3]}"
     if not angles:
-        raise RecordingError("ptu: there is no pan and tilt to draw; give the scenario a [ptu]")
+        raise RecordingError("ptu: no pan and tilt to draw; give the scenario a [ptu]")
     return np.asarray(times_s, dtype=float), angles, heading, note
 
 

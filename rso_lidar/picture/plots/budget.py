@@ -143,6 +143,13 @@ _LEAST_SPAN = 1.5  # least ratio of the ends of a log axis: a shorter axis would
 
 
 def _prepare_axes(axes: Axes, title: str, note: str) -> None:
+    """Prepare a panel with a logarithmic range axis.
+
+    Parameters
+    ----------
+    axes : the panel.
+    title, note : its heading, left and right.
+    """
     axes.set_xscale("log")
     style_axes(axes, title, note=note)
     axes.tick_params(labelbottom=True)
@@ -161,6 +168,14 @@ def _use_log_scale(axes: Axes) -> None:
 
 
 def _mark(axes: Axes, x: float, y: float, colour: str) -> None:
+    """Mark a point.
+
+    Parameters
+    ----------
+    axes : the panel.
+    x, y : of the point, in units of the axes.
+    colour : of the mark.
+    """
     axes.plot([x], [y], "o", color=colour, ms=5, mec="white", mew=0.8, zorder=5)
 
 

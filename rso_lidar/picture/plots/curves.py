@@ -70,8 +70,16 @@ class FrameStatistics:
 def curve_figure(frames: Iterable[Frame]) -> Figure:
     """Draw range, share of the target's pixels detected, photons per pixel and range error over time.
 
-    Frames are a sequence, a recording or an iterator, thinned to 600. The band of photons is the 10th to
-    90th percentile of pixels on a target. The band of errors is the 16th to 84th percentile of pixels with one cluster.
+    The band of photons is the 10th to 90th percentile of pixels on a target. The band of errors is the 16th to 84th
+    percentile of pixels with one cluster.
+
+    Parameters
+    ----------
+    frames : a sequence, a recording or an iterator; thinned to 600.
+
+    Returns
+    -------
+    Figure
     """
     points, total = pick(
         frames, DRAWN, lambda frame: (FrameStatistics.of(frame), frame.source.title, format_start(frame))

@@ -39,14 +39,22 @@ def encounter_figure(
 ) -> Figure:
     """Draw ranges at the closest approach over time, coloured by relative speed.
 
+    Encounters closer than 1 m, such as docked craft that share elements, are counted and not drawn.
+
     Parameters
     ----------
-    time_utc : (row) numpy datetime64.
-    sunlit : (row) whether the object is in sunlight then: a disc; in the Earth's shadow a square with a dark rim.
-    reach_m : how far the lidar sees a facing plate of a square metre [m], drawn as a line.
-    window_utc : start and end of the search, which the time axis spans (None: from the first row to the last).
+    time_utc : (row) numpy datetime64 of the closest approach.
+    range_m, speed_m_s : (row) range [m] and relative speed [m/s] then.
+    sunlit : (row) whether the object is in sunlight then: a disc, or a square with a dark rim in the Earth's shadow.
+    labels : (row) name of each object.
+    within_m : range limit of the search [m].
+    reach_m : range at which the lidar detects a facing plate of 1 m2 [m], drawn as a line.
+    title, note : heading of the figure, and small print beside it.
+    window_utc : start and end of the search, the span of the time axis; by default from the first row to the last.
 
-    What is nearer than a metre, as docked craft that share elements, is counted and not drawn.
+    Returns
+    -------
+    Figure
     """
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
     from matplotlib.lines import Line2D

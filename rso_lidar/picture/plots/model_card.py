@@ -116,6 +116,18 @@ def _by_area(views: Sequence[CardView], count: int) -> list[int]:
 
 
 def _shade(index: np.ndarray, rgb: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    """Shade the colours of parts by their incidence.
+
+    Parameters
+    ----------
+    index : (row, col) of the part or material of each pixel, -1 for the background.
+    rgb : (index, 3) colours, 0 to 1.
+    cosine : (row, col) cosine of incidence.
+
+    Returns
+    -------
+    (row, col, 3) colours, 0 to 1.
+    """
     light = (_DARKEST + (1.0 - _DARKEST) * cosine)[..., None]
     paper = np.array(PAPER) / 255.0
     return np.where((index >= 0)[..., None], rgb[np.maximum(index, 0)] * light, paper)
@@ -157,6 +169,16 @@ def _draw_bar(axes: Any, view: CardView, tall_m: float) -> None:
 
 
 def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others: int) -> None:
+    """List names beside their colours.
+
+    Parameters
+    ----------
+    axes : the panel.
+    title : of the list.
+    names : in the order of importance.
+    rgb : (name, 3) colours, 0 to 1.
+    others : number of names left out.
+    """
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(_MOST_NAMES + 1.0, 0.0)

@@ -62,21 +62,25 @@ def inertial_figure(
 ) -> Figure:
     """Draw the orbits of bodies in inertial axes, from a batch of epochs.
 
-    The left view has celestial north up; the right one is from the pole of the first body's orbit. Flown paths are strong
-    (black in the Earth's shadow), the rest of each osculating orbit is faint, and an arrow points to the Sun.
+    The left view has celestial north up; the right one is from the pole of the first body's orbit. Flown paths are
+    strong (black in the Earth's shadow), the rest of each osculating orbit is faint, and an arrow points to the Sun.
 
     Parameters
     ----------
     truth : a batch of epochs.
     title : the heading.
     names : bodies to draw (None: all).
-    shadows_s : by body, spans [s] in which the Earth hides the Sun from it, infinite where they continue. The shadow of a
-        missing body is found from the instants, good to half a step.
+    shadows_s : by body, spans [s] in which the Earth hides the Sun from it, infinite where they continue. The shadow
+        of a missing body is found from the instants, good to half a step.
+
+    Returns
+    -------
+    Figure
     """
     names = list(truth.states) if names is None else list(names)
     states = {name: truth.states[name] for name in names if _orbits(truth.states[name])}
     if not states or not np.isfinite(truth.sun_direction).all():
-        raise RecordingError("orbits: nothing here orbits the Earth (a local world?); draw the relative path instead")
+        raise RecordingError("orbits: no body orbits the Earth (a local world?); draw the relative path instead")
     sun = np.atleast_2d(truth.sun_direction)[0]
     first = next(iter(states.values()))
     normal = np.cross(first.position_m[0], first.velocity_m_s[0])

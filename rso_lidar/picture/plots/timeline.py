@@ -40,11 +40,14 @@ def timeline_figure(
 
     Parameters
     ----------
-    table : columns (time) by name, as `rso_lidar.timeline` makes them; without a Sun or a PTU their panels are left out.
+    table : columns (time) by name, as `rso_lidar.timeline` makes them; without a Sun or a PTU their panels are left
+        out.
+    target : name of the target.
+    title : of the figure.
     half_field_rad : half the side of the field of view [rad].
-    travel_rad : ends of pan and of tilt [rad], drawn where finite and near.
+    travel_rad : limits of pan and of tilt [rad], drawn where finite and near.
     max_rate_rad_s : greatest rate of the PTU [rad/s], drawn where near.
-    shadow_s : spans [s] in which the Earth hides the Sun from the target (None: as `sunlit_fraction` has it).
+    shadow_s : spans [s] in which the Earth hides the Sun from the target; by default from `sunlit_fraction`.
     """
     time_s = table["time_s"]
     panels: list[Callable[[Axes], None]] = [
@@ -133,11 +136,19 @@ def _draw_sun(axes: Axes, table: Table) -> None:
 
 
 def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, float]] | None) -> None:
+    """Draw pan and tilt, demanded and true, with their limits.
+
+    Parameters
+    ----------
+    axes : the panel.
+    table : columns by name.
+    travel_rad : limits of pan and of tilt [rad]; None without limits.
+    """
     for word, colour in (("pan", BLUE), ("tilt", GREEN)):
         axes.plot(table["time_s"], table[f"{word}_demand_rad"] / DEG, color=colour, lw=3.5, alpha=0.3)
         axes.plot(table["time_s"], table[f"{word}_actual_rad"] / DEG, color=colour, lw=1.1, label=word)
         _mark(axes, table, f"{word}_beyond_travel", f"{word}_demand_rad", f"{word} beyond its travel")
-    style_axes(axes, y="PTU [deg]\npale: asked")
+    style_axes(axes, y="PTU [deg]\npale: demanded")
     widen_short_axis(axes, 0.01)
     for (low, high), colour in zip(travel_rad or (), (BLUE, GREEN), strict=False):
         _draw_limit(axes, low / DEG, colour)
@@ -146,6 +157,14 @@ def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, flo
 
 
 def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
+    """Draw the rates of pan and tilt, demanded and true.
+
+    Parameters
+    ----------
+    axes : the panel.
+    table : columns by name.
+    max_rate_rad_s : limit of the rates [rad/s]; infinite without a limit.
+    """
     for word, colour in (("pan", BLUE), ("tilt", GREEN)):
         axes.plot(table["time_s"], table[f"{word}_demand_rate_rad_s"] / DEG, color=colour, lw=3.5, alpha=0.3)
         axes.plot(table["time_s"], table[f"{word}_rate_rad_s"] / DEG, color=colour, lw=1.1, label=word)
@@ -161,6 +180,14 @@ def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
 
 
 def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
+    """Draw the angle of the target off the boresight, and the share of its bounds in the field.
+
+    Parameters
+    ----------
+    axes : the panel.
+    table : columns by name.
+    half_field_rad : half of the field of view [rad].
+    """
     off_deg = table["off_boresight_rad"] / DEG
     axes.plot(table["time_s"], off_deg, color=RED, lw=1.2, label="target's origin")
     greatest = float(np.nanmax(off_deg))

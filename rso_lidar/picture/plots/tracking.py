@@ -33,8 +33,9 @@ def tracking_figure(
     Parameters
     ----------
     table : columns (time) by name, as `study.tracking` makes them.
-    kinds : filters in it, ``cv`` or ``cw``.
-    note : small print beside the target's name.
+    kinds : filters in the table, ``cv`` or ``cw``.
+    target : name of the target.
+    title, note : heading of the figure, and small print beside the target's name.
     """
     time_s = table["time_s"]
     poses = "icp_error_rad" in table
@@ -118,6 +119,15 @@ def _draw_range(axes: Axes, table: Mapping[str, np.ndarray]) -> None:
 
 
 def _draw_errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str], axis: str) -> None:
+    """Draw position errors along one axis.
+
+    Parameters
+    ----------
+    axes : the panel.
+    table : columns (time) by name.
+    kinds : filters in the table.
+    axis : name of the axis.
+    """
     shown = [table[f"centroid_error_{axis}_m"]]
     axes.axhline(0, color=hex_colour(LINE), lw=0.8)
     axes.plot(table["time_s"], shown[0], ".", color=hex_colour(QUIET), ms=3, label="centroid")
@@ -134,6 +144,14 @@ def _draw_errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[st
 
 
 def _draw_nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str]) -> None:
+    """Draw the normalised innovation squared with its 95 % bounds.
+
+    Parameters
+    ----------
+    axes : the panel.
+    table : columns (time) by name.
+    kinds : filters in the table.
+    """
     low, high = _NIS_95
     axes.axhspan(low, high, color=hex_colour(LINE), alpha=0.45, lw=0, label="95 % bounds, chi-square", zorder=0)
     axes.axhline(3.0, color=hex_colour(INK), lw=0.8, ls=(0, (4, 3)), label="expected mean")
@@ -148,6 +166,15 @@ def _draw_nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str])
 def _draw_on_log(
     axes: Axes, table: Mapping[str, np.ndarray], lines: Sequence[tuple[str, str, str]], scale: float
 ) -> None:
+    """Draw columns on a logarithmic axis.
+
+    Parameters
+    ----------
+    axes : the panel.
+    table : columns (time) by name.
+    lines : name of the column, label and colour of each line.
+    scale : factor to the unit of the axis.
+    """
     for name, word, colour in lines:
         axes.plot(table["time_s"], table[name] * scale, ".-", color=colour, ms=3, lw=0.7, label=word)
     axes.set_yscale("log")

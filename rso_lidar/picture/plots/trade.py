@@ -80,7 +80,7 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
     held = (
         "   ·   hollow: too little detected to be ranked" if np.any(np.isfinite(merit.values) & ~merit.ranked) else ""
     )
-    note = f"{better} is better   ·   a dot a run{line}; the spread is what the other axes do{held}"
+    note = f"{better} is better   ·   one dot per run{line}; the spread comes from the other axes{held}"
     figure = new_figure(_width_in(columns), _HEAD_IN + 2.9 * rows, merit.name, note)
     panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
     for axes, axis, points in zip(panels.flat, along, lines, strict=False):
@@ -93,6 +93,15 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
 
 
 def _draw_effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray) -> None:
+    """Draw a merit over one axis of a trade.
+
+    Parameters
+    ----------
+    axes : the panel.
+    axis : quantity along x.
+    merit : quantity along y.
+    points : (point, 2) medians at the levels of the axis; empty for none.
+    """
     known, held = merit.ranked, np.isfinite(merit.values) & ~merit.ranked
     levels, which = axis.levels()
     place = axis.values if axis.numeric else which.astype(float)

@@ -94,8 +94,13 @@ def orbit_figure(
     target : a name (None: the first).
     impulses : (time [s], change of velocity (3) [m/s] in the axes drawn in), each marked by an arrow.
     keep_out_m : radius of a keep-out sphere about the target [m].
-    delta_v_m_s : change of velocity of the whole plan [m/s], continuous thrust included (None: only the impulses count).
+    delta_v_m_s : change of velocity of the whole plan [m/s], continuous thrust included (None: only the impulses
+        count).
     title : the heading (empty: that of the frames).
+
+    Returns
+    -------
+    Figure
     """
     path = relative_path(source, target)
     range_m = np.linalg.norm(path.position_m, axis=-1)

@@ -25,15 +25,30 @@ class Counted(Protocol):
 
 
 def even_indices(n: int, count: int) -> list[int]:
-    """Return at most `count` indices below `n`, evenly spaced, both ends included.
+    """Choose evenly spaced indices of a sequence, both ends included.
 
-    >>> even_indices(10, 4)
-    [0, 3, 6, 9]
-    >>> even_indices(3, 10)
-    [0, 1, 2]
+    Parameters
+    ----------
+    n : length of the sequence.
+    count : greatest number of indices.
+
+    Returns
+    -------
+    list of int
+        Ascending indices.
+
+        >>> even_indices(10, 4)
+        [0, 3, 6, 9]
+        >>> even_indices(3, 10)
+        [0, 1, 2]
+
+    Raises
+    ------
+    RecordingError
+        If `count` is below 1.
     """
     if count < 1:
-        raise RecordingError(f"a picture of {count} frames: ask for 1 or more")
+        raise RecordingError(f"a picture of {count} frames; give 1 or more")
     if n <= count:
         return list(range(n))
     if count == 1:

@@ -110,7 +110,7 @@ def open_rerun(path: str | Path) -> None:
         left = subprocess.run(viewer_command(path), env=environment, check=False)
     if left.returncode:
         raise RunError(
-            f"{path}: Rerun's viewer left with status {left.returncode}; see `rerun --help`, or take a window"
+            f"{path}: Rerun's viewer left with status {left.returncode}; see `rerun --help`, or open a window"
         )
 
 
@@ -196,6 +196,17 @@ class _Scene:
     def __init__(
         self, rerun: Any, first: Frame, lasts_s: float, shapes: tuple[Shape, ...], scale: Scale, colour: Colour
     ) -> None:
+        """Prepare a scene for Rerun.
+
+        Parameters
+        ----------
+        rerun : the module.
+        first : the first frame.
+        lasts_s : time between the first and last frame [s].
+        shapes : meshes of the targets.
+        scale : colour scales.
+        colour : quantity that colours the point cloud.
+        """
         self.rr, self.first, self.shapes, self.scale, self.colour = rerun, first, shapes, scale, colour
         self.world = world_of(first)
         self.paths = paths_of(first.truth.poses, self.world)

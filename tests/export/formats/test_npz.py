@@ -79,6 +79,6 @@ def test_what_does_not_read_back_is_not_published(tmp_path, monkeypatch):
         stream.write(b"garbage")
 
     monkeypatch.setattr(np, "savez_compressed", garbled)
-    with pytest.raises(RunError, match=r"a\.npz: is not written, because it does not read back"):
+    with pytest.raises(RunError, match=r"a\.npz: not written: the file cannot be read back"):
         export.save(tmp_path / "a.npz", make_frames(2))
     assert list(tmp_path.iterdir()) == []

@@ -293,7 +293,7 @@ def test_other_tools_files_and_unknown_suffixes_are_told_apart(tmp_path):
     (tmp_path / "a.rosbag2").mkdir()
     (tmp_path / "a.mat").touch()
     for name in ("a.mcap", "a.rosbag2"):
-        with pytest.raises(RecordingError, match=r"written for other tools, and not read back.*\.zarr\)$"):
+        with pytest.raises(RecordingError, match=r"written for other tools and cannot be read back.*\.zarr\)$"):
             export.open(tmp_path / name)
     with pytest.raises(RecordingError, match=r"unknown suffix '.mat' \(known: .h5, .hdf5, .nc, .zarr\)$"):
         export.open(tmp_path / "a.mat")

@@ -93,7 +93,7 @@ def test_a_sheet_of_an_iterator(coming, tmp_path):
 
 
 def test_a_sheet_without_cells_is_an_error(coming, tmp_path):
-    with pytest.raises(RecordingError, match="each has to be 1 or more"):
+    with pytest.raises(RecordingError, match="give 1 or more of each"):
         contact_sheet(coming, tmp_path / "a.png", 0, 3)
 
 

@@ -112,7 +112,7 @@ def test_the_path_between_coarse_frames_is_round():
 def test_what_does_not_orbit_has_no_such_picture():
     time_s = np.arange(3.0)
     still = BodyState(np.ones((3, 3)), np.zeros((3, 3)))
-    with pytest.raises(RecordingError, match="nothing here orbits"):
+    with pytest.raises(RecordingError, match="no body orbits"):
         inertial_figure(Truth(time_s, PoseTree({}, {}), {"plate": still}, np.full((3, 3), np.nan)))
 
 

@@ -22,7 +22,7 @@ def test_evenly_spreads_indices_and_keeps_both_ends(n, count):
 def test_evenly_of_none_and_of_one():
     assert even_indices(0, 5) == []
     assert even_indices(9, 1) == [0]
-    with pytest.raises(RecordingError, match="ask for 1 or more"):
+    with pytest.raises(RecordingError, match="give 1 or more"):
         even_indices(9, 0)
 
 
