@@ -119,10 +119,10 @@ class Frame:
 class Command:
     """Settings that a controller requests for the next flash; None keeps those of the scenario.
 
-    Pan to the left and tilt upward are positive. `focal_length_m` sets a zoom lens, `divergence_rad` (full angle) an actuated diffuser. `energy_j` is the energy of
-    one pulse. `gate_delay_s` is the two-way delay at which a range gate opens. `inputs` holds the inputs u of
-    state-space models. Its keys are names of bodies whose motion, or else attitude, is such a model. Where both are,
-    the key of the attitude is ``follower.attitude``.
+    Pan to the left and tilt upward are positive. `focal_length_m` sets a zoom lens, `divergence_rad` (full angle) an
+    actuated diffuser. `energy_j` is the energy of one pulse. `gate_delay_s` is the two-way delay at which a range gate
+    opens. `inputs` holds the inputs u of state-space models. Its keys are names of bodies whose motion, or else
+    attitude, is such a model. Where both are, the key of the attitude is ``follower.attitude``.
     """
 
     pan_rad: float | None = None

@@ -29,16 +29,6 @@ NOT_YET = {  # functions that are documented next, by room
         _quantise _rates _shape_pulse _solve_threshold _store copy_shared crlb_s cross_edges draw_crossings
         draw_first_crossings draw_speckle_factors find_crossings_between find_rows
     """,
-    "export": """
-        ChunkWriter._append Frames.__init__ InterferenceError.__init__ Recorder._has_other_lens Recorder.write
-        Recording.__init__ Recording.dataset RecordingFile.__init__ RecordingFile.handle RecordingFile.place
-        RecordingFile.read RecordingFile.watched StoredArray.__init__ ZarrWriter.__init__ ZarrWriter._create
-        _attach_scales _check_archive _check_chunks _check_document _check_file _compute_poses
-        _describe_arrays _describe_camera _describe_objects _end_run _extract_between _image
-        _lay_out_line_of_sight _line _make_dataset _make_own_scales _make_scale _messages _open_text
-        _orientation _position _read_file_status _resolve_axes _samples _stamp _write_camera _write_entry
-        _write_images check_kept check_output format_for open save write_new_file write_source writer_for
-    """,
     "files": """
         _too_large
     """,
@@ -57,15 +47,6 @@ NOT_YET = {  # functions that are documented next, by room
     """,
     "philox": """
         _block _turn
-    """,
-    "picture": """
-        _Scene.__init__ _draw_angles _draw_bar _draw_drive _draw_effect _draw_error _draw_errors _draw_field
-        _draw_nis _draw_on_log _draw_parts _mark _names _prepare_axes _shade _write_gif _write_heading
-        _write_mp4 angles_figure curve_figure encounter_figure even_indices frame_figure inertial_figure
-        orbit_figure ptu_figure save_frame timeline_figure tracking_figure
-    """,
-    "records": """
-        Truth.at Truth.pose Truth.rates array specs
     """,
     "scenario": """
         Constraints.radius_m Corridor.angle_rad Corridor.applies Corridor.margin_m Lidar.at
