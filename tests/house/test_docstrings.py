@@ -161,7 +161,7 @@ def sections(text):
 def described(text):
     """Return the names that a docstring describes as parameters."""
     found = sections(text)
-    entries = NAMES.findall(found.get("Parameters", "") + found.get("Other parameters", ""))
+    entries = NAMES.findall(found.get("Parameters", "") + found.get("Other Parameters", ""))
     return {name.lstrip("*") for entry in entries for name in entry.split(", ")}
 
 

@@ -52,17 +52,16 @@ def run_id(source: Source, frames_text: str, version: str) -> str:
 
 
 def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Check that a recording can be written at a path; no file remains there.
+    """Check that a recording can be written at a path, and return the path; no file remains there.
 
     Parameters
     ----------
-    path : of the recording.
+    path : of the recording; a leading ``~`` is expanded.
     overwrite : whether an existing file may be replaced.
 
     Returns
     -------
     Path
-        The path with its leading ``~`` expanded.
 
     Raises
     ------
@@ -282,18 +281,11 @@ class Recorder:
         return entries
 
     def _has_other_lens(self, frame: Frame, first: Frame, place: str) -> bool:
-        """Return whether the line of sight of a frame requires a new file with room for several lenses.
+        """Return whether a new file with room for several lenses is needed; refuse a frame that must not differ.
 
         Parameters
         ----------
-        frame : to be written.
-        first : the first frame.
-        place : of the frame, for messages.
-
-        Raises
-        ------
-        RecordingError
-            If lines of sight must not differ in this recording.
+        frame, first, place : the frame to be written, the first one, and the name of the frame for messages.
         """
         ours, theirs = frame.line_of_sight, first.line_of_sight
         if is_same_memory(ours, theirs):

@@ -46,22 +46,16 @@ MOST_TARGETS = 3  # most targets whose geometry is described
 
 
 def save_frame(frame: Frame, path: str | Path) -> Path:
-    """Draw a frame and write it as PNG, PDF or SVG, by the suffix.
+    """Draw `frame_figure(frame)` and write it as PNG, PDF or SVG, by the suffix; return its path.
 
     Parameters
     ----------
-    frame : to be drawn with `frame_figure`.
+    frame : to be drawn.
     path : of the picture; an existing file is replaced.
 
     Returns
     -------
     Path
-        Where the picture is.
-
-    Raises
-    ------
-    RecordingError
-        For another suffix, or a path that cannot be written.
     """
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     return save_figure(frame_figure(frame), place)
@@ -176,11 +170,8 @@ def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, lo
 
     Parameters
     ----------
-    axes : the panel.
-    drawn : image that the bar explains.
-    label : of the bar.
-    extend : ends beyond which values occur: "neither", "both", "min" or "max".
-    logarithmic : whether the scale is.
+    axes, drawn, label : the panel, the image that the bar explains, and its label.
+    extend, logarithmic : its open ends ("neither", "both", "min", "max"), and whether its scale is logarithmic.
     """
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
@@ -201,9 +192,7 @@ def _write_heading(axes: Axes, text: str, note: str = "") -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    text : on the left.
-    note : small print on the right.
+    axes, text, note : the panel, and its heading on the left and on the right.
     """
     axes.set_title(text, loc="left", fontsize=11, color=hex_colour(INK))
     axes.set_title(note, loc="right", fontsize=8.5, color=hex_colour(QUIET))
@@ -303,10 +292,7 @@ def _draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKe
 
     Parameters
     ----------
-    axes : the panel.
-    frame : to be drawn.
-    window : rows and columns shown.
-    parts : that have a colour of their own, the first first.
+    axes, frame, window, parts : the panel, frame, rows and columns shown, and parts that have a colour of their own.
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -364,9 +350,7 @@ def _draw_error(axes: Axes, frame: Frame, window: Window) -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    frame : to be drawn.
-    window : rows and columns shown.
+    axes, frame, window : the panel, the frame, and the rows and columns shown.
     """
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
