@@ -25,28 +25,25 @@ NOT_YET = {  # functions that are documented next, by room
         _Lines.__init__ _check_known _check_word _is_complete _show_warning _summarise main
     """,
     "detector": """
-        Bridge.__init__ Filters.__init__ Matched.__init__ _draw_first_false_s _draw_normal _make_filter _pulses
-        _quantise _rates _shape_pulse _solve_threshold _store copy_shared crlb_s cross_edges draw_crossings
-        draw_first_crossings draw_speckle_factors find_crossings_between find_rows
+        Bridge.__init__ Filters.__init__ Matched.__init__ _draw_first_false_s _draw_normal _make_filter
+        _pulses _quantise _rates _shape_pulse _solve_threshold _store copy_shared crlb_s cross_edges
+        draw_crossings draw_first_crossings draw_speckle_factors find_crossings_between find_rows
     """,
     "files": """
         _too_large
     """,
-    "motion": """
-        write_aem
-    """,
     "optics": """
         DistortionPart.area DistortionPart.area_at_direction DistortionPart.check DistortionPart.distort
         DistortionPart.undistort
-    """,
-    "orbit": """
-        OdeSolution.__init__ write_oem
     """,
     "part": """
         Seam._serialize
     """,
     "philox": """
         _block _turn
+    """,
+    "processes": """
+        _refuse
     """,
     "scenario": """
         Constraints.radius_m Corridor.angle_rad Corridor.applies Corridor.margin_m Lidar.at
@@ -56,7 +53,7 @@ NOT_YET = {  # functions that are documented next, by room
         _find_material _format_course _format_ends require_scenario
     """,
     "scene": """
-        _average_over_lens _relight bound_rays build_surface cast extent may_touch model place_targets sort_points
+        _average_over_lens _relight bound_rays extent may_touch model place_targets sort_points
     """,
     "shapes": """
         _boulders
@@ -68,7 +65,7 @@ NOT_YET = {  # functions that are documented next, by room
         Budget.range_of_pixels Budget.save Encounters.csv Study.load Study.loads Study.number Study.numbers
         Timeline.save Tracking.save Trade.save TradeTable.of_points TradeTable.ranked _CountedFrames.__init__
         _build_batch _check_field _check_number _evaluate_flash _evaluate_frame _pointing _simulate_side
-        _state_in_gcrs _vector_columns save
+        _state_in_gcrs _vector_columns
     """,
 }
 

@@ -106,7 +106,7 @@ def test_thinning_keeps_both_ends():
         ({"bodies": []}, "no body"),
         ({"time_s": np.array([0.0, 2.0, 1.0])}, "do not increase"),
         ({"bodies": [CzmlBody("a", np.full((3, 3), np.nan))]}, "a: needs a finite position"),
-        ({"bodies": [CzmlBody("a", np.ones((3, 3))), CzmlBody("a", np.ones((3, 3)))]}, "one name"),
+        ({"bodies": [CzmlBody("a", np.ones((3, 3))), CzmlBody("a", np.ones((3, 3)))]}, "same name"),
         ({"bodies": [CzmlBody("a", np.ones((3, 3)), np.ones((3, 3)))]}, "needs a quaternion"),
         ({"lines": [("a", "b")]}, "ends at 'b'"),
         ({"most": 1}, "too few"),
