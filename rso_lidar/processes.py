@@ -137,6 +137,18 @@ def _begin(file: str) -> None:
 
 
 def _refuse(problem: str, *_given: Any, **_chosen: Any) -> Any:
+    """Raise the error of a scenario that cannot be rebuilt in a worker; it takes the place of the worker's function.
+
+    Parameters
+    ----------
+    problem : what is wrong with it.
+    _given, _chosen : arguments of that function, not used.
+
+    Raises
+    ------
+    ScenarioError
+        Always.
+    """
     raise ScenarioError(
         f"workers: the scenario cannot be rebuilt in another process ({problem}); correct how its objects are pickled, or "
         "leave out workers"

@@ -24,17 +24,8 @@ NOT_YET = {  # functions that are documented next, by room
     "cli": """
         _Lines.__init__ _check_known _check_word _is_complete _show_warning _summarise main
     """,
-    "detector": """
-        Bridge.__init__ Filters.__init__ Matched.__init__ _draw_first_false_s _draw_normal _make_filter
-        _pulses _quantise _rates _shape_pulse _solve_threshold _store copy_shared crlb_s cross_edges
-        draw_crossings draw_first_crossings draw_speckle_factors find_crossings_between find_rows
-    """,
     "files": """
         _too_large
-    """,
-    "optics": """
-        DistortionPart.area DistortionPart.area_at_direction DistortionPart.check DistortionPart.distort
-        DistortionPart.undistort
     """,
     "part": """
         Seam._serialize
@@ -51,9 +42,6 @@ NOT_YET = {  # functions that are documented next, by room
         Mission.surfaces_of Schedule.at Time.seconds _advise_on_line_of_sight _advise_on_sun _check_corridor
         _check_exclusions _check_keep_out _descend_to _describe_motion _describe_passage _describe_target
         _find_material _format_course _format_ends require_scenario
-    """,
-    "scene": """
-        _average_over_lens _relight bound_rays extent may_touch model place_targets sort_points
     """,
     "shapes": """
         _boulders

@@ -70,7 +70,14 @@ def background_electrons_per_s(gsfl: Gsfl, photons: Photons) -> float:
 
 
 def draw_speckle_factors(speckle: Speckle | None, photons: Photons, rng: np.random.Generator) -> np.ndarray | None:
-    """Draw the factors (return) that speckle puts on the photons, one for each cluster; None without speckle."""
+    """Return the random factors (return) of speckle on the photons, one for each cluster; None without speckle.
+
+    Parameters
+    ----------
+    speckle : its settings; None for light without speckle.
+    photons : light on every pixel, in clusters.
+    rng : random generator.
+    """
     if speckle is None or not len(photons.pixel):
         return None
     cells = np.bincount(photons.cluster, photons.coherence_cells, len(photons.cluster_pixel))
@@ -97,6 +104,10 @@ def simulate_analog(
     camera : the pixels.
     rng : random generator (None: the mean of the output, free of noise).
     threads : number of threads (None: one for each core). The result is the same to the bit.
+
+    Returns
+    -------
+    amplitudes over the rows, with what the comparator needs.
     """
     n, gain = rows.length, np.float32(gsfl.apd.gain)
     amplifier = build_filters(gsfl.amplifier, n, plan.step_s)

@@ -8,7 +8,7 @@ from rso_lidar.records import Photons, Reading
 
 
 def detect_by_curves(empirical: Empirical, photons: Photons, rng: np.random.Generator) -> Reading:
-    """Draw what the empirical detector says of one flash.
+    """Return a random reading of the empirical detector for one flash.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def detect_by_curves(empirical: Empirical, photons: Photons, rng: np.random.Gene
         photons.cluster, share, n_clusters
     )
 
-    # Every draw is made whatever came before it, so that a frame's noise depends on its generator alone.
+    # Every draw is always made, so that a frame's noise depends only on its generator.
     false_delay_s = empirical.armed_from_m / units.RANGE_PER_DELAY_M_S + _draw_first_false_s(
         empirical.false_alarms_per_s, rng, n_pixels
     )
@@ -62,7 +62,14 @@ def _intensity_noise_photons(empirical: Empirical, photons: np.ndarray) -> np.nd
 
 
 def _draw_first_false_s(false_alarms_per_s: float, rng: np.random.Generator, n_pixels: int) -> np.ndarray:
-    """Return when noise first triggers each pixel [s after arming]: exponential waiting, inf at rate 0."""
+    """Return when noise first triggers each pixel [s after arming]: exponential waiting, inf at rate 0.
+
+    Parameters
+    ----------
+    false_alarms_per_s : rate of triggers by noise in a pixel [1/s].
+    rng : random generator.
+    n_pixels : pixels of the array.
+    """
     waiting = rng.standard_exponential(n_pixels)
     with np.errstate(divide="ignore"):
         return waiting / false_alarms_per_s if false_alarms_per_s > 0.0 else waiting + np.inf
@@ -78,6 +85,15 @@ def _false_photons(empirical: Empirical, exponential: np.ndarray) -> np.ndarray:
 def _quantise(
     empirical: Empirical, report_m: np.ndarray, report_photons: np.ndarray, shape: tuple[int, int]
 ) -> Reading:
+    """Return the reading of the array, with whole counts up to full scale.
+
+    Parameters
+    ----------
+    empirical : the detector.
+    report_m : (pixel) reported range [m], NaN without a report.
+    report_photons : (pixel) photons of the report.
+    shape : rows and columns.
+    """
     reported = np.isfinite(report_m)
     counts = np.where(reported, np.clip(np.rint(empirical.counts(report_photons)), 1, empirical.full_scale_counts), 0)
     clipped = reported & (counts >= empirical.full_scale_counts)

@@ -1,4 +1,4 @@
-"""The whole chain of a detector: what it stores of a flash, and what it says of that."""
+"""The whole chain of a detector: the samples that it stores of a flash, and its reading of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
 
 def store_waveforms(gsfl: Gsfl, photons: Photons, rng: np.random.Generator, threads: int | None = 1) -> Waveforms:
-    """Simulate what the pixels store of one flash.
+    """Return the samples that the pixels store of one flash, by simulation.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def store_waveforms(gsfl: Gsfl, photons: Photons, rng: np.random.Generator, thre
 def run_chain(
     gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False, threads: int | None = 1
 ) -> tuple[Reading, Waveforms, Taps | None]:
-    """Simulate what the sensor says of one flash, and the samples it says so from.
+    """Return the reading of one flash, the stored samples, and the signals between the stages (None unless requested).
 
     Parameters
     ----------
@@ -45,5 +45,11 @@ def run_chain(
 def _store(
     gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False, threads: int | None = 1
 ) -> tuple[Waveforms, Taps | None]:
+    """Return the stored samples, and the signals between the stages (None unless requested).
+
+    Parameters
+    ----------
+    gsfl, photons, rng, with_taps, threads : as for `run_chain`.
+    """
     store = store_gate if gsfl.gate else store_traces
     return store(gsfl, photons, rng, with_taps=with_taps, threads=threads)

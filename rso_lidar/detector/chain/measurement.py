@@ -34,9 +34,13 @@ def measure(
     ----------
     gsfl : the detector.
     waveforms : what it stored.
-    pulse : what it knows of its own pulse.
+    pulse : shape of the pulse behind the amplifier, which the sensor uses as known.
     rng : random generator of its jitter.
     threads : number of threads (None: one for each core). The result is the same to the bit.
+
+    Returns
+    -------
+    range, intensity and saturation of all pixels.
     """
     n_pixels = waveforms.shape[0] * waveforms.shape[1]
     camera = build_camera(gsfl, n_pixels)
@@ -77,9 +81,15 @@ def measure(
 
 
 def _draw_normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> np.ndarray:
-    """Return a standard normal number for each of these pixels, the same whoever else is among them.
+    """Return a standard normal number for each of some pixels, which does not depend on the other pixels given.
 
-    Each pixel of the array has a word of 32 bits; only those asked for are turned into normal numbers.
+    Each pixel of the array has a word of 32 bits; only the words of the given pixels are converted to normal numbers.
+
+    Parameters
+    ----------
+    pixel : (trace) numbers of the pixels.
+    n_pixels : pixels of the array.
+    rng : random generator.
     """
     from scipy.special import ndtri
 

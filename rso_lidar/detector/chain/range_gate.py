@@ -26,6 +26,10 @@ def store_gate(
     rng : random generator.
     with_taps : also return the signals between the stages.
     threads : number of threads (None: one for each core). The result is the same to the bit.
+
+    Returns
+    -------
+    the stored samples, and the signals between the stages (None unless requested).
     """
     assert gsfl.gate is not None
     n_pixels = photons.shape[0] * photons.shape[1]

@@ -13,7 +13,7 @@ from rso_lidar.records import Photons
 
 
 def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> SamplingPlan:
-    """Plan the axis of time of a detector.
+    """Return the layout of a detector's axis of time.
 
     Parameters
     ----------
@@ -35,4 +35,11 @@ def shape_pulse(gsfl: Gsfl, photons: Photons) -> Pulse:
 
 @lru_cache(maxsize=8)
 def _shape_pulse(step_s: float, power_per_s: bytes, pole_s: float, integration_s: float) -> Pulse:
+    """Return the pulse behind the amplifier, cached.
+
+    Parameters
+    ----------
+    step_s, power_per_s : taps of the optical pulse, the second as bytes.
+    pole_s, integration_s : time constants of the amplifier [s].
+    """
     return Pulse.after(step_s, np.frombuffer(power_per_s), pole_s, integration_s)

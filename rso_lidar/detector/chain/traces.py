@@ -29,7 +29,7 @@ from rso_lidar.detector.stages.time_axis import Rows, place_rows
 from rso_lidar.records import Photons, Taps, Waveforms
 
 _DARK = 1e-3  # of the threshold: so little light on a pixel changes nothing of when noise triggers it
-_CERTAIN_DETECTION = 10.0  # light over threshold above which a row always latches, whatever its shape
+_CERTAIN_DETECTION = 10.0  # light over threshold above which a row of any shape latches
 
 
 def store_traces(
@@ -46,6 +46,10 @@ def store_traces(
     rng : random generator.
     with_taps : also return the signals between the stages.
     threads : number of threads (None: one for each core). The result is the same to the bit.
+
+    Returns
+    -------
+    the stored samples, and the signals between the stages (None unless requested).
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     camera = build_camera(gsfl, n_pixels)
@@ -135,6 +139,10 @@ def arm_rows(gsfl: Gsfl, rows: Rows, step_s: float) -> tuple[Rows, np.ndarray]:
     gsfl : the detector.
     rows : stretches of time.
     step_s : length of a step [s].
+
+    Returns
+    -------
+    the rows, and a mask (row) of those that begin as the window opens.
     """
     opens, closes = (np.ceil(m / units.RANGE_PER_DELAY_M_S / step_s) for m in (gsfl.armed_from_m, gsfl.armed_to_m))
     first = np.maximum(rows.first, (opens - rows.start).astype(np.int64))
@@ -254,6 +262,6 @@ def _merge(one: np.ndarray, other: np.ndarray, order: np.ndarray) -> np.ndarray:
 
 
 def _find(pixel: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where each pixel asked for stands, or would, among rising ones, and whether it is there."""
+    """Return the index of each pixel `asked` among ascending ones, or where it would be, and whether it is there."""
     place = np.searchsorted(pixel, asked)
     return place, np.append(pixel, -1)[place] == asked

@@ -44,7 +44,7 @@ class Filter(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A pulse of unit peak as a `table`, which begins `from_step` of its own steps after the peak."""
+    """A pulse of unit peak as a `table`, which begins `from_step` of its steps after the peak."""
 
     table: np.ndarray
     from_step: float
@@ -132,7 +132,7 @@ def _fill_with_known_weights(
     fill : runs the kernels.
     clipped : (trace, sample) samples at the rail, None without.
     n : samples of a trace.
-    unknown : (trace) key of a pattern that the filter does not know, 0 where it knows all.
+    unknown : (trace) key of a pattern whose weights the filter lacks; 0 if it has all.
     unknown_at : (trace) place [samples] at which that pattern is needed.
     """
     asked = np.zeros((0, matched.width), bool)
@@ -312,6 +312,10 @@ def drop_weak_pulses(
     place, height, alive : (slot) of the pulses, changed in place.
     threshold : least height.
     apart : least distance [samples].
+
+    Returns
+    -------
+    number of pulses left.
     """
     left = 0
     for slot in range(alive.shape[0]):

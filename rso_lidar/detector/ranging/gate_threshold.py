@@ -42,7 +42,7 @@ def solve_gate_thresholds(
     matched: Matched,
     offset_counts: float = 0.0,
 ) -> np.ndarray:
-    """Solve the amplitude [counts] that noise passes with the gate's false-alarm probability, for each pixel.
+    """Return the amplitude (pixel) [counts] that noise exceeds with the gate's false-alarm probability.
 
     Parameters
     ----------
@@ -74,6 +74,13 @@ def _solve_threshold(
     matched: Matched,
     offset_counts: float,
 ) -> float:
+    """Return the threshold of a pixel with one rate [counts].
+
+    Parameters
+    ----------
+    gate, apd, amplifier, readout, matched, offset_counts : as for `solve_gate_thresholds`.
+    rate_per_s : primaries that are not due to the pulse [1/s].
+    """
     weights = matched.height_weights()
     samples = np.arange(len(weights))
     per_count = readout.electrons_per_count

@@ -92,7 +92,7 @@ def fit_pulse(
     keys: np.ndarray,
     weights: np.ndarray,
 ) -> tuple[float, float, np.int64]:
-    """Fit the pulse nearest to a guess; keep the guess where the fit goes astray.
+    """Fit the pulse nearest to a guess; keep the guess where the fit diverges.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Range algorithms of a flash lidar: arrival time and height of pulses from their samples.
 
 Delays count from sample 0 and refer to the return's nominal delay: the known delay of optical pulse and amplifier is
-subtracted. Amplitudes are fitted peak amplitudes, whatever the algorithm of the delay.
+subtracted. Amplitudes are fitted peak amplitudes for every algorithm of the delay.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _place(
     ----------
     samples : (trace, sample) [counts].
     peak : (trace) sample of the peak.
-    matched : the filter, which knows the pulse.
+    matched : the filter, with the pulse.
     ranging : the algorithm.
     threshold_counts : level of leading_edge [counts].
     """

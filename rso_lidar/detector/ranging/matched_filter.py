@@ -50,6 +50,15 @@ class Matched:
     """
 
     def __init__(self, pulse: Pulse, sample_s: float, pole_s: float, white_share: float) -> None:
+        """Tabulate the filter.
+
+        Parameters
+        ----------
+        pulse : the pulse behind the amplifier.
+        sample_s : interval between samples [s].
+        pole_s : time constant of the amplifier, which colours the noise [s].
+        white_share : variance of the white noise over that of the coloured.
+        """
         self.pulse, self.sample_s = pulse, sample_s
         self.fwhm = pulse.fwhm_s / sample_s
         self.half = max(2, math.ceil(_REACH_FWHM * self.fwhm))
@@ -101,7 +110,7 @@ class Matched:
         return weights.astype(np.float32)
 
     def known(self) -> Known:
-        """Return the patterns whose weights were asked for, or that of all samples."""
+        """Return the patterns whose weights were requested, or that of all samples."""
         return self._known or self.learn(np.ones((1, self.width), bool))
 
     def learn(self, patterns: np.ndarray) -> Known:
@@ -173,8 +182,8 @@ class Matched:
 def _codes(width: int, in_pulse: np.ndarray) -> np.ndarray:
     """Return, for sample k of a window in column k + 1: its code, the codes up to it combined, and if it is in the pulse.
 
-    The code is a bit of its own. Windows of more samples than an integer has bits get random words, whose combinations
-    differ all but certainly (Zobrist 1970).
+    The code is a separate bit for each sample. Windows of more samples than an integer has bits get random words,
+    whose combinations differ all but certainly (Zobrist 1970).
     """
     words = np.random.Generator(np.random.Philox(width)).integers(1, 2**62, width)
     codes = np.zeros((3, width + 1), np.int64)
@@ -186,4 +195,11 @@ def _codes(width: int, in_pulse: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _make_filter(pulse: Pulse, sample_s: float, pole_s: float, sigma_counts: float) -> Matched:
+    """Return the filter of a pulse, cached.
+
+    Parameters
+    ----------
+    pulse, sample_s, pole_s : as for `Matched`.
+    sigma_counts : rms noise [counts]; rounding to counts adds white noise of 1/12 count².
+    """
     return Matched(pulse, sample_s, pole_s, max(_WHITE_SHARE, 1.0 / (12.0 * max(sigma_counts, 1e-3) ** 2)))

@@ -23,6 +23,10 @@ def find_first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
     samples : (sample) of one trace.
     start : first sample to look at.
     least : lowest sample that can be a peak.
+
+    Returns
+    -------
+    number of the sample.
     """
     n, sample = samples.shape[0], max(start, 0)
     before = smooth_sample(samples, sample - 1) if sample > 0 else np.float32(-np.inf)
@@ -40,7 +44,7 @@ def find_first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
 
 @kernel
 def find_highest_near(samples: np.ndarray, peak: int) -> int:
-    """Return the highest of a peak and its two neighbours, the peak itself where they are no higher."""
+    """Return the highest of a peak and its two neighbours; the peak if they are equal."""
     highest = peak
     if peak > 0 and samples[peak - 1] > samples[highest]:
         highest = peak - 1
@@ -102,6 +106,10 @@ def find_plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
     ----------
     clipped : (trace, sample), or empty without clipped samples.
     trace, peak : number of the trace, and sample of the peak.
+
+    Returns
+    -------
+    first and last sample of the run.
     """
     low, high = peak, peak
     if clipped.shape[0] and clipped[trace, peak]:
@@ -144,6 +152,10 @@ def find_peaks(
     three_sigma : three times the rms noise.
     statistic : (sample) scratch space.
     peaks : filled with the samples of the peaks.
+
+    Returns
+    -------
+    number of peaks.
     """
     n, here, before = samples.shape[0], smooth_sample(samples, 0), np.float32(-np.inf)
     any_left = False

@@ -80,6 +80,10 @@ def _tabulate_pulse(step_s: float, power_per_s: tuple[float, ...], pole_s: float
     ----------
     step_s, power_per_s : taps of the optical pulse.
     pole_s, integration_s : those of the amplifier.
+
+    Returns
+    -------
+    the pulse behind the amplifier, tabulated.
     """
     from scipy import fft
 
@@ -170,8 +174,9 @@ def crlb_s(
     amplitude_counts : amplitude at the pulse's peak.
     sample_s : time between samples [s].
     noise : rms of white noise [counts], or the covariance (sample, sample) [counts²] of any noise.
-    phase : how far behind the middle sample the peak lies, in samples.
-    samples : number of samples of a trace, where `noise` does not say it.
+    phase : distance of the peak behind the middle sample, in samples.
+    samples : number of samples of a trace, if `noise` is a number.
+    pulse : shape of the pulse behind the amplifier.
     """
     covariance = (
         noise_covariance(samples, sample_s, 0.0, noise) if isinstance(noise, int | float) else np.asarray(noise)

@@ -58,7 +58,7 @@ def tabulate_walk(
     )
     bias_s = delay_s.reshape(len(truth), -1) - (place - matched.lead) * sample_s
     measured = amplitude.reshape(len(truth), -1).mean(axis=1)
-    # Far beyond the rail nothing is left to fit and the amplitude falls back: what does not rise is no calibration.
+    # Far beyond the rail the fit fails and the amplitude decreases: only the ascending part is a calibration.
     rising = np.append(True, measured[1:] > np.maximum.accumulate(measured)[:-1]) & np.isfinite(bias_s).any(axis=1)
     return measured[rising], np.nanmean(bias_s[rising], axis=1)
 

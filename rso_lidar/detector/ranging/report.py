@@ -68,7 +68,7 @@ def report_traces(
     several_m: np.ndarray,
     several_counts: np.ndarray,
 ) -> None:
-    """Fill the report of each pixel: one return as range and intensity, and as many listed as `several` has room for.
+    """Fill the report of each pixel: one return as range and intensity, and lists as many as `several` can hold.
 
     What is filled holds NaN and 0 before.
 

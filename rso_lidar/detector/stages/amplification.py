@@ -21,10 +21,10 @@ _MEMORY_POLES = 16.0  # time constants: (1 + 16) exp(-16) is 2e-6
 class Filters:
     """The amplifier on a circle of `n` steps of `step_s`: factors of the Fourier transform along time.
 
-    `mean` is the response of the continuous amplifier, charge in a step to amplitude. White noise goes through `taps` (steps
+    `mean` is the response of the continuous amplifier, charge in a step to amplitude. White noise passes `taps` (steps
     after it), of which `shot` is the transform.
 
-    Second moments are exact on the grid, whatever the step. Sampled, (1 + |t|/τ) exp(−|t|/τ) is the autocorrelation of
+    Second moments are exact on the grid for any step. Sampled, (1 + |t|/τ) exp(−|t|/τ) is the autocorrelation of
     y[k] = 2a y[k−1] − a² y[k−2] + early x[k] + late x[k−1], with a = exp(−Δ/τ). White noise of `noise_electrons` a step,
     through the same taps as the shot noise, is the amplifier's own.
 
@@ -33,6 +33,14 @@ class Filters:
     """
 
     def __init__(self, amplifier: Amplifier, n: int, step_s: float) -> None:
+        """Compute responses and taps.
+
+        Parameters
+        ----------
+        amplifier : the amplifier.
+        n : steps of a row.
+        step_s : length of a step [s].
+        """
         self.n, self.step_s = n, step_s
         self.frequency_hz = np.fft.rfftfreq(n, step_s)
         charge = amplifier.integration_s / step_s
@@ -126,7 +134,7 @@ def amplify_rows(
             sum_of[step] = strength * mean[step]
         for step in range(before):
             white[step] = white[n + step]
-        for tap in range(0, len(taps) - 3, 4):  # four at once: the sums are read and written less often
+        for tap in range(0, len(taps) - 3, 4):  # four in one pass: the sums are read and written less often
             a, b, c, d = taps[tap], taps[tap + 1], taps[tap + 2], taps[tap + 3]
             earlier = white[before - tap - 3 : before - tap + n]
             for step in range(n):

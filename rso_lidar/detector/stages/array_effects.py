@@ -10,7 +10,7 @@ _MOST_ROUNDS = 50
 
 
 def draw_speckle(speckle: Speckle, coherence_cells: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw the factors, of mean 1, on the photons of clusters.
+    """Return random factors (cluster), of mean 1, on the photons of clusters: gamma-distributed, by the number of modes.
 
     Parameters
     ----------
@@ -68,7 +68,9 @@ def solve_gain(droop: Droop, electrons: np.ndarray, step_s: float, steady_per_s:
     for _ in range(_MOST_ROUNDS):
         gain = 1.0 / (1.0 + slope * sag_v)
         missed_v = steady_v + lfilter([0.0, 1.0], [1.0, -keep], drawn_v * gain) - sag_v
-        sag_v += missed_v / (1.0 + slope * sag_v * gain)  # Newton's step for the case that all current flows at once
+        sag_v += missed_v / (
+            1.0 + slope * sag_v * gain
+        )  # Newton's step for the case that all current flows in one instant
         if slope * np.abs(missed_v).max(initial=0.0) < _GAIN_WITHIN:
             break
     found: np.ndarray = 1.0 / (1.0 + slope * sag_v)
@@ -92,7 +94,7 @@ def latch_share(at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels:
 
 
 def draw_shift_m(crosstalk: Crosstalk, share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw the range error [m] of pixels from crosstalk.
+    """Return random range errors (pixel) [m] from crosstalk.
 
     Parameters
     ----------

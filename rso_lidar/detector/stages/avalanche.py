@@ -31,9 +31,9 @@ from rso_lidar.philox import draw_block
 EXACT_PRIMARIES = 100.0  # up to this mean a step is drawn from its exact distribution
 _SMALL_SKEWNESS = 0.25  # below it a parabola in a normal number has the right tails
 COARSE = 8  # means are made of a multiple of this, and of parts of a primary below it
-PARTS = 8  # of a primary, in which the finer table goes up; a power of two, so that nothing is rounded
+PARTS = 8  # of a primary: the step of the finer table; a power of two, so that nothing is rounded
 PART = 1.0 / PARTS  # of a primary
-FINE = PARTS * COARSE  # parts in which the coarser table goes up
+FINE = PARTS * COARSE  # parts: the step of the coarser table
 _PER_WORD = 1.0 / 4294967296.0
 _NEGLIGIBLE = 1e-14  # tails below this probability are cut
 
@@ -51,6 +51,10 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
     apd : the photodiode.
     noise : addresses of the random words of the rows.
     base : what most steps expect (None: the least of all).
+
+    Returns
+    -------
+    (row, step) f4, electrons.
 
     Raises
     ------

@@ -22,6 +22,14 @@ class Bridge:
     reach = 5.0  # sigmas of the rest that are worth looking at
 
     def __init__(self, pole_s: float, step_s: float, points: int = 15) -> None:
+        """Compute the weights of the conditional mean, and the root of the conditional covariance.
+
+        Parameters
+        ----------
+        pole_s : time constant of the amplifier [s].
+        step_s : length of a step [s].
+        points : number of points between two steps.
+        """
         known = np.arange(-1.0, 3.0) * step_s / pole_s
         between = np.arange(1, points + 1) / (points + 1.0) * step_s / pole_s
 
@@ -47,7 +55,7 @@ class Bridge:
         sigma: np.ndarray,
         rng: np.random.Generator,
     ) -> np.ndarray:
-        """Draw the amplitude at points evenly between `step` and the next of each `row`, without these two (row, point).
+        """Return random amplitudes (row, point) at points evenly between `step` and the next, without these two.
 
         Parameters
         ----------
@@ -219,6 +227,16 @@ def find_crossings_between(
     """Return where (row) [steps] rows that are below the threshold at every step cross it between two steps, or -1.
 
     `mean` (row, step) is the amplitude without noise, `sigma` (row, step) the rms of the noise [electrons].
+
+    Parameters
+    ----------
+    amplitude : (row, step) [electrons].
+    mean : (row, step) the amplitude without noise [electrons].
+    threshold : (row) [electrons].
+    watched : (row, step) whether the comparator watches.
+    sigma : (row, step) rms of the noise [electrons].
+    bridge : distribution of the noise between two steps.
+    rng : random generator.
     """
     row, step = np.nonzero(mark_near(amplitude, threshold, watched, bridge.reach * bridge.sigma * sigma))
     path = bridge.path(amplitude, mean, row, step, sigma[row, step], rng)
@@ -249,7 +267,7 @@ def refine_crossings(
     amplitude : (row, step) [electrons].
     row : (trace) the rows to look at.
     threshold : (trace) [electrons].
-    latch : (trace) a step at which the row is above; the crossing lies before it.
+    latch : (trace) a step at which the row is above; the crossing is before it.
     earliest : (trace) the first step to look at. A row that is above from there on crosses there.
     """
     crossing = np.empty(len(row))
@@ -273,7 +291,13 @@ def cross_edges(
     earliest: np.ndarray,
     crossing: np.ndarray,
 ) -> None:
-    """Write where (trace) [steps] each edge crosses, with arguments as in `refine_crossings`."""
+    """Write where each edge crosses.
+
+    Parameters
+    ----------
+    amplitude, row, threshold, latch, earliest : as for `refine_crossings`.
+    crossing : (trace) [steps], written.
+    """
     level, last = np.float32(math.asinh(8.0)), amplitude.shape[1] - 1
     for trace in range(len(row)):
         values, step = amplitude[row[trace]], latch[trace]

@@ -57,7 +57,7 @@ def convolve_light(
 ) -> None:
     """Write expected primaries and amplitude (row, step), float32: light behind two filters.
 
-    A transform costs the same whatever is lit. Little of a row is, so a response is added for each lit step.
+    The cost of a transform does not depend on the number of lit steps. Few are lit, so a response is added for each.
 
     Parameters
     ----------

@@ -97,6 +97,14 @@ class _NoisePulses(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _pulses(gain: float, ionisation_ratio: float, peak: float, step: float) -> _NoisePulses:
+    """Return the distribution of value and slope of avalanche noise behind the amplifier, on a grid of amplitudes.
+
+    Parameters
+    ----------
+    gain, ionisation_ratio : gain of the APD, and its ratio of ionisation by holes and electrons.
+    peak : amplitude of one electron [electrons].
+    step : step of the grid [electrons].
+    """
     first, pmf = mcintyre_pmf(1, gain, ionisation_ratio)
     n = first + np.arange(len(pmf), dtype=float)
     # Long avalanches are represented by the mean of their group of 1 %.
@@ -172,7 +180,7 @@ def _log_crossings(T: np.ndarray, apd: Apd, pulses: float, noise: float, peak: f
 
 
 def _transform(values: np.ndarray) -> np.ndarray:
-    """Return the Fourier transform of what stands at −1, 0, 1, ... steps of amplitude, on the frequencies of the grid."""
+    """Return the Fourier transform of values at −1, 0, 1, ... steps of amplitude, on the frequencies of the grid."""
     from scipy import fft
 
     folded = np.concatenate([values, np.zeros(-len(values) % _GRID)]).reshape(-1, _GRID).sum(axis=0)

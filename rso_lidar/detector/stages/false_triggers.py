@@ -65,10 +65,10 @@ class Armed(NamedTuple):
 def draw_first_false(
     armed: Armed, sunlight_per_s: np.ndarray | None, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw the pixels, rising, that noise triggers while they are armed, and when it first does [s since emission].
+    """Draw the pixels, ascending, that noise triggers while they are armed, and the first instant of each [s].
 
     With sunlight, the crossings of the brightest background there may be are drawn, whose rates are kept, and each stays
-    with the probability of its own pixel's rate over that: a Poisson process thinned is one of the lower rate. Dead pixels
+    with the probability of its pixel's rate over that: a thinned Poisson process is one of the lower rate. Dead pixels
     never trigger.
 
     Parameters
@@ -76,6 +76,10 @@ def draw_first_false(
     armed : the comparators.
     sunlight_per_s : (pixel) primaries of the background [1/s], None without.
     rng : random generator.
+
+    Returns
+    -------
+    pixels, and times of their first false trigger [s since emission].
     """
     from_s, to_s = armed.from_s, armed.to_s
     brightest = 0.0 if sunlight_per_s is None else float(sunlight_per_s.max(initial=0.0))
@@ -93,10 +97,15 @@ def draw_first_false(
 def draw_first_crossings(
     sums_per_s: np.ndarray, from_s: float, to_s: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels, rising, with a crossing from `from_s` to `to_s`, and the time of their first [s].
+    """Return the pixels with a crossing, ascending, and the time of the first of each [s].
 
-    `sums_per_s` are the rates of the pixels, summed up to and with each. Where crossings are many, each pixel waits for its
-    first by itself: an exponential time.
+    Where crossings are many, each pixel waits separately for its first: an exponential time.
+
+    Parameters
+    ----------
+    sums_per_s : (pixel) cumulative sum of the rates [1/s].
+    from_s, to_s : span of time [s].
+    rng : random generator.
     """
     if sums_per_s[-1] * (to_s - from_s) <= len(sums_per_s):
         return _firsts(*draw_crossings(sums_per_s, from_s, to_s, rng))
@@ -109,11 +118,17 @@ def draw_first_crossings(
 def draw_crossings(
     sums_per_s: np.ndarray, from_s: float, to_s: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return pixels, rising, and times [s], rising in a pixel, of all crossings of all pixels.
+    """Return pixels, ascending, and times [s], ascending in a pixel, of all crossings of all pixels.
 
     Upcrossings of a high level are a Poisson process (Cramér and Leadbetter 1967, ch. 12). Those of all pixels together are
     one whose rate is the sum; each is of a pixel with the probability of its share in the sum, at any time alike. So the
     first of a pixel comes after an exponential waiting time, as if drawn pixel by pixel.
+
+    Parameters
+    ----------
+    sums_per_s : (pixel) cumulative sum of the rates [1/s].
+    from_s, to_s : span of time [s].
+    rng : random generator.
     """
     total = float(sums_per_s[-1])
     n = int(rng.poisson(total * (to_s - from_s)))
@@ -150,7 +165,15 @@ class _Rates(NamedTuple):
 def _rates(
     apd: Apd, amplifier: Amplifier, threshold_electrons: float, camera: CameraPixels, level: int | None
 ) -> _Rates:
-    """Return the rates of a camera in the dark, or under a background of up to 2^level primaries a second."""
+    """Return the rates of a camera in the dark, or under a background of up to 2^level primaries a second.
+
+    Parameters
+    ----------
+    apd, amplifier : sources of the noise.
+    threshold_electrons : nominal threshold [electrons].
+    camera : the pixels, with their thresholds and dark currents.
+    level : binary logarithm of the greatest background [1/s]; None for the dark.
+    """
     threshold, dark = threshold_electrons * camera.threshold, camera.dark_per_s
     brightest = dark if level is None else dark + 2.0**level
     most = np.where(camera.dead, 0.0, rates_per_s(apd, amplifier, threshold, brightest))
@@ -189,6 +212,10 @@ def draw_false_traces(
     threshold : (trace) [electrons].
     base_per_s : (trace) primaries of dark current and sunlight [1/s].
     rng : random generator.
+
+    Returns
+    -------
+    amplitudes (trace, sample) [electrons], and numbers of the first samples (trace).
     """
     pole_s, lag = amplifier.pole_s, readout.sample_s / amplifier.pole_s
     sigma = noise_rms(apd, base_per_s, amplifier.noise_electrons, pole_s, amplifier.integration_s)
@@ -220,6 +247,10 @@ def draw_onward(
     lag : from each sample to the next.
     n : number of samples.
     rng : random generator.
+
+    Returns
+    -------
+    (trace, sample) f8.
     """
     samples, white = np.empty((n, len(value))), rng.standard_normal((n, 2, len(value)))
     known = packed(value, np.float64), packed(slope, np.float64), packed(first_lag, np.float64)

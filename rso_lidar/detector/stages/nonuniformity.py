@@ -27,7 +27,7 @@ class CameraPixels:
 def make_camera(
     n_pixels: int, seed: int, apd: Apd, threshold_spread: float, maps: Maps | None, defects: Defects | None
 ) -> CameraPixels:
-    """Make the pixels of a camera, kept. Each map has its own draws, so that one setting does not change the others.
+    """Return the pixels of a camera, cached. Each map is drawn separately, so that one setting does not change the others.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Rows of a pixel that overlap in time hold one record of noise: what one row has drawn, the next does not draw again.
+"""Rows of a pixel that overlap in time share one noise: the next row repeats what the row before it has drawn.
 
-Were it drawn anew, a return that reaches from one row into the next would have a chance to trigger in each.
+With independent noise, a return that reaches from one row into the next would have two chances to trigger.
 """
 
 from itertools import pairwise
@@ -13,7 +13,7 @@ from rso_lidar.kernels import kernel
 
 
 class Overlap(NamedTuple):
-    """Rows that go on from the row before: their first `shared` steps are those `lag` steps later there.
+    """Rows that continue the row before: their first `shared` steps are those `lag` steps later there.
 
     Those reach to the step after the last that the comparator watched: what has been decided stays so, and what comes later
     is drawn. Rows that are the first of their pixel, or far from the one before, are not among them.
@@ -25,7 +25,7 @@ class Overlap(NamedTuple):
 
     @staticmethod
     def of(rows: Rows) -> "Overlap":
-        """Return which rows go on from another, and how."""
+        """Find the rows that continue another, and their overlap."""
         row = np.flatnonzero(rows.pixel[1:] == rows.pixel[:-1]) + 1
         lag = rows.start[row] - rows.start[row - 1]
         shared = np.minimum(rows.last[row - 1] + 1, rows.length) - lag
@@ -53,7 +53,15 @@ def split_rows(rows: Rows, at_once: int) -> list[slice]:
 
 @kernel
 def copy_shared(drawn: np.ndarray, row: np.ndarray, lag: np.ndarray, shared: np.ndarray) -> None:
-    """Write the first `shared` steps of each `row` of `drawn` (row, step) from `lag` steps later in the row before."""
+    """Copy the steps that a row shares with the row before it.
+
+    Parameters
+    ----------
+    drawn : (row, step) u4, changed in place.
+    row : (overlap) rows that overlap the row before.
+    lag : (overlap) steps by which they begin later.
+    shared : (overlap) number of shared steps.
+    """
     for k in range(len(row)):
         for step in range(shared[k]):
             drawn[row[k], step] = drawn[row[k] - 1, lag[k] + step]

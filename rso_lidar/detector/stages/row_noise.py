@@ -43,7 +43,7 @@ class RowNoise(NamedTuple):
         Parameters
         ----------
         stage, n_stages : the first stage, and how many.
-        n_steps : steps of a row; as many words as a multiple of four are returned.
+        n_steps : steps of a row. The number of words is the next multiple of four.
         """
         words = np.empty((n_stages, len(self.pixel), -(-n_steps // 4) * 4), np.uint32)
         fill_rows(self.key, self.start, self.pixel, stage, words)

@@ -23,7 +23,7 @@ def store_samples(
     amplitude : (row, step) [electrons].
     row, first : (trace) row and step of the first sample.
     per_sample, n : steps from sample to sample, and samples of a trace.
-    offset_counts : (trace) what a pixel adds of its own.
+    offset_counts : (trace) offset of the pixel.
     """
     counts = np.empty((len(row), n), np.float32)
     stored = sample_rows(
@@ -37,7 +37,7 @@ def store_samples(
         bool(readout.quantised),
         counts,
     )
-    assert stored == len(row), "samples: some lie outside their rows"
+    assert stored == len(row), "samples: some are outside their rows"
     return counts
 
 
@@ -65,6 +65,10 @@ def sample_rows(
     full_scale : greatest count.
     quantised : whether counts are whole.
     counts : (trace, sample) written.
+
+    Returns
+    -------
+    number of traces filled.
     """
     for trace in range(counts.shape[0]):
         last = first[trace] + (counts.shape[1] - 1) * per_sample
@@ -86,7 +90,7 @@ def convert(readout: Readout, amplitude: np.ndarray, offset_counts: np.ndarray |
     ----------
     readout : the converter.
     amplitude : [electrons], any shape.
-    offset_counts : what a pixel adds of its own.
+    offset_counts : offset of the pixel.
     """
     counts = amplitude * np.float32(1.0 / readout.electrons_per_count)
     counts = counts + np.asarray(offset_counts + readout.baseline_counts, np.float32)

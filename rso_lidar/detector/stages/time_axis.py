@@ -49,7 +49,7 @@ class Rows:
     """Stretches of time of pixels: row r begins at step `start` of the axis that counts from emission.
 
     Rows are ordered by pixel and, in a pixel, by time; the comparator watches steps `first` to `last` of a row. A row that
-    goes on where the one before ends begins with the last step that was watched there: what is between two steps counts.
+    continues the one before it begins with the last step that was watched there, so that no crossing between is lost.
     """
 
     pixel: np.ndarray
@@ -73,7 +73,7 @@ def make_plan(
     steps_per_sample: int = 2,
     earliest_s: float = 0.0,
 ) -> SamplingPlan:
-    """Plan the axis of time.
+    """Return the layout of the axis of time.
 
     Parameters
     ----------
@@ -113,6 +113,10 @@ def place_rows(
     plan : layout of the axis of time.
     least_photons : pixels that get no more than this have no rows.
     sure_photons : after a row that gets more than this early enough, a pixel has no other, for it will have latched.
+
+    Returns
+    -------
+    stretches of time of all pixels with light.
     """
     longest_s, step_s = _LONGEST * float(photons.pulse_fwhm_s), plan.step_s
     # No return reaches into more rows than this: each but the first and last is as long as what is watched.
@@ -128,7 +132,7 @@ def place_rows(
         (float(least_photons), float(sure_photons)),
         made,
     )
-    assert n_rows >= 0, "rows: more than there is room for"
+    assert n_rows >= 0, "rows: more than fit into the array"
     pixel, start, first = made[:, :n_rows].copy()
     return Rows(pixel, start, first, np.full(n_rows, plan.before + plan.watched), plan.length, plan.room)
 
@@ -150,7 +154,10 @@ def find_rows(
     ----------
     timing_s : lateness, longest half depth, rise, fall, step.
     steps : steps to a sample, before a latch, watched.
-    enough : least photons of a pixel that has rows; photons of a row after which there is no other.
+    enough : least photons of a pixel that has rows; photons of a row after which a pixel has no other.
+    pixel, delay_s, photons, depth_spread_s : (return) pixel, delay [s], expected photons, and time over which the
+        surface stretches it [s].
+    made : (3, row) i8: pixel, start and first of each row, written.
     """
     late_s, longest_s, rise_s, fall_s, step_s = timing_s
     per_sample, before, watched_steps = steps
@@ -177,7 +184,7 @@ def find_rows(
             begin = math.floor(max(begin_s, covered_s) / step_s + 1e-9)
             watched = begin // per_sample * per_sample  # rows begin on a sample, so that samples fall on steps
             made[0, n_rows], made[1, n_rows], made[2, n_rows] = pixel[first], watched - before, begin - watched + before
-            if begin_s <= covered_s:  # goes on from the last step that was watched
+            if begin_s <= covered_s:  # continues from the last step that was watched
                 made[2, n_rows] -= 1
             n_rows += 1
             ends_s = (watched + watched_steps) * step_s
@@ -202,6 +209,10 @@ def place_gate_rows(gate: Gate, readout: Readout, plan: SamplingPlan, n_pixels: 
     gate, readout : what is stored.
     plan : layout of the axis of time.
     n_pixels : pixels of the array.
+
+    Returns
+    -------
+    the rows, and the number of the gate's first sample.
     """
     from scipy.fft import next_fast_len
 

@@ -43,6 +43,10 @@ class DistortionPart(Part):
         y_d = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p2 x y + p1 (r² + 2 y²)
 
         The order of p1 and p2 is that of camera calibration: p1 belongs to y.
+
+        Parameters
+        ----------
+        x, y : tangents of the directions.
         """
         k1, k2, k3, p1, p2 = self.coefficients
         r2 = x * x + y * y
@@ -53,22 +57,56 @@ class DistortionPart(Part):
         )
 
     def undistort(self, xd: np.ndarray, yd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the tangents (x, y) of the directions imaged to (xd, yd), by Newton's method to below 1e-12."""
+        """Return the directions that are imaged to points, by Newton's method to below 1e-12.
+
+        Parameters
+        ----------
+        xd, yd : image points, tangents.
+
+        Returns
+        -------
+        x and y, tangents of the directions.
+
+        Raises
+        ------
+        ScenarioError
+            If no direction is imaged to a point.
+        """
         xd, yd = np.broadcast_arrays(np.asarray(xd, dtype=float), np.asarray(yd, dtype=float))
         return self._solve(xd, yd, xd, yd)
 
     def area(self, xd: np.ndarray, yd: np.ndarray) -> np.ndarray:
-        """Return d(x, y) / d(xd, yd): the area of the undistorted plane that a unit of area at (xd, yd) sees."""
+        """Return d(x, y) / d(xd, yd): the area of the undistorted plane for a unit of area at image points.
+
+        Parameters
+        ----------
+        xd, yd : image points, tangents.
+        """
         return self.area_at_direction(*self.undistort(xd, yd))
 
     def area_at_direction(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return `area` at the image of the direction (x, y)."""
+        """Return `area` at the images of directions.
+
+        Parameters
+        ----------
+        x, y : tangents of the directions.
+        """
         xx, xy, yy = self._slopes(x, y)
         seen: np.ndarray = 1.0 / (xx * yy - xy * xy)
         return seen
 
     def check(self, half_x: float, half_y: float) -> None:
-        """Raise `ScenarioError` if the mapping folds within the focal plane |xd| <= half_x, |yd| <= half_y."""
+        """Check that the mapping does not fold within the focal plane.
+
+        Parameters
+        ----------
+        half_x, half_y : half the width and half the height of the focal plane, tangents.
+
+        Raises
+        ------
+        ScenarioError
+            If it folds.
+        """
         edge = np.linspace(-1.0, 1.0, 33)
         one = np.ones_like(edge)
         to_x = half_x * np.concatenate([edge, edge, -one, one])

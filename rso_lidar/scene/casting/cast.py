@@ -78,7 +78,20 @@ def _average_over_lens(
     laser_from_m: np.ndarray,
     aperture_m: float,
 ) -> Hits:
-    """Average the lobes of retro-reflectors over the lens."""
+    """Average the lobes of retro-reflectors over the lens.
+
+    Parameters
+    ----------
+    hits : hits of all rays.
+    number, facet : (hit) number of the surface, and of its facet.
+    surfaces : all surfaces.
+    laser_from_m : (xyz) position of the laser in lidar axes [m].
+    aperture_m : diameter of the lens [m].
+
+    Returns
+    -------
+    the hits with that BRDF.
+    """
     retros = [(n, k, m) for n, one in enumerate(surfaces) for k, m in enumerate(one.materials) if m.is_retro]
     if not retros:
         return hits
@@ -102,7 +115,22 @@ def _relight(
     *,
     sun: bool,
 ) -> Hits:
-    """Compute incidence and BRDF for a laser beside the lens, for sunlight, and for interpolated or tilted normals."""
+    """Compute incidence and BRDF for a laser beside the lens, for sunlight, and for interpolated or tilted normals.
+
+    Parameters
+    ----------
+    hits : hits of all rays.
+    number, facet : (hit) number of the surface, and of its facet.
+    surfaces : all surfaces.
+    truth : where they are.
+    threads : number of threads (None: one for each core).
+    laser_from_m : (xyz) position of the laser in lidar axes [m].
+    sun : whether sunlight is computed.
+
+    Returns
+    -------
+    the hits with those values.
+    """
     cosine, brdf = hits.cos_incidence.copy(), hits.brdf_per_sr.copy()
     sunlight = np.zeros(len(facet)) if sun else None
 

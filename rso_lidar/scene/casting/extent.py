@@ -17,6 +17,15 @@ def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
     """Project each target's bounds, and the convex outlines of its pieces, into the tangent plane z = 1 of the lidar axes.
 
     A target that reaches behind the lidar's plane has infinite bounds. One that is entirely behind has empty bounds.
+
+    Parameters
+    ----------
+    surfaces : surfaces of all targets.
+    truth : where they are at one epoch.
+
+    Returns
+    -------
+    bounds and outlines of each surface, in the tangent plane.
     """
     outlines: list[_Outlines | None] = [None] * len(surfaces)
     bounds = np.empty((len(surfaces), 4))
@@ -88,7 +97,13 @@ def project_outlines(
 
 @kernel
 def sort_points(x: np.ndarray, y: np.ndarray, first: int, last: int) -> None:
-    """Sort the points from `first` to `last` by x, then y, in place (shellsort)."""
+    """Sort the points from `first` to `last` by x, then y, in place (shellsort).
+
+    Parameters
+    ----------
+    x, y : (point), changed in place.
+    first, last : first point, and the one after the last.
+    """
     gap = 1
     while 3 * gap < last - first:
         gap = 3 * gap + 1

@@ -50,6 +50,14 @@ def _targets(surfaces: tuple[Surface, ...], engine: Engine) -> "tuple[tuple[Scen
     count = np.array([0] + [len(surface.facets) for surface in surfaces], dtype=np.int64)
 
     def row(columns: list[np.ndarray], dtype: type, shape: tuple[int, ...] = (0,)) -> np.ndarray:
+        """Return the columns of all surfaces, joined.
+
+        Parameters
+        ----------
+        columns : arrays of each surface.
+        dtype : type of the result.
+        shape : shape of the result without surfaces.
+        """
         return np.concatenate([np.empty(shape), *columns]).astype(dtype)
 
     return scenes, Targets(
@@ -82,6 +90,10 @@ def find_first_hits(
     truth : where the surfaces are.
     threads : number of bands in parallel (None: one for each core).
     engine : embree, or what answers in its place.
+
+    Returns
+    -------
+    columns of the hits, in the order of rays.
     """
     _held, targets = _targets(tuple(surfaces), engine)  # embree frees a scene that is not referenced
     origin, turn = np.empty((len(surfaces), 3)), np.empty((len(surfaces), 3, 3))
@@ -139,10 +151,12 @@ class Targets(NamedTuple):
 
 @kernel
 def place_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
-    """Compute how targets are placed before the lidar (target, word), from target_from_lidar and their bounding spheres.
+    """Return how targets are placed before the lidar (target, word).
 
-    Directions are compared by the distance between the ends of unit vectors. This is exact for narrow cones, where a
-    cosine is not. Directions within `_REACH` of the direction to the centre meet the sphere.
+    Parameters
+    ----------
+    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar.
+    sphere : (target, 4) centre and radius of the bounding sphere [m].
     """
     words = np.empty((len(origin), _WORDS))
     for t in range(len(origin)):
@@ -166,7 +180,13 @@ def place_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> n
 
 @kernel
 def bound_rays(direction: np.ndarray, first: int, last: int) -> tuple[float, float, float, float]:
-    """Return the centre (x, y, z) of the box about the ends of rays first to last, and half its diagonal."""
+    """Return the centre (x, y, z) of the box about the ends of rays first to last, and half its diagonal.
+
+    Parameters
+    ----------
+    direction : (xyz, ray) f8, unit vectors.
+    first, last : the range of rays.
+    """
     x0 = y0 = z0 = np.inf
     x1 = y1 = z1 = -np.inf
     for i in range(first, last):
@@ -179,7 +199,14 @@ def bound_rays(direction: np.ndarray, first: int, last: int) -> tuple[float, flo
 
 @kernel
 def may_touch(x: float, y: float, z: float, half: float, target: np.ndarray) -> bool:
-    """Return whether a ray that ends within `half` of (x, y, z) may meet the bounding sphere of a target."""
+    """Return whether a ray that ends within `half` of (x, y, z) may meet the bounding sphere of a target.
+
+    Parameters
+    ----------
+    x, y, z : centre of the box about the ends of rays.
+    half : half its diagonal.
+    target : the placed target.
+    """
     apart = (x - target[_CENTRE]) ** 2 + (y - target[_CENTRE + 1]) ** 2 + (z - target[_CENTRE + 2]) ** 2
     reach = half + target[_REACH]
     return bool(apart <= (1.0 + 1e-6) * reach * reach + 1e-24)
@@ -211,6 +238,10 @@ def select_rays(
     target : the placed target.
     near : (ray in the block), range of the nearest hit so far [m]. A ray with a hit nearer than the target is left out.
     chosen : (ray in the block), to which the numbers of the selected rays are written.
+
+    Returns
+    -------
+    number of selected rays.
     """
     count = 0
     x, y, z = target[_CENTRE], target[_CENTRE + 1], target[_CENTRE + 2]
@@ -244,6 +275,10 @@ def cast_rays(
     origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar.
     question : address of rtcIntersect.
     width : number of rays in a packet.
+
+    Returns
+    -------
+    columns of `FirstHits`.
     """
     direction, pixel, weight = rays
     scenes, sphere, target_number, first_facet, planes, part, source_facet, matt_per_sr = targets

@@ -95,6 +95,10 @@ def localize_hits(
     range_m : (hit), range [m].
     cosine : (hit), cosine of incidence on the facet. On smooth parts that of the interpolated normal replaces it, 0 where
         that normal points away.
+
+    Returns
+    -------
+    the hits in the surface's axes.
     """
     surface = surfaces[number]
     target_from_lidar = truth.poses.place(surface.name, "lidar")

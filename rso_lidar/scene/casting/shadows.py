@@ -16,9 +16,13 @@ def find_shadowed(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_
     Parameters
     ----------
     hits : the hits on one surface.
-    asked : (hit), which hits to test.
+    asked : (hit) mask of the hits to test.
     toward : (xyz, hit), unit vectors to the light, in the surface's axes.
     reach_m : (hit), distance of the light [m].
+
+    Returns
+    -------
+    (hit) whether it is in shadow; False for hits that are not tested.
     """
     centre, radius = hits.surface.sphere
     off_m = OFF_THE_FACET * (radius + float(np.linalg.norm(centre)))
@@ -59,7 +63,7 @@ def mark_shadowed(
     Parameters
     ----------
     met : (ray) bool, in which rays that meet the surface are set. Rays already set are not tested again.
-    asked : (ray) bool, which rays to test.
+    asked : (ray) bool, mask of the rays to test.
     point, facing, toward : (xyz, ray), where rays start [m], the facet's normal there, and their direction, in the axes of
         the surface that is lit.
     off : how far along `facing` rays start from the point [m].

@@ -103,8 +103,23 @@ def models() -> dict[str, ModelEntry]:
 
 
 def model(name: str) -> ModelEntry:
-    """Find a model by name.
+    """Find a model by name, among the shipped ones and those of the user's library.
 
+    Parameters
+    ----------
+    name : name of the model.
+
+    Returns
+    -------
+    entry of the index.
+
+    Raises
+    ------
+    MeshError
+        If no model has this name, or its entry is invalid.
+
+    Examples
+    --------
     >>> model("plate").size_m
     (0.002, 4.0, 4.0)
     """

@@ -224,6 +224,15 @@ class _Completed(Scatterer):
         ----------
         method : its name; an object that lacks it has `brdf_per_sr`.
         cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+
+        Returns
+        -------
+        (hit) BRDF [1/sr].
+
+        Raises
+        ------
+        ScenarioError
+            If the result is not one finite number from 0 up for each hit.
         """
         own = self._material
         method = method if hasattr(own, method) else "brdf_per_sr"
