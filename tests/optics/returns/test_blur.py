@@ -9,6 +9,7 @@ from scipy.special import erf
 from rso_lidar import optics
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import AiryPsf, BrownConrady, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, Laser, Receiver
+from rso_lidar.optics.returns import blur
 from rso_lidar.scene import Lambertian
 from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import place, plate, see, surface, truth_of
@@ -230,6 +231,18 @@ def test_a_kernel_that_changes_over_the_field_points_away_from_the_axis(tmp_path
     assert 1.5 * math.cos(math.radians(14)) < moved @ toward < np.linalg.norm(moved) + 1e-9 < 1.52
     near_axis = centroid(seen(1, 1, 0.5, -0.5, with_psf(psf)).by_pixel) - centroid(seen(1, 1, 0.5, -0.5).by_pixel)
     assert np.abs(near_axis) == pytest.approx(0, abs=1.5 * 0.2)  # the zone's middle lies at 0.14 degrees: 8 % of it
+
+
+def test_zones_on_either_side_of_the_axis_mirror_each_other(tmp_path):
+    """The field angle of a zone is that of its middle: zones that mirror each other spread light as in a mirror."""
+    lens = with_psf(outward(tmp_path))
+    shares = [blur.zone_shares(lens, LASER.wavelength_m, 2, zone) for zone in range(blur.ZONES**2)]
+    for zone, share in enumerate(shares):
+        row, col = divmod(zone, blur.ZONES)
+        across = shares[row * blur.ZONES + blur.ZONES - 1 - col]
+        down = shares[(blur.ZONES - 1 - row) * blur.ZONES + col]
+        np.testing.assert_allclose(share, across[:, ::-1, :, ::-1], atol=1e-9)
+        np.testing.assert_allclose(share, down[::-1, :, ::-1], atol=1e-9)
 
 
 def test_the_halo_of_a_retro_reflector():

@@ -103,6 +103,17 @@ def test_packets_meet_what_the_reference_meets(n, light):
     agree(compiled, reference, ties=1e-3)
 
 
+def test_a_small_wall_a_millimetre_before_a_large_one_is_met():
+    """The large one's sphere begins nearer, so that it is asked first; the small one is within what rays get beyond it."""
+    targets = [surface("large", plate(12.0)), surface("small", plate(3.0))]
+    turned = Rotation.from_rotvec([0.0, 0.0, 0.3])  # so that no row of rays lies on a diagonal
+    truth = truth_of(large=place((0, 0, 300.001), turned), small=place((0, 0, 300.0), turned))
+    compiled, reference = both(targets, truth)
+    agree(compiled, reference)
+    assert np.sum(compiled.target == 1) > 100 and np.sum(compiled.target == 0) > 100
+    assert (compiled.range_m * compiled.cos_incidence)[compiled.target == 1] == pytest.approx(300.0, rel=1e-12)
+
+
 @pytest.mark.parametrize("range_m", [30.0, 3000.0, 50_000.0, 1e6])
 def test_far_and_near_and_fine(range_m):
     """Rays as a small target gets them, on a grid finer than pixels; 30 m is inside the sphere about a long target."""
