@@ -1,4 +1,4 @@
-"""The plans of bodies that fly proximity operations."""
+"""The plans of bodies in proximity operations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rso_lidar.rpo import Plan, ProximityOperation
 
 
 def find_plan(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> Plan | None:
-    """Find the plan of a body that flies a proximity operation.
+    """Find the plan of a body in a proximity operation.
 
     Parameters
     ----------

@@ -98,7 +98,7 @@ def find_breaks_s(trajectory: Any, epochs: Epochs) -> np.ndarray:
 
     Parameters
     ----------
-    trajectory : anything with states of its own.
+    trajectory : any object with the method `states`.
     epochs : instants that matter.
     """
     found = call_member(trajectory, "breaks_s", epochs, default=())

@@ -113,7 +113,7 @@ def sum_weights(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> 
 
     Parameters
     ----------
-    pixel, weight : (hit), pixel in rising order, and share of its area.
+    pixel, weight : (hit), pixel in ascending order, and share of its area.
     fraction : (pixel), to which the sums are written.
     """
     total = 0.0

@@ -99,7 +99,9 @@ class Pointing:
         x, z = x * math.cos(tilt) - z * math.sin(tilt), x * math.sin(tilt) + z * math.cos(tilt)
         x, y = x * math.cos(pan) - y * math.sin(pan), x * math.sin(pan) + y * math.cos(pan)
         raised = math.asin(max(-1.0, min(1.0, z / self._reach)))
-        if abs(self._boresight_tilt) > math.pi / 2:  # the elevation of a lidar that looks backward rises as tilt falls
+        if (
+            abs(self._boresight_tilt) > math.pi / 2
+        ):  # the elevation of a lidar that looks backward increases as tilt decreases
             raised = math.copysign(math.pi, self._boresight_tilt) - raised
         pan = math.atan2(y, x) - math.atan2(self._boresight_y, self._reach * math.cos(raised))
         return np.array([pan, raised - self._boresight_tilt])

@@ -8,7 +8,7 @@ That is the integral of a Gaussian over an orthant (Genz 1992), at instants a si
 Four things are approximate:
 
 - the normal law, bent at each instant to the third cumulant (a gamma law);
-- a long stretched pulse, whose instants lie farther apart;
+- a long stretched pulse, whose instants are farther apart;
 - a gate, where noise beside a weak pulse may be found;
 - precision where few returns pass the threshold, which selects those that noise has raised.
 """
@@ -39,7 +39,7 @@ _MOST_STEPS = 2000
 _MOST_INSTANTS = 96  # at which the comparator is looked at
 _POINTS = 4096  # of the lattice over the orthant
 _AT_ONCE = 16  # numbers of photons taken together
-_LEAST = 0.6  # of the pulse's peak: where it is lower, it is not what triggers
+_LEAST = 0.6  # of the pulse's peak: a lower part does not trigger
 _REACH_FWHM = 1.5  # samples to each side of the peak that the matched filter takes
 _PHASES = 8  # of the clock, over which precision is averaged
 _FASTEST = 200.0  # of an amplifier's pole in a pulse's length
@@ -273,7 +273,7 @@ def _compute_response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: 
     apart_s = max(pole_s / 6.0, (high[-1] - high[0]) / _MOST_INSTANTS)
     before, after = int((peak_s - high[0]) / apart_s), int((high[-1] - peak_s) / apart_s)
     at_s = peak_s + apart_s * np.arange(-before, after + 1)
-    at_s = at_s[np.argsort(np.abs(at_s - peak_s), kind="stable")]  # where it is decided comes first
+    at_s = at_s[np.argsort(np.abs(at_s - peak_s), kind="stable")]  # the deciding instants come first
     added = respond(at_s)
     place_s2, fitted, threshold = _fit(gsfl, step_s, power_per_s, light, respond, dark, 0.5 * fine_s)
     return _Response(

@@ -25,7 +25,7 @@ class Separations:
 
     Parameters
     ----------
-    separation_m : (separation) distance of the two in range [m], rising.
+    separation_m : (separation) distance of the two in range [m], ascending.
     probability : (separation) that both are listed.
     """
 

@@ -148,7 +148,7 @@ def run_trial(
     true_m: np.ndarray | None = None,
     around: Surroundings = Surroundings(),
 ) -> Trial:
-    """Simulate what a detector makes of a return in each pixel, such as `make_plate` makes.
+    """Simulate a detector's reports of a return in each pixel, such as `make_plate` makes.
 
     Each pixel represents one pixel of a separate flash. So the pixels of a trial draw no common current, do not latch
     together and share no jitter; `around` holds what their own flashes do to them.

@@ -44,7 +44,7 @@ def measure(
     """
     n_pixels = waveforms.shape[0] * waveforms.shape[1]
     camera = build_camera(gsfl, n_pixels)
-    flashes = math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # each jitters by itself
+    flashes = math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # each jitters independently
     jitter_s = _draw_normal(waveforms.pixel, n_pixels, rng) * (gsfl.timing.pixel_jitter_ns * units.NS / flashes)
     jitter_s += rng.standard_normal() * (gsfl.timing.frame_jitter_ns * units.NS / flashes)
     samples = waveforms.samples_counts - np.float32(waveforms.baseline_counts)

@@ -30,7 +30,7 @@ CODE, CODES_BEFORE, IS_IN_PULSE = range(3)  # rows of `Matched.codes`
 
 
 class Known(NamedTuple):
-    """Weights of patterns of samples, in rising order of their keys.
+    """Weights of patterns of samples, in ascending order of their keys.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def _codes(width: int, in_pulse: np.ndarray) -> np.ndarray:
     """Return, for sample k of a window in column k + 1: its code, the codes up to it combined, and if it is in the pulse.
 
     The code is a separate bit for each sample. Windows of more samples than an integer has bits get random words,
-    whose combinations differ all but certainly (Zobrist 1970).
+    whose combinations differ almost certainly (Zobrist 1970).
     """
     words = np.random.Generator(np.random.Philox(width)).integers(1, 2**62, width)
     codes = np.zeros((3, width + 1), np.int64)

@@ -96,7 +96,7 @@ def _tabulate_pulse(step_s: float, power_per_s: tuple[float, ...], pole_s: float
     frequency_hz = fft.rfftfreq(n, step_s)
     spectrum = integration_s * fft.rfft(padded) / (1.0 + 2j * math.pi * frequency_hz * pole_s) ** 2
     if n % 2 == 0:
-        spectrum[-1] *= 0.5  # in the finer grid the last frequency has a mirror image of its own
+        spectrum[-1] *= 0.5  # in the finer grid the last frequency has a separate mirror image
     turn = 2j * math.pi * frequency_hz
 
     def refine(values: np.ndarray, times: int) -> np.ndarray:

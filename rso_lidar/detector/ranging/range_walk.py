@@ -35,7 +35,7 @@ def tabulate_walk(
 
     Returns
     -------
-    Fitted amplitudes [counts], rising, and the mean bias of the delay at each [s].
+    Fitted amplitudes [counts], ascending, and the mean bias of the delay at each [s].
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
     truth = np.geomspace(1.02, 200.0, 64) * threshold_counts

@@ -152,7 +152,7 @@ class Crosstalk(Part):
 class Speckle(Part):
     """Interference of coherent light: the photons of a return follow a gamma law of M = 1 + A Ω / λ² modes.
 
-    A is the aperture, Ω the lit solid angle in the pixel. A depolarising surface has twice as many modes.
+    A is the aperture, Ω the lit solid angle in the pixel. A depolarising surface has twice the number of modes.
     """
 
     depolarising: Flag = Field(

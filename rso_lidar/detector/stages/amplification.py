@@ -51,12 +51,12 @@ class Filters:
         variance, covariance = 1.0 - a**4 - 4.0 * a**2 * x, a * (x * (1.0 + a**2) - (1.0 - a**2))
         total, apart = math.sqrt(variance + 2.0 * covariance), math.sqrt(variance - 2.0 * covariance)
         early, late = 0.5 * (total - apart), 0.5 * (total + apart)  # the other way around, it would run ahead of `mean`
-        lag = np.arange(min(n, max(math.ceil(_MEMORY_POLES / x), 2)))  # `late` comes a step later, however long that is
+        lag = np.arange(min(n, max(math.ceil(_MEMORY_POLES / x), 2)))  # `late` comes one step of any length later
         taps = a**lag * (lag + 1.0) * early + a ** np.maximum(lag - 1.0, 0.0) * lag * late
         taps *= charge * math.sqrt(0.25 * x)  # the integral of h² is 1/(4τ)
         self.taps: np.ndarray = taps.astype(np.float32)
         self.shot: np.ndarray = np.fft.rfft(taps, n).astype(np.complex64)
-        # White noise before the taps that comes out with the amplifier's own rms.
+        # White noise before the taps whose rms after them is that of the amplifier.
         self.noise_electrons = np.float32(
             amplifier.noise_electrons * math.sqrt(4.0 * amplifier.pole_s * step_s) / amplifier.integration_s
         )

@@ -36,7 +36,7 @@ def limit_amplitude(saturation: Saturation, amplitude: np.ndarray, step_s: float
     rail = np.float32(saturation.rail_electrons)
     limited: np.ndarray = np.minimum(amplitude, rail)
     over = np.flatnonzero(amplitude.max(axis=1, initial=0.0) > rail)
-    memory = np.zeros(len(over), np.float32)  # what an overdriven stage has still to let go of
+    memory = np.zeros(len(over), np.float32)  # charge that an overdriven stage has still to discharge
     for step in range(amplitude.shape[1]):
         now = amplitude[over, step]
         memory = np.where(now > rail, np.maximum(memory * fade, now), memory * fade)

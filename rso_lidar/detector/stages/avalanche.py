@@ -119,7 +119,7 @@ def multiply_rows(
     for row in range(n_rows):
         means, drawn = expected[row], electrons[row]
         word, fine_word, rest_word = words[0, row], words[1, row], words[2, row]
-        n_rare = 0  # the steps that take long go into loops of their own, which keeps this one in registers
+        n_rare = 0  # the slow steps have separate loops, so that the variables of this one stay in registers
         for step in range(n):
             mean = means[step]
             if mean == floor:

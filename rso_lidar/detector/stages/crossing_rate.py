@@ -139,7 +139,7 @@ def _log_crossings(T: np.ndarray, apd: Apd, pulses: float, noise: float, peak: f
 
     Parameters
     ----------
-    T : thresholds [electrons], rising.
+    T : thresholds [electrons], ascending.
     apd : the photodiode.
     pulses : primaries per τ.
     noise, peak : rms of the amplifier's noise, and its integration time over τ.

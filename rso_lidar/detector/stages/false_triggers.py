@@ -19,8 +19,8 @@ from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
 from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.kernels import kernel, packed
 
-_AT_ONCE = 4096  # traces of noise, so that what is worked on stays small
-_NIL = -250.0  # log of a rate that is none
+_AT_ONCE = 4096  # traces of noise in one block, which bounds the memory
+_NIL = -250.0  # logarithm that represents a rate of zero
 
 
 def rates_per_s(apd: Apd, amplifier: Amplifier, threshold: np.ndarray, base_per_s: np.ndarray) -> np.ndarray:

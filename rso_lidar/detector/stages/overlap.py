@@ -15,8 +15,8 @@ from rso_lidar.kernels import kernel
 class Overlap(NamedTuple):
     """Rows that continue the row before: their first `shared` steps are those `lag` steps later there.
 
-    Those reach to the step after the last that the comparator watched: what has been decided stays so, and what comes later
-    is drawn. Rows that are the first of their pixel, or far from the one before, are not among them.
+    Those reach to the step after the last that the comparator watched: decisions up to there remain valid, and what comes
+    later is drawn. Rows that are the first of their pixel, or far from the one before, are not among them.
     """
 
     row: np.ndarray

@@ -1,6 +1,6 @@
 """The axis of time: steps, a whole number of them to a sample, and the rows of steps in which light comes.
 
-Work is done only where light comes. Each pixel has one row, or several where its returns lie far apart. All rows have one
+Work is done only where light comes. Each pixel has one row, or several where its returns are far apart. All rows have one
 length: a pulse that latches in the watched part of a row finds all its samples there.
 """
 
@@ -119,7 +119,7 @@ def place_rows(
     stretches of time of all pixels with light.
     """
     longest_s, step_s = _LONGEST * float(photons.pulse_fwhm_s), plan.step_s
-    # No return reaches into more rows than this: each but the first and last is as long as what is watched.
+    # No return reaches into more rows than this: each except the first and last is as long as the watched part.
     most = math.ceil(2.0 * longest_s / (plan.watched * step_s)) + 3
     made = np.empty((3, most * len(photons.pixel)), np.int64)
     n_rows = find_rows(

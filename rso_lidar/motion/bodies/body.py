@@ -46,7 +46,7 @@ class Body(Part):
 
     @property
     def orbits(self) -> bool:
-        """Whether the body has an orbit, and therefore rtn axes of its own."""
+        """Whether the body has an orbit, and therefore its own rtn axes."""
         return has_orbit(self.motion)
 
     @property

@@ -149,7 +149,7 @@ class Flight:
         return np.array([begin for begin, _, _ in self._pieces])
 
     def _piece(self, times: np.ndarray) -> np.ndarray:
-        """Find the number (time) of the piece in which each instant lies."""
+        """Find the number (time) of the piece that contains each instant."""
         piece: np.ndarray = np.maximum(np.searchsorted(self.begins_s, times, side="right") - 1, 0)
         return piece
 

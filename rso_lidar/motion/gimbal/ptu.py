@@ -8,7 +8,7 @@ boresight is +x of the mount. The same steps serve open and closed loop::
         head = step(ptu, head, demand, until_s=time_s, command=command)
         pointing = sense(ptu, head, rng)
 
-The drive runs on a grid of 1 ms from t = 0, whatever the times of flashes, and holds its demand over each tick. The
+The drive runs on a grid of 1 ms from t = 0, independent of the times of flashes, and holds its demand over each tick. The
 state at a tick therefore has the same bits for any sequence of steps.
 """
 

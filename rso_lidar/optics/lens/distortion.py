@@ -283,7 +283,7 @@ def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
     """
     grid = zemax.read_grid_distortion(path)
     x, y = grid.field_tangent.T
-    # Predicted = (A B; C D) tan(field) + offset: the paraxial lens, whatever its axes are called and wherever its origin is.
+    # Predicted = (A B; C D) tan(field) + offset: the paraxial lens, for any names of axes and any origin.
     linear = np.stack([x, y, np.ones_like(x)], axis=1)
     if np.linalg.matrix_rank(linear, tol=1e-9 * max(float(np.abs(linear[:, :2]).max()), 1e-300)) < 3:
         raise ScenarioError(f"{path}: its points are on one line: list a grid of fields in x and y")

@@ -27,10 +27,10 @@ _LEAST_CAUGHT = 0.5  # a kernel that puts less than this within reach is a mista
 
 
 class PsfPart(Part):
-    """Base of all kernels: a share `halo_fraction` of the light may lie in a wide halo of scattered light.
+    """Base of all kernels: a share `halo_fraction` of the light may be in a wide halo of scattered light.
 
     The halo falls as (1 + (r / `halo_radius_um`)²)^(-3/2), as scatter from polished surfaces of slope 3 does (ABC
-    model; Harvey & Shack). 29 % of its light lies within the radius.
+    model; Harvey & Shack). 29 % of its light is within the radius.
     """
 
     halo_fraction: Fraction = Field(default=0.0, description="Share of the light in a wide halo.")
@@ -245,7 +245,7 @@ def find_reach(
     azimuth_rad: float = 0.0,
     missed: float = 1e-4,
 ) -> int:
-    """Find how many pixels to each side hold all but a share of the light of an evenly lit pixel; at most 16.
+    """Find the number of pixels to each side that receive the light of an evenly lit pixel, except a share; at most 16.
 
     Parameters
     ----------

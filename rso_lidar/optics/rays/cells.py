@@ -129,7 +129,7 @@ def _middles(receiver: Receiver, first: int, last: int) -> tuple[np.ndarray, np.
 class _BentCells:
     """Directions through the cells of a lens with distortion, computed in blocks of rows when they are first needed.
 
-    A block is always computed as a whole, so that its bits do not depend on the rows asked for. Two threads may both
+    A block is always computed as a whole, so that its bits do not depend on the requested rows. Two threads may both
     compute one.
     """
 

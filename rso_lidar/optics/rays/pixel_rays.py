@@ -20,9 +20,9 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     """Make the rays of one flash, through the cells of each pixel's k x k grid that a target's bounds touch.
 
     A target that would get fewer than `min_rays_per_target` rays has its cells refined m x m; only the rays inside its
-    bounds are made. A ray's weight is its share of the pixel's area, 1/k² or 1/(k m)², whatever becomes of its
-    neighbours. Cells are even in the image, so a lens with distortion bends the rays. What the laser does not light is
-    left out, unless the laser is beside the lens or sunlight is wanted.
+    bounds are made. A ray's weight is its share of the pixel's area, 1/k² or 1/(k m)², and does not depend on
+    its neighbours. Cells are even in the image, so a lens with distortion bends the rays. Rays that the laser does not
+    light are left out, unless the laser is beside the lens or sunlight is simulated.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -
     has_formula = laser.offset is None and laser.footprint in FOOTPRINTS
     light, is_lit = (_light_of_beam if has_formula else _light_of_any_laser)(hits, laser, receiver)
     filled, background = None, _sunlight(hits, light, laser, receiver)
-    if laser.offset is not None or receiver.filter_width_nm is not None:  # then some rays meet what is not lit
+    if laser.offset is not None or receiver.filter_width_nm is not None:  # then some rays meet unlit surfaces
         light = light if is_lit.all() else light.only(np.flatnonzero(is_lit))
         n_pixels = receiver.n_rows * receiver.n_cols
         filled = np.bincount(light.pixel, hits.weight[light.hit], n_pixels).reshape(receiver.shape)

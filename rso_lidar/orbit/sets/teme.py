@@ -21,7 +21,7 @@ from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 
 STALE_DAYS = 7.0
-# Vallado's published verification of SGP4 (AIAA 2006-6753) goes no farther than 1281 days from an epoch (20413). The
+# Vallado's published verification of SGP4 (AIAA 2006-6753) extends to 1281 days from an epoch (20413). The
 # theory has one constant B* for drag, but air density changes by up to ten within half a solar cycle, 5.5 years.
 MOST_YEARS = 5.0
 MOST_AGE_S = MOST_YEARS * 365.25 * units.DAY_S

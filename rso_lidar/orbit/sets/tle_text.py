@@ -17,7 +17,7 @@ from rso_lidar.errors import CatalogError, warn
 from rso_lidar.orbit.sets.element_set import NO_EPOCH, ElementSet, explain_impossible
 
 LINE_LENGTH = 69
-_ALPHA5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I, no O; A stands for 10
+_ALPHA5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # without I and O; A means 10
 _HIGHEST_ALPHA5 = 339_999
 _FIRST_YEAR, _LAST_YEAR = 1957, 2056  # years that the two digits of an epoch can express
 _ELEMENT_LINE = re.compile(r"\s*([12]) [ 0-9A-Za-z][ 0-9]{4}")

@@ -1,8 +1,8 @@
 """Pole, Sun and Moon tabulated for an integrator, which requests one instant at a time.
 
 Positions are computed every quarter of an hour, one day at a time, and interpolated by a cubic through the four nearest
-instants: within 1e-11 rad. The instants are counted from the start of the run, so a result has the same bits whatever was
-asked before.
+instants: within 1e-11 rad. The instants are counted from the start of the run, so a result has the same bits whichever
+instants were requested before.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ def shadow_margins_rad(position_m: np.ndarray, sun_m: np.ndarray) -> tuple[np.nd
 def find_eclipses(trajectory: Trajectory, epochs: Epochs) -> list[Eclipse]:
     """Find the passages through the Earth's shadow between the first and the last of some epochs.
 
-    The orbit is scanned once a minute whatever epochs there are between, and grazing passages are searched for.
+    The orbit is scanned once a minute for any epochs between, and grazing passages are searched for.
 
     Parameters
     ----------

@@ -149,7 +149,7 @@ class SafetyEllipse(ProximityOperation):
 
     @property
     def separation_m(self) -> float:
-        """Least distance from the track [m] in projection along it: the separation whatever the along-track error."""
+        """Least distance from the track [m] in projection along it: the separation for any along-track error."""
         ahead = self.phase_difference_deg * units.DEG
 
         def projected_distance(u: np.ndarray) -> np.ndarray:

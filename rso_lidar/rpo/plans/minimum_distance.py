@@ -44,7 +44,7 @@ def find_closest_approach(
     fenced = np.concatenate([[np.inf], distance, [np.inf]])
     lowered = distance * (1.0 - EQUAL)
     least = np.flatnonzero((lowered <= fenced[:-2]) & (lowered <= fenced[2:]))
-    if len(least) > 64:  # on a path that does not move, rounding makes a minimum of every sample
+    if len(least) > 64:  # on a path without motion, every sample is a minimum by rounding
         equal = np.flatnonzero(distance[least] <= distance[least].min() * (1.0 + EQUAL))
         order = np.argsort(distance[least], kind="stable")
         least = least[np.unique(np.concatenate([equal[:1], order[:63]]))]

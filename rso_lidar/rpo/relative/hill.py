@@ -35,7 +35,7 @@ _BLOCK = 8192  # epochs computed at a time: fits a processor's cache
 class Hill(RelativeState):
     """Clohessy-Wiltshire motion about a chief on a near-circular orbit, with a constant acceleration in rtn axes.
 
-    The mean motion is that of the chief's osculating orbit at `start_utc`, whatever the chief's own model. Let rho be
+    The mean motion is that of the chief's osculating orbit at `start_utc`, for any model of the chief. Let rho be
     the greatest separation and r the orbit's radius. The error against two-body motion per revolution is up to
     6 pi rho^2 / r, which is 2.7 m at 1 km in low orbit. An eccentricity e up to 0.5 adds up to 30 e rho.
 

@@ -16,7 +16,7 @@ from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 from rso_lidar.scene.materials.scatterer import Material, MaterialPart, Scatterer
 
-_NEAR_FRACTION = 0.05  # of the wavelength: how far off a material may be used
+_NEAR_FRACTION = 0.05  # relative difference of wavelengths up to which a material may be used
 
 
 OneMaterial = Annotated[

@@ -39,7 +39,7 @@ def mean_irradiance(offset: np.ndarray, rim: np.ndarray, defocus: np.ndarray) ->
     1.0
     """
     wide = np.maximum(np.maximum(offset, rim), np.maximum(defocus, 1e-6))
-    # Of one lens and one size of aperture, all three grow alike towards the lidar: logarithm and ratios vary least.
+    # For one lens and aperture, all three increase in proportion towards the lidar: logarithm and ratios vary least.
     columns = [np.log(wide), offset / wide, rim / wide, defocus / wide]
     widest = float(wide.max(initial=0.0))
     step = _STEP + _STEP_FRACTION * widest
@@ -101,7 +101,7 @@ def _mean(offset: float, rim: float, defocus: float) -> float:
     """
     from scipy.special import j0, j1
 
-    # δ = 2 (1 − z²): H ends as (2 − δ)^{3/2}, and is smooth in z. It is found in pieces, which keeps memory bounded.
+    # δ = 2 (1 − z²): H ends as (2 − δ)^{3/2}, and is smooth in z. It is computed in pieces, which bounds the memory.
     z, weight = _panels(4.0 * (offset + rim) + 2.0 * defocus)
     total = 0.0
     for start in range(0, len(z), 4096):

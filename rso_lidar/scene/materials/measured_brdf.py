@@ -63,7 +63,7 @@ def _greatest_reflectance(incidence_deg: tuple[float, ...], measured_per_sr: tup
     """Return the greatest directional-hemispherical reflectance of a table, and its angle of incidence [deg].
 
     The integral is over half vectors, dω = 4 cos(half, light) dω_half, because the table is a function of those. Gauss
-    points lie between the table's steps, however fine these are.
+    points are between the table's steps, even if these are fine.
     """
     knots = np.union1d(np.clip(incidence_deg, 0.0, 90.0), np.arange(0.0, 90.1, _COARSE_DEG)) * DEG
     point, share = np.polynomial.legendre.leggauss(4)

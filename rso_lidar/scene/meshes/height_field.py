@@ -21,8 +21,8 @@ _CURE = "crop or thin it"
 def load_height_field(path: Path, cell_m: float, height_scale_m: float) -> Mesh:
     """Load the mesh of a file of heights: a .npy, a .npz of one array, or a grey .png of 8 or 16 bits.
 
-    Rows run from north to south and columns from west to east, about the origin. x is east, y north and z up. Where a
-    value is NaN there is no ground.
+    Rows run from north to south and columns from west to east, about the origin. x is east, y north and z up. A value
+    of NaN means that the ground is absent.
 
     Parameters
     ----------

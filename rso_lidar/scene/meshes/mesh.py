@@ -181,7 +181,7 @@ def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]
         raise
     except Exception:  # trimesh raises any Python exception, with a message that does not name the file
         raise MeshError(broken) from None
-    if problems:  # trimesh skipped what it could not read
+    if problems:  # trimesh skipped lines that it could not read
         raise MeshError(broken)
     if any(vertices.shape[1:] != (3,) or facets.shape[1:] != (3,) for _, vertices, facets in pieces):
         raise MeshError(f"{path.name}: has positions that are not three numbers each; export it again")

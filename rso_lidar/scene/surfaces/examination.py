@@ -155,7 +155,7 @@ def _at(piece: Component) -> str:
 
 
 def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Find components that lie wholly beyond twice the radius that holds 95 % of the surface.
+    """Find components that are entirely beyond twice the radius that holds 95 % of the surface.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.
 
 
 def _median(rising: np.ndarray, weight: np.ndarray) -> float:
-    """Return the weighted median of rising values; of two between which rounding would decide, the lower one."""
+    """Return the weighted median of ascending values; of two that are equal to rounding, the lower one."""
     below = np.cumsum(weight)
     return float(rising[np.searchsorted(below, 0.5 * below[-1] * (1.0 - _TIE))])
 
