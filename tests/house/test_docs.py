@@ -104,6 +104,16 @@ def test_links_lead_somewhere():
     assert not {page: links for page, links in broken.items() if links}
 
 
+def test_modules_that_pages_name_exist():
+    """Also those that are named from a room, such as `stages/sampling.py` on the page of the instrument."""
+    files = [file.relative_to(ROOT).as_posix() for file in ROOT.glob("[!.]*/**/*.py")]
+    named = {page.name: set(re.findall(r"`((?:\w+/)+\w+\.py)`", page.read_text(encoding="utf-8"))) for page in WRITTEN}
+    assert len(set().union(*named.values())) > 20
+    astray = {page: [name for name in names if not any(f"/{file}".endswith(f"/{name}") for file in files)]
+              for page, names in named.items()}  # fmt: skip
+    assert not {page: names for page, names in astray.items() if names}
+
+
 def test_a_broken_link_is_seen():
     page = DOCS / "README.md"
     assert broken_links(page, "[a](nowhere.md) [b](physics.md#nothing) [c](physics.md) [d](#e)\n# E\n") == [

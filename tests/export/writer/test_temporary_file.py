@@ -197,7 +197,9 @@ def test_a_copy_goes_neither_over_a_file_nor_through_a_link(tmp_path):
 def test_without_any_frame_there_is_nothing_to_keep(tmp_path):
     output = tmp_path / "out" / "run.h5"
     output.parent.mkdir()
-    with pytest.raises(RunError, match=r"after 0 frames \(No such file or directory\); create its folder again and run"):
+    with pytest.raises(
+        RunError, match=r"after 0 frames \(No such file or directory\); create its folder again and run"
+    ):
         record(output, remove_folder, 0)
     with pytest.raises(RecordingError, match="there is no folder"):
         record(output, None, None)
