@@ -67,6 +67,30 @@ def locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
     return view
 
 
+def _check_conversion(values: Any, dtype: np.dtype[Any]) -> None:
+    """Refuse values that numpy would convert without a word, and wrongly.
+
+    Parameters
+    ----------
+    values : array, or what becomes one.
+    dtype : to which they are converted.
+
+    Raises
+    ------
+    ValueError : if they are complex, or numbers that an integer type does not hold.
+    """
+    given = getattr(values, "dtype", None)
+    if given is None:
+        values = np.asarray(values)
+        given = values.dtype
+    if given.kind == "c":
+        raise ValueError
+    if dtype.kind in "iu" and given.kind in "fiu" and not np.can_cast(given, dtype) and values.size:
+        limits = np.iinfo(dtype)
+        if not (limits.min <= values.min() and values.max() <= limits.max):  # NaN is outside, too
+            raise ValueError
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """Base class of records: it checks arrays against their statements, and makes them read-only."""
@@ -79,8 +103,8 @@ class Record:
                 continue
             place = f"{type(self).__name__}.{name}"
             try:
-                if getattr(value, "dtype", None) is not spec.dtype and np.iscomplexobj(value):
-                    raise TypeError  # the conversion would drop the imaginary part with a warning
+                if getattr(value, "dtype", None) is not spec.dtype:
+                    _check_conversion(value, spec.dtype)
                 values = locked(value, spec.dtype)
             except (TypeError, ValueError, OverflowError):
                 given = " ".join(f"{value!r:.60}".split())

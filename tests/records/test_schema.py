@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform
 
+from rso_lidar.errors import RecordError
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (
     BodyState,
@@ -171,3 +172,19 @@ def test_pointing_is_one_flash():
 def test_body_state_is_locked():
     with pytest.raises(ValueError, match="read-only"):
         BodyState(np.zeros(3), np.zeros(3)).position_m[0] = 1.0
+
+
+@pytest.mark.parametrize("values", [[[-1.0]], [[70_000.0]], [[np.nan]], [[np.inf]], [[-1]], [[70_000]], [[1.0 + 2.0j]]])
+def test_numbers_that_a_field_does_not_hold_are_refused(values):
+    for found in (values, np.array(values)):
+        with pytest.raises(
+            RecordError, match=r"Reading\.intensity_counts: needs an array of uint16, not .*; convert it"
+        ) as told:
+            Reading([[1.0]], found, [[0]])
+        assert "\n" not in str(told.value)
+
+
+def test_numbers_that_a_field_holds_are_converted():
+    for found in ([[7]], [[7.0]], np.array([[7]], np.int64), np.array([[7]], np.uint8), [[True]]):
+        assert Reading([[1.0]], found, [[False]]).intensity_counts.dtype == np.uint16
+    assert Reading(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3))).intensity_counts.shape == (0, 3)

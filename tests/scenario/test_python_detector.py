@@ -112,8 +112,13 @@ def test_it_must_be_hashable(flown):
         ({"max_returns": 2.5}, r"max_returns: 2\.5 is not a whole number"),
         ({"pulses": 0}, r"pulses: 0 is not"),
         ({"returns": "middle"}, r"returns: 'middle' is none of first"),
-        ({"settings": None}, r"settings: needs numbers by name"),
-        ({"settings": {"a/b c": 1.0}}, r"settings: needs numbers by name"),
+        ({"settings": None}, r"settings: needs finite numbers by name"),
+        ({"settings": {"a/b c": 1.0}}, r"settings: needs finite numbers by name"),
+        ({"settings": {"x_s": float("nan")}}, r"settings: needs finite numbers by name"),
+        ({"saturation_photons": float("nan")}, r"saturation_photons: nan is not a number from 0"),
+        ({"is_gated": "no"}, r"is_gated: 'no' is not True or False"),
+        ({"has_waveforms": 1}, r"has_waveforms: 1 is not True or False"),
+        ({"window_keys": 3}, r"window_keys: 3 is not a text"),
     ],
 )
 def test_traits_that_no_detector_has_are_refused(change, message):
@@ -209,6 +214,20 @@ def test_what_an_optional_member_must_not_be(flown, members, message):
         detector.frame_jitter_s(mine)
         detector.draw_crosstalk_m(mine, photons, np.random.default_rng(1))
     assert "\n" not in str(error.value)
+
+
+def test_a_setting_does_not_replace_one_of_the_lidar(flown):
+    traits = DetectorTraits(sees_to_m=2000.0, threshold_photons=2.0, settings={"laser_energy_j": 3.0})
+    with pytest.raises(
+        ScenarioError, match=r"detector: 'laser_energy_j' among its settings is one of the lidar's; rename"
+    ):
+        asked(flown, traits=traits)
+
+
+def test_it_lists_as_many_returns_as_its_traits_say(flown):
+    two = asked(flown, traits=DetectorTraits(sees_to_m=2000.0, threshold_photons=2.0, max_returns=2))
+    with pytest.raises(ScenarioError, match=r"Own\(.*\): detect\(\) returned <Reading.*; list 2 returns of each pixel"):
+        next(rl.simulate(two, frames=[0]))
 
 
 def test_taps_of_its_own_are_checked_and_kept(flown):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from rso_lidar.detector.analysis.closed_form import Prediction
@@ -31,7 +33,7 @@ def check_traits(detector: object) -> None:
             )
 
 
-def check_reading(detector: object, method: str, found: object, photons: Photons) -> tuple[Reading, Waveforms | None]:
+def check_reading(detector: Any, method: str, found: object, photons: Photons) -> tuple[Reading, Waveforms | None]:
     """Check what the method of a user-defined detector returned.
 
     Parameters
@@ -54,6 +56,9 @@ def check_reading(detector: object, method: str, found: object, photons: Photons
     reading, waveforms = found
     if not isinstance(reading, Reading) or reading.range_m.shape != photons.shape:
         raise make_answer_error(detector, method, reading, f"return a Reading of {photons.shape} pixels first")
+    listed, wanted = reading.return_range_m, detector.traits.max_returns
+    if wanted > 1 and (listed is None or listed.shape[-1] != wanted):
+        raise make_answer_error(detector, method, reading, f"list {wanted} returns of each pixel, as the traits say")
     if waveforms is not None and not isinstance(waveforms, Waveforms):
         raise make_answer_error(detector, method, waveforms, "return Waveforms or None after the Reading")
     if np.isinf(reading.range_m).any() or (reading.range_m < 0.0).any():

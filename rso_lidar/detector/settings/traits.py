@@ -62,6 +62,7 @@ class DetectorTraits:
             ("sees_from_m", 0.0),
             ("threshold_photons", 0.0),
             ("stored_behind_m", 0.0),
+            ("saturation_photons", 0.0),
             ("clock_s", 0.0),
         ):
             value = getattr(self, name)
@@ -76,14 +77,18 @@ class DetectorTraits:
             value = getattr(self, name)
             if not isinstance(value, Integral) or isinstance(value, bool) or value < 1:
                 raise ScenarioError(f"DetectorTraits.{name}: {value!r:.40} is not a whole number from 1; correct it")
+        for name, kind in (("has_waveforms", bool), ("has_taps", bool), ("is_gated", bool), ("window_keys", str)):
+            if not isinstance(getattr(self, name), kind):
+                what = "True or False" if kind is bool else "a text"
+                raise ScenarioError(f"DetectorTraits.{name}: {getattr(self, name)!r:.40} is not {what}; correct it")
         if self.returns not in ("first", "strongest", "last"):
             raise ScenarioError(
                 f"DetectorTraits.returns: {self.returns!r:.40} is none of first, strongest, last; choose one"
             )
         if not isinstance(self.settings, Mapping) or not all(
-            isinstance(name, str) and name.isidentifier() and isinstance(value, Real)
+            isinstance(name, str) and name.isidentifier() and isinstance(value, Real) and math.isfinite(value)
             for name, value in self.settings.items()
         ):
             raise ScenarioError(
-                "DetectorTraits.settings: needs numbers by name, such as {'gate_delay_s': 1e-6}; correct it"
+                "DetectorTraits.settings: needs finite numbers by name, such as {'gate_delay_s': 1e-6}; correct it"
             )

@@ -19,6 +19,14 @@ from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scenario.tables.schedule import Schedule, read_command
 
 # Keys of which exactly one may be given: a user's choice replaces the preset's.
+_SETTINGS = (
+    "laser_energy_j",
+    "laser_divergence_rad",
+    "laser_wavelength_m",
+    "pulse_fwhm_s",
+    "focal_length_m",
+    "aperture_m",
+)  # of every frame
 _ALTERNATIVES = ({"fov_deg", "focal_length_mm"}, {"f_number", "aperture_mm"})
 
 
@@ -68,6 +76,9 @@ class Lidar(Part):
     @model_validator(mode="after")
     def _has_traits(self) -> Self:
         check_traits(self.detector)
+        for name in self.detector.traits.settings:
+            if name in _SETTINGS:
+                raise ValueError(f"detector: '{name}' among its settings is one of the lidar's; rename it")
         return self
 
     @model_validator(mode="after")
@@ -125,15 +136,15 @@ class Lidar(Part):
     @property
     def settings(self) -> dict[str, float]:
         """Settings in force, in SI, as every frame records them."""
-        settings = {
-            "laser_energy_j": self.laser.energy_mj * units.MJ,
-            "laser_divergence_rad": self.laser.divergence_rad,
-            "laser_wavelength_m": self.laser.wavelength_m,
-            "pulse_fwhm_s": self.laser.pulse_fwhm_s,
-            "focal_length_m": self.receiver.focal_length_m,
-            "aperture_m": self.receiver.aperture_m,
-        }
-        return {**settings, **self.detector.traits.settings}
+        values = (
+            self.laser.energy_mj * units.MJ,
+            self.laser.divergence_rad,
+            self.laser.wavelength_m,
+            self.laser.pulse_fwhm_s,
+            self.receiver.focal_length_m,
+            self.receiver.aperture_m,
+        )
+        return {**dict(zip(_SETTINGS, values, strict=True)), **self.detector.traits.settings}
 
 
 def _merge_tables(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

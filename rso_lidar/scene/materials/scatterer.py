@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import Part, name_object
+from rso_lidar.part import GREATEST, Part, name_object
 from rso_lidar.user_objects import make_answer_error, read_member, to_real_array
 
 # Angular radius of the Sun from 1 au, 0.2665 degree: 6.8e-5 sr.
@@ -249,10 +249,11 @@ class _Completed(Scatterer):
                 f"{self.summarize()}: {method} returns an array of shape {brdf.shape} for cosines of shape "
                 f"{cosines[0].shape}; return one number for each hit"
             )
-        if not np.all((brdf >= 0.0) & (brdf < np.inf)):
+        sound = (brdf >= 0.0) & (brdf <= GREATEST)
+        if not np.all(sound):
             raise ScenarioError(
-                f"{self.summarize()}: {method} returns {brdf[~((brdf >= 0.0) & (brdf < np.inf))].flat[0]:g}; "
-                "a BRDF is finite and at least 0"
+                f"{self.summarize()}: {method} returns {brdf[~sound].flat[0]:g}; "
+                f"a BRDF is at least 0 and at most {GREATEST:g}"
             )
         return np.array(np.broadcast_to(brdf, cosines[0].shape))  # a copy, because the object may return its argument
 
