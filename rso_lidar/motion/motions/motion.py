@@ -50,7 +50,7 @@ class Motion(Protocol):
     """Protocol of user-defined motions; the single method `states` is enough.
 
     `states` may be called with any epochs from 2 s before the first frame to 2 s after the last. The reason is that rates
-    of orbital axes are finite differences. Its result at one epoch must not depend on the others, and the object must
+    of orbital axes are finite differences. The result at one epoch must not depend on the others, and the object must
     not change. An epoch without a state raises `PropagationError`. These optional members are recognised:
 
     - ``orbits``: False if the states are not an orbit about the Earth. The body then has no rtn axes, and its states are
