@@ -2,8 +2,10 @@
 
 import gc
 import os
+import signal
 import socket
 import sys
+import threading
 from pathlib import Path
 
 import hypothesis
@@ -14,6 +16,10 @@ from tests import limits
 # Hundreds of tests start a process. Where the machine forbids bytecode, each process would compile the package again.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# A shell ignores Ctrl-C for what it starts in the background, and processes pass that on. Tests of Ctrl-C need it.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN and threading.current_thread() is threading.main_thread():
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # A slow machine is no failure; a run of CI meets the same examples each time, so that a red run can be met again.
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None, print_blob=True)
