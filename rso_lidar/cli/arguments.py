@@ -42,7 +42,7 @@ def parse_instant(option: str, text: str) -> datetime.datetime:
     try:
         at = datetime.datetime.fromisoformat(text.strip())
     except ValueError:
-        raise ScenarioError(f"{option} {text}: is no time; write for example 2026-05-07T00:00:00Z") from None
+        raise ScenarioError(f"{option} {text}: is not a time; write for example 2026-05-07T00:00:00Z") from None
     if at.tzinfo is None:
         raise ScenarioError(f"{option} {text}: a time without an offset is ambiguous; end it with Z or +00:00")
     if not 1957 <= at.year <= 2056:

@@ -90,7 +90,7 @@ def _load_camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str
 def _parse_range_m(text: str) -> tuple[float, float]:
     ends = text.split(":")
     if len(ends) != 2:
-        raise ScenarioError(f"--range {text}: is no span; write for example 100m:5km")
+        raise ScenarioError(f"--range {text}: is not a range; write for example 100m:5km")
     return parse_length_m("--range", ends[0]), parse_length_m("--range", ends[1])
 
 

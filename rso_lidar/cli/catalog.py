@@ -186,7 +186,7 @@ def _describe_jumps(sets: Sequence[ElementSet]) -> list[str]:
 
 
 def _summarise(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
-    left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them asked for)"
+    left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them requested)"
     return (
         f"{file.name}: {format_count(len(whole), 'good element set')}{left}, {format_count(count, 'object')}; "
         f"{format_count(whole.duplicates, 'duplicate')}, {format_count(len(whole.problems), 'bad record')}"

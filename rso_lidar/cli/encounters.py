@@ -40,7 +40,7 @@ def encounters(
     follower: Annotated[str, typer.Option("--follower", metavar="ID", help="Catalogue number or name.")],
     within: Annotated[str, typer.Option("--within", help="Greatest range, with its unit: 50km, 500m.")],
     start: Annotated[str, typer.Option("--start", help="Begin, such as 2026-05-07T00:00:00Z.")],
-    days: Annotated[float, typer.Option("--days", help="How many days to look at.")] = 1.0,
+    days: Annotated[float, typer.Option("--days", help="Length of the search [days].")] = 1.0,
     lidar: Annotated[
         str,
         typer.Option(
@@ -103,7 +103,7 @@ def encounters(
     angles = {"sun": sun_exclusion, "moon": moon_exclusion, "earth": earth_exclusion}
     asked = _choose_constraints(asked, angles, None if keep_out is None else parse_length_m("--keep-out", keep_out))
     if not min_duration >= 0.0:
-        raise ScenarioError(f"--min-duration {min_duration:g}: is no duration; give 0 or more seconds")
+        raise ScenarioError(f"--min-duration {min_duration:g}: is not a duration; give 0 or more seconds")
     for option, place, suffix in (("--csv", csv, ".csv"), ("--plot", plot, ""), ("-o", output, ".toml")):
         if place is not None:
             if suffix and place.suffix.lower() != suffix:
@@ -131,7 +131,7 @@ def encounters(
     if plot is not None and not all(row.docked for row in table.rows):
         echo(f"{_draw(table, plot)}")
     elif plot is not None:
-        echo("no picture written: there is no encounter to draw", err=True)
+        echo("no picture written: no encounter to draw", err=True)
     if text is not None and output is not None:
         echo(f"{write_text(output, text, overwrite=overwrite)}")
     elif scenario is not None:

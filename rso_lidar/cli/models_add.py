@@ -91,7 +91,7 @@ def remove(
 def _parse_rates(ends: tuple[float, float] | None) -> tuple[float, float] | None:
     if ends is not None and not 0.0 <= ends[0] <= ends[1] < math.inf:
         raise MeshError(
-            f"--rate-deg-s {ends[0]:g} {ends[1]:g}: is no span; give the least rate from 0, then the greatest"
+            f"--rate-deg-s {ends[0]:g} {ends[1]:g}: is not a range; give the lowest rate, 0 or more, then the highest"
         )
     return ends
 
@@ -99,7 +99,7 @@ def _parse_rates(ends: tuple[float, float] | None) -> tuple[float, float] | None
 def _check_word(option: str, value: str | None, words: object) -> str | None:
     known = get_args(words)
     if value is not None and value not in known:
-        raise MeshError(f"{option} {value}: is none{did_you_mean(value, known)} (known: {', '.join(known)})")
+        raise MeshError(f"{option} {value}: unknown value{did_you_mean(value, known)} (known: {', '.join(known)})")
     return value
 
 

@@ -34,7 +34,7 @@ def check(
     echo(f"{path}")
     if known:
         echo(
-            f"known       {known['file']} of NASA's printable models: one unit is {unit_m:.6g} m; `models add` mends it"
+            f"known       {known['file']} of NASA's printable models: one unit is {unit_m:.6g} m; `models add` corrects it"
         )
     for line in lines:
         echo(line)

@@ -35,7 +35,7 @@ def plot(
 ) -> None:
     """Draw frames of a recording, their trajectory or curves. Without --frame, it draws a contact sheet."""
     if (frame is not None) + path + curves > 1:
-        raise RecordingError("--frame, --path and --curves are three pictures; ask for one at a time")
+        raise RecordingError("--frame, --path and --curves are three pictures; give one at a time")
     kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"
     if output is not None:
         output = check_writable(output, SHEET_SUFFIXES if kind == "sheet" else FIGURE_SUFFIXES, overwrite=overwrite)

@@ -114,7 +114,7 @@ def _compute_stride(every_s: float | None, scenario: Scenario) -> int:
     step_s = 1.0 / scenario.time.frame_rate_hz
     if every_s < step_s * (1.0 - 1e-9):
         raise ScenarioError(
-            f"--every {every_s:g}: frames are {step_s:g} s apart; ask for as much, or --set time.frame_rate_hz"
+            f"--every {every_s:g}: frames are {step_s:g} s apart; give at least that, or --set time.frame_rate_hz"
         )
     return round(every_s / step_s)
 
@@ -122,7 +122,7 @@ def _compute_stride(every_s: float | None, scenario: Scenario) -> int:
 def _check_name(name: str, known: list[str]) -> str:
     if name not in known:
         raise ScenarioError(
-            f"--body {name}: nothing has that name{did_you_mean(name, known)} (known: {', '.join(known)})"
+            f"--body {name}: no body has that name{did_you_mean(name, known)} (known: {', '.join(known)})"
         )
     return name
 
@@ -140,7 +140,7 @@ def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.nda
     if kind == "ptu" and scenario.ptu is None:
         raise ScenarioError("--figure ptu: the scenario has no PTU; add [ptu], or draw another figure")
     if not scenario.target and kind != "orbit":
-        raise ScenarioError(f"--figure {kind}: the scenario has no target to look at; add [[target]]")
+        raise ScenarioError(f"--figure {kind}: the scenario has no target; add a [[target]]")
     targets = [target.name for target in scenario.target]
     target = _check_name(body, targets) if body else next(iter(targets), None)
     place, angles = fly_open_loop(scenario, frames, drive=kind in STEPPED)

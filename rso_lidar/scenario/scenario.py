@@ -49,7 +49,7 @@ class Scenario(Mission):
         return self.source.scenario
 
     def describe(self) -> str:
-        """Return some twenty lines for a person: orbit, geometry, optics, link budget, warnings."""
+        """Return about twenty lines of text: orbit, geometry, optics, link budget, warnings."""
         return describe(self)
 
     def advice(self) -> list[str]:
@@ -58,6 +58,17 @@ class Scenario(Mission):
 
 
 def require_scenario(given: object, asked_by: str) -> None:
-    """Raise `ScenarioError` for an object that is not a scenario; `asked_by` begins the message."""
+    """Check that an object is a scenario.
+
+    Parameters
+    ----------
+    given : the object.
+    asked_by : name of the calling function, which begins the message.
+
+    Raises
+    ------
+    ScenarioError
+        If it is not.
+    """
     if not isinstance(given, Scenario):
         raise ScenarioError(f"{asked_by}: needs a Scenario, not {given!r:.60}; Scenario.load reads one from a file")

@@ -162,6 +162,14 @@ def _list_finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], t
 
 
 def _simulate_side(target: Target, file: Callable[[str], Path], wavelength_nm: float, side: str) -> SideReturn:
+    """Simulate the light that one side of a model returns in one flash.
+
+    Parameters
+    ----------
+    target, file : the model, and the function that finds the files that it names.
+    wavelength_nm : of the laser [nm].
+    side : name of the side, a key of `SIDES`.
+    """
     lidar = Lidar(preset=CAMERA).at(0.0)  # type: ignore[call-arg]
     lidar = lidar.replace(laser=lidar.laser.replace(wavelength_nm=wavelength_nm))
     surface = build_whole_surface(target, file, lidar.laser.wavelength_m)

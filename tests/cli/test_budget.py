@@ -64,7 +64,7 @@ def test_a_scenario_with_several_of_everything_to_csv_and_picture(call, scenario
     [
         (("gsfl_1065",), "no camera of that name; did you mean 'gsfl_1064'"),
         (("none.toml",), "no such file"),
-        (("gsfl_1064", "--range", "100m"), "--range 100m: is no span"),
+        (("gsfl_1064", "--range", "100m"), "--range 100m: is not a range"),
         (("gsfl_1064", "--range", "1:2"), "has no unit"),
         (("gsfl_1064", "--target-m", "a"), "--target-m a: are not lengths"),
         (("gsfl_1064", "--set", "time.duration_s=1"), "gsfl_1064 has only the table lidar"),

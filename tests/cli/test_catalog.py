@@ -102,7 +102,7 @@ def test_filters(call, file, asked, names):
         assert [re.split("  +", line)[0] for line in out[1:at]] == names
     else:
         assert out[0] == "no object found"
-    assert f"of them asked for), {len(names)} object{'s' * (len(names) != 1)};" in out[at]
+    assert f"of them requested), {len(names)} object{'s' * (len(names) != 1)};" in out[at]
 
 
 def test_jumps_of_several_epochs(call, file):
@@ -169,7 +169,7 @@ def test_a_write_that_fails_half_way_leaves_what_was_there(call, file, tmp_path,
         (["--id", "1234567890"], "is not a catalogue number; give up to nine digits"),
         (["--regime", "gio"], "unknown regime; did you mean 'geo'?"),
         (["--near", "2026-05-08T00:00:00Z"], "go together"),
-        (["--near", "yesterday", "--max-age-days", "1"], "--near yesterday: is no time"),
+        (["--near", "yesterday", "--max-age-days", "1"], "--near yesterday: is not a time"),
         (["--near", "2026-05-08T00:00:00", "--max-age-days", "1"], "end it with Z"),
         (["--near", "2026-05-08T00:00:00Z", "--max-age-days", "nan"], "is not an age"),
         (["--jumps"], "name it with --id"),

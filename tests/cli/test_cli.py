@@ -320,7 +320,7 @@ class TestChangingLens:
 BAD_INSTRUMENTS = [
     ("lidar.preset=gsfl_1604", "did you mean 'gsfl_1064'"),
     ("lidar.preset=3", "lidar.preset"),
-    ("lidar.schedule={time_s=[0, 1]}", "nothing is planned"),
+    ("lidar.schedule={time_s=[0, 1]}", "no setting is planned"),
     ("lidar.schedule={time_s=[0, 1], energy_mj=[1]}", "match them"),
     ("lidar.schedule={time_s=[0, 1], energy_mj=5}", "needs a list"),
     ("lidar.schedule={time_s=[0], gate_delay_ns=[1]}", "[lidar.detector.gate]"),

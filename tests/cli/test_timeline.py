@@ -35,7 +35,7 @@ def test_a_picture_and_a_table(call, bench, tmp_path, monkeypatch):
         (["--every", "0"], "seconds above 0"),
         (["--every", "nan"], "seconds above 0"),
         (["--target", "plats"], "did you mean 'plate'"),
-        (["--set", "target=[]", "--set", "ptu.point={type='fixed'}"], "has no target to look at"),
+        (["--set", "target=[]", "--set", "ptu.point={type='fixed'}"], "has no target"),
     ],
 )
 def test_refused_in_one_line(refused, arguments, said):

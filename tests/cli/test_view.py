@@ -63,7 +63,7 @@ def test_a_scene(call, bench, tmp_path):
         (["--frames", "a:b"], "is not A:B"),
         (["--with", "rerum"], "did you mean 'rerun'? (known: rerun, window, files)"),
         (["--with", "window"], "no display; choose files"),
-        (["--with", "window", "-o", "x.png"], "a window writes nothing"),
+        (["--with", "window", "-o", "x.png"], "a window writes no file"),
         (["--with", "files", "-o", "x.rrd"], "unknown suffix '.rrd'"),
         (["-o", "x"], "no suffix"),
         (["-o", "x.jpg"], "unknown suffix '.jpg'"),

@@ -74,7 +74,7 @@ def write(tmp_path, name, frames, **how):
 
 
 def test_no_frames_leave_nothing(tmp_path, name):
-    with pytest.raises(RecordingError, match=rf"out.{name}: there are no frames to write; check the choice"):
+    with pytest.raises(RecordingError, match=rf"out.{name}: no frames to write; check the selection"):
         write(tmp_path, name, [])
     assert list(tmp_path.iterdir()) == []
 

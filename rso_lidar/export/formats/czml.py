@@ -53,7 +53,7 @@ def choose_samples(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
     array([0, 3, 6, 9])
     """
     if most < 2:
-        raise RecordingError(f"czml: {most} samples are too few to move by; ask for 2 or more")
+        raise RecordingError(f"czml: {most} samples cannot show motion; give 2 or more")
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
 
 

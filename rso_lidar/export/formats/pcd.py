@@ -85,7 +85,7 @@ def _describe_viewpoint(frame: Frame, axes: str) -> str:
     tree = frame.truth.poses
     if axes not in tree and axes != "inertial":
         guess = did_you_mean(axes, tree)
-        raise RecordingError(f"viewpoint: there are no axes '{axes}'{guess or ';'} (known: {', '.join(tree)})")
+        raise RecordingError(f"viewpoint: no axes named '{axes}'{guess or ';'} (known: {', '.join(tree)})")
     pose = frame.truth.pose(axes, "lidar")
     numbers = [*pose.translation, *pose.rotation.as_quat(canonical=True, scalar_first=True)]
     return " ".join(repr(float(number)) for number in numbers)

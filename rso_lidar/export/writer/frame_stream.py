@@ -28,7 +28,7 @@ def take_first(place: Path, frames: Iterable[Frame]) -> tuple[Frame, Iterator[Fr
     coming = iter(frames)
     first = next(coming, None)
     if first is None:
-        raise RecordingError(f"{place}: there are no frames to write; check the choice of frames")
+        raise RecordingError(f"{place}: no frames to write; check the selection of frames")
     return _check_frame(place, first), (_check_frame(place, frame) for frame in itertools.chain([first], coming))
 
 

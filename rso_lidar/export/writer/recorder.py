@@ -153,7 +153,7 @@ class Recorder:
         try:
             if self._file is None:
                 if kind is None:
-                    raise RecordingError(f"{self.path}: there are no frames to record; check the choice of frames")
+                    raise RecordingError(f"{self.path}: no frames to record; check the selection of frames")
                 return
             with self._watched():
                 self._chunks = None

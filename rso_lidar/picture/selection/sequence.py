@@ -79,7 +79,7 @@ def pick(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tup
     else:
         chosen, total = _thin(frames, count, look)
     if not chosen:
-        raise RecordingError("nothing to draw: the recording holds no frames")
+        raise RecordingError("nothing to draw: the recording has no frames")
     return chosen, total
 
 

@@ -76,7 +76,7 @@ class Player:
         from matplotlib.widgets import Slider
 
         if not len(frames):
-            raise RecordingError("nothing to draw: the recording holds no frames")
+            raise RecordingError("nothing to draw: the recording has no frames")
         self.frames, self.shapes, self.colour = frames, tuple(shapes), colour
         self.figure = figure or _figure(SIZE_IN if controls else STILL_IN)
         self.playing = False
@@ -209,7 +209,7 @@ def save_view(
     """
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     if not len(frames):
-        raise RecordingError("nothing to draw: the recording holds no frames")
+        raise RecordingError("nothing to draw: the recording has no frames")
     return save_figure(Player(frames, shapes, colour, first=find_fullest_frame(frames), controls=False).figure, place)
 
 

@@ -53,7 +53,7 @@ def advise(mission: Mission, preview: Preview | None = None) -> list[str]:
         lines += list_violations(mission.constraints, mission, preview)
     lines += _advise_on_python_objects(mission)
     if not mission.target:
-        lines.append("there is no [[target]]: frames will hold false triggers only")
+        lines.append("no [[target]]: frames will contain false triggers only")
     return lines
 
 

@@ -39,6 +39,12 @@ def list_violations(constraints: Constraints, mission: Mission, preview: Preview
 
 
 def _check_exclusions(constraints: Constraints, mission: Mission, preview: Preview) -> list[str]:
+    """List the violations of the exclusion angles.
+
+    Parameters
+    ----------
+    constraints, mission, preview : the limits, the mission, and its geometry.
+    """
     around = compute_sky_geometry(mission, preview)
     cure = "turn the boresight away, or start at another time"
     lines = []
@@ -60,7 +66,7 @@ def _check_exclusions(constraints: Constraints, mission: Mission, preview: Previ
             if least_deg < 0.0:
                 how = f"the boresight meets the Earth, {-least_deg:.2f}° inside its limb,"
             lines.append(
-                f"constraints.{key}: {how} at {preview.time_s[worst]:g} s, and {asked_deg:g}° is asked; "
+                f"constraints.{key}: {how} at {preview.time_s[worst]:g} s, and {asked_deg:g}° is required; "
                 f"{describe_share(near, preview.time_s)}; {cure}"
             )
     return lines
@@ -81,6 +87,13 @@ def _locate(poses: PoseTree, apex: str, name: str, n_epochs: int) -> np.ndarray:
 
 
 def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview, target: str) -> list[str]:
+    """List the violations of a keep-out sphere.
+
+    Parameters
+    ----------
+    constraints, mission, preview : the limits, the mission, and its geometry.
+    target : name of the body at the centre of the sphere.
+    """
     radius_m = constraints.radius_m(target)
     if radius_m is None:
         return []
@@ -115,12 +128,19 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
     inside = ", from the first frame on" if spans[0][0] < start_s else f", first at {clipped[0][0]:.3f} s"
     outside = " outside of its corridor" if corridors else ""
     return [
-        f"constraints.keep_out_m: the follower comes to {nearest_m:.3g} m of {target}{outside} at {when_s:.3f} s, and "
-        f"{radius_m:g} m is asked{inside}; fly wider, or shrink the sphere"
+        f"constraints.keep_out_m: the follower comes within {nearest_m:.3g} m of {target}{outside} at {when_s:.3f} s, and "
+        f"{radius_m:g} m is required{inside}; fly wider, or reduce the sphere"
     ]
 
 
 def _check_corridor(place: str, corridor: Corridor, mission: Mission, preview: Preview) -> list[str]:
+    """List the violations of a corridor.
+
+    Parameters
+    ----------
+    place : of the corridor in the scenario, for the message.
+    corridor, mission, preview : the limit, the mission, and its geometry.
+    """
     place_m = _locate(preview.truth.poses, corridor.apex, "follower", len(preview.time_s))
     applies = corridor.applies(place_m)
     angle = corridor.angle_rad(place_m)
@@ -131,6 +151,6 @@ def _check_corridor(place: str, corridor: Corridor, mission: Mission, preview: P
     return [
         f"{place}: the follower is {angle[worst] / units.DEG:.2f}° off the axis at {preview.time_s[worst]:g} s, "
         f"{np.sqrt(np.sum(place_m[worst] ** 2)):.4g} m from {corridor.apex_name}, and "
-        f"{corridor.half_angle_deg:g}° is asked; {describe_share(out, preview.time_s)}; "
+        f"{corridor.half_angle_deg:g}° is required; {describe_share(out, preview.time_s)}; "
         "steer into the cone, or turn its axis"
     ]

@@ -72,6 +72,13 @@ def advise_on_environment(mission: Mission, preview: Preview, constraints: Const
 
 
 def _advise_on_sun(preview: Preview, around: SkyGeometry, *, near: bool) -> list[str]:
+    """Warn of the Sun in the field of view, and near it.
+
+    Parameters
+    ----------
+    preview, around : geometry of the mission, and of the bodies around the lidar.
+    near : whether to warn of a Sun outside the field too.
+    """
     if around.sun_m is None:
         return []
     to_sun = around.sun_m - around.position_m
@@ -88,7 +95,7 @@ def _advise_on_sun(preview: Preview, around: SkyGeometry, *, near: bool) -> list
         return []
     return [
         f"the Sun comes within {outside[worst] / units.DEG:.2f}° of the field of view at {preview.time_s[worst]:g} s, and "
-        "stray light is not in the frames; say what the baffle keeps out with constraints.sun_exclusion_deg"
+        "stray light is not in the frames; state the baffle's exclusion angle as constraints.sun_exclusion_deg"
     ]
 
 
@@ -104,6 +111,12 @@ def _advise_on_earth(preview: Preview, around: SkyGeometry) -> list[str]:
 
 
 def _advise_on_line_of_sight(mission: Mission, preview: Preview, around: SkyGeometry) -> list[str]:
+    """Warn of targets hidden by the Earth.
+
+    Parameters
+    ----------
+    mission, preview, around : the mission, its geometry, and the bodies around the lidar.
+    """
     lines = []
     for target in mission.target if around.earth else ():
         blocked = line_of_sight_height_m(preview, target.name) < 0.0
@@ -125,6 +138,13 @@ def _format_ends(angle: np.ndarray) -> str:
 
 
 def _format_course(angle: np.ndarray, time_s: np.ndarray, off: str = "") -> str:
+    """Format the first, last and least value of an angle.
+
+    Parameters
+    ----------
+    angle, time_s : angles (time) [rad] at some times (time) [s].
+    off : text after the first two.
+    """
     worst = find_first_least(angle)
     return f"{_format_ends(angle)}{off}, least {angle[worst] / units.DEG:.2f}° at {time_s[worst]:g} s"
 
@@ -155,6 +175,13 @@ def _describe_eclipse(eclipse: Eclipse) -> str:
 
 
 def _describe_passage(what: str, begins_s: float, ends_s: float) -> str:
+    """Describe one passage through a shadow.
+
+    Parameters
+    ----------
+    what : name of the shadow.
+    begins_s, ends_s : its ends [s since start_utc], infinite where they are outside the run.
+    """
     if np.isinf(begins_s) and np.isinf(ends_s):
         return f"{what} all the time"
     begins = f"from {begins_s:.3f} s" if np.isfinite(begins_s) else "from before the first frame"

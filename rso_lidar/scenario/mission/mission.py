@@ -136,7 +136,7 @@ class Mission(Part):
             if tracked not in known:
                 guess = did_you_mean(tracked, known)
                 raise ValueError(
-                    f"ptu.point.at: nothing is named '{tracked}'{guess} (known: {', '.join(known) or 'none'})"
+                    f"ptu.point.at: no body is named '{tracked}'{guess} (known: {', '.join(known) or 'none'})"
                 )
         return self
 
@@ -182,11 +182,30 @@ class Mission(Part):
             )
 
     def locate_errors(self, place: str = "") -> AbstractContextManager[None]:
-        """Return a context that prefixes the messages of errors with the scenario's name and a place in it."""
+        """Return a context that prefixes the messages of errors with the scenario's name and a place in it.
+
+        Parameters
+        ----------
+        place : dotted key, such as ``follower.motion``; empty for the scenario as a whole.
+        """
         return add_place(f"{self._where}: {place}" if place else self._where)
 
     def file(self, name: str) -> Path:
-        """Find a file that the scenario names, or raise `ScenarioError`."""
+        """Find a file that the scenario names: beside the scenario, then among the shipped data.
+
+        Parameters
+        ----------
+        name : as the scenario states it.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        ScenarioError
+            If there is no such file.
+        """
         path = find(name, self._folder)
         if path is None:
             beside = f"beside the scenario ({self._folder})" if self._folder else "in the working folder"
@@ -203,11 +222,21 @@ class Mission(Part):
         return tuple(surfaces)
 
     def surfaces_of(self, number: int) -> tuple[Surface, ...]:
-        """Return the surfaces of one target by number: that of its body, then those of its hinges."""
+        """Return the surfaces of one target: that of its body, then those of its hinges.
+
+        Parameters
+        ----------
+        number : index of the target.
+        """
         return tuple(surface for surface in self.surfaces if surface.target == number)
 
     def corners_of(self, number: int) -> np.ndarray:
-        """Return the corners (facet, 3, xyz) f8 [m] of one target by number in body axes, with all hinges at zero."""
+        """Return the corners (facet, 3, xyz) f8 [m] of one target in body axes, with all hinges at zero.
+
+        Parameters
+        ----------
+        number : index of the target.
+        """
         seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in self.target[number].joints)]
         surfaces = self.surfaces_of(number)
         return np.concatenate([one.corners + np.array(at) for one, at in zip(surfaces, seats, strict=True)])
@@ -226,12 +255,23 @@ class Mission(Part):
         return self.time.start_utc, (self.time.n_frames - 1) / self.time.frame_rate_hz
 
     def epochs(self, frames: np.ndarray | None = None) -> Epochs:
-        """Return the epochs of all frames, or of some by number."""
+        """Return the epochs of frames.
+
+        Parameters
+        ----------
+        frames : indices of frames (time); by default all.
+        """
         numbers = np.arange(self.time.n_frames) if frames is None else frames
         return Epochs(self.time.start_utc, self.time.seconds(numbers))
 
     def rng(self, frame: int, stage: int = 0) -> np.random.Generator:
-        """Return the generator of one frame's noise: it depends on seed, frame and stage only."""
+        """Return the generator of one frame's noise: it depends on seed, frame and stage only.
+
+        Parameters
+        ----------
+        frame : index of the frame.
+        stage : number that separates the noise of detection and of pointing.
+        """
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
 
 

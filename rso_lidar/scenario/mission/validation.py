@@ -74,9 +74,16 @@ def _apply_setting(tree: dict[str, Any], setting: str) -> None:
 
 
 def _descend_to(here: Any, step: str, setting: str) -> Any:
+    """Return the table or list inside a TOML tree that one step of a key leads to.
+
+    Parameters
+    ----------
+    here, step : a table or list, and a key or entry of it.
+    setting : the whole setting, for the message.
+    """
     inner = here[_find_entry(here, step, setting)] if isinstance(here, list) else here.setdefault(step, {})
     if not isinstance(inner, dict | list):
-        raise SettingError(f"--set {setting}: '{step}' holds a value, not a table; shorten the place")
+        raise SettingError(f"--set {setting}: '{step}' is a value, not a table; shorten the key")
     return inner
 
 

@@ -70,17 +70,32 @@ class Corridor(Part):
         return self.target if self.axes in (None, "rtn") else f"{self.target}'s {self.axes}"
 
     def angle_rad(self, place_m: np.ndarray) -> np.ndarray:
-        """Return the angle (time) [rad] between the corridor's axis and places (time, 3) in the axes of its apex."""
+        """Return the angle (time) [rad] between the axis of the corridor and the direction to some points.
+
+        Parameters
+        ----------
+        place_m : points (time, 3) in the axes of the apex [m].
+        """
         return angle_off_axis_rad(place_m, np.array(self.axis))
 
     def applies(self, place_m: np.ndarray) -> np.ndarray:
-        """Return whether (time) the distance of places from the apex is within the corridor's length."""
+        """Return whether (time) points are within the length of the corridor.
+
+        Parameters
+        ----------
+        place_m : points (time, 3) in the axes of the apex [m].
+        """
         distance = np.sqrt(np.sum(place_m**2, axis=-1))
         there: np.ndarray = (distance >= self.from_m) & (distance <= (self.to_m or np.inf))
         return there
 
     def margin_m(self, place_m: np.ndarray) -> np.ndarray:
-        """Return the distance (time) [m] of places from the corridor's boundary, negative outside."""
+        """Return the distance (time) [m] of points from the boundary of the corridor, negative outside.
+
+        Parameters
+        ----------
+        place_m : points (time, 3) in the axes of the apex [m].
+        """
         distance = np.sqrt(np.sum(place_m**2, axis=-1))
         aside = distance * (self.half_angle_deg * units.DEG - self.angle_rad(place_m))
         margin: np.ndarray = np.minimum(np.minimum(aside, distance - self.from_m), (self.to_m or np.inf) - distance)
@@ -121,7 +136,12 @@ class Constraints(Part):
     )
 
     def radius_m(self, target: str) -> float | None:
-        """Return the radius [m] of the keep-out sphere about a target, or None."""
+        """Return the radius [m] of the keep-out sphere about a target; None without one.
+
+        Parameters
+        ----------
+        target : name of the target.
+        """
         return self.keep_out_m.get(target) if isinstance(self.keep_out_m, dict) else self.keep_out_m
 
     def check(self, targets: Sequence[Body], *, local: bool, sun: bool) -> None:

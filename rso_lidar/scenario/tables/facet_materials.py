@@ -96,11 +96,18 @@ def _assign_materials(
 
 
 def _find_material(word: str, facet_materials: FacetMaterials, path: Path) -> Material:
+    """Find a material by its name.
+
+    Parameters
+    ----------
+    word : name in the table of the scenario, or in the catalogue.
+    facet_materials, path : the table, and its file for the message.
+    """
     if word in facet_materials.materials:
         return facet_materials.materials[word]
     known = [*facet_materials.materials, *library.materials()]
     if word not in known:
-        cure = f"{did_you_mean(word, known) or ';'} say what it is in facet_materials.materials"
+        cure = f"{did_you_mean(word, known) or ';'} define it in facet_materials.materials"
         raise ScenarioError(f"{path.name}: no material '{word}'{cure}")
     return Named(name=word)
 
@@ -121,7 +128,7 @@ def _read_array(path: Path, facets: int) -> np.ndarray:
     except MeshError:
         raise
     except Exception:  # NumPy reads the header as Python's: a broken one fails in a dozen ways
-        raise MeshError(f"{path.name}: is no array of NumPy's; write it with numpy.save") from None
+        raise MeshError(f"{path.name}: is not a NumPy array; write it with numpy.save") from None
     if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iu" or numbers.shape != (facets,):
         got = f"{numbers.dtype} {numbers.shape}" if isinstance(numbers, np.ndarray) else "an archive"
         raise MeshError(f"{path.name}: holds {got}; give one integer for each of the {facets:,} facets of the mesh")

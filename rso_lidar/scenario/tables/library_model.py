@@ -45,7 +45,7 @@ class LibraryModel(Part):
                 f"{key} {_shorten(getattr(self, key))}, now {_shorten(getattr(now, key))}" for key in changed
             )
             raise MeshError(
-                f"model '{entry.name}': is no longer what was flown ({what}); "
+                f"model '{entry.name}': has changed since the recording ({what}); "
                 "add it to your library as it was (`rso-lidar models add --overwrite`)"
             )
 

@@ -110,14 +110,30 @@ class Lidar(Part):
         return self.detector.traits.max_returns
 
     def at(self, time_s: float, command: Command | None = None) -> Lidar:
-        """Return the instrument with the settings in force at a time [s since start_utc], as planned and commanded."""
+        """Return the instrument with the settings in force at one time: those of the schedule, then those of a command.
+
+        Parameters
+        ----------
+        time_s : time [s since start_utc].
+        command : of a controller, or None.
+
+        Raises
+        ------
+        ScenarioError
+            If a commanded setting is not allowed.
+        """
         wanted = self.schedule.at(time_s) if self.schedule else {}
         with add_place("simulate: the controller's command" if command else "lidar.schedule"):
             wanted |= read_command(command) if command else {}
             return self.with_settings(wanted) if wanted else self
 
     def with_settings(self, settings: Mapping[str, float]) -> Lidar:
-        """Return the instrument with other settings, given by the names of a schedule."""
+        """Return the instrument with other settings.
+
+        Parameters
+        ----------
+        settings : values by the names of a `Schedule`, in their units.
+        """
         return _with_settings(self, tuple(settings.items()))
 
     def replace(self, **changes: Any) -> Self:

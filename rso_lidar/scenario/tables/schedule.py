@@ -48,9 +48,9 @@ class Schedule(Part):
         if not self.time_s:
             raise ValueError("time_s is empty; give at least one instant")
         if np.any(np.diff(self.time_s) <= 0.0):
-            raise ValueError("time_s must rise from entry to entry; sort it")
+            raise ValueError("time_s does not increase; sort it")
         if not self.planned:
-            raise ValueError(f"nothing is planned; give a list for one of {', '.join(_PLANNED)}")
+            raise ValueError(f"no setting is planned; give a list for one of {', '.join(_PLANNED)}")
         for name in self.planned:
             if len(getattr(self, name)) != len(self.time_s):
                 raise ValueError(
@@ -64,7 +64,12 @@ class Schedule(Part):
         return tuple(name for name in _PLANNED if getattr(self, name) is not None)
 
     def at(self, time_s: float) -> dict[str, float]:
-        """Return the planned settings at a time [s since start_utc], by name."""
+        """Return the planned settings at one time, by name.
+
+        Parameters
+        ----------
+        time_s : time [s since start_utc].
+        """
         if self.interpolation == "step":
             place = max(int(np.searchsorted(self.time_s, time_s, "right")) - 1, 0)
             return {name: float(getattr(self, name)[place]) for name in self.planned}

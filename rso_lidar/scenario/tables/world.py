@@ -38,7 +38,12 @@ class Time(Part):
         return round(self.duration_s * self.frame_rate_hz)
 
     def seconds(self, frames: np.ndarray) -> np.ndarray:
-        """Return the times [s since start_utc] of frames by number."""
+        """Return the times [s since start_utc] of frames.
+
+        Parameters
+        ----------
+        frames : indices of frames (time).
+        """
         return np.asarray(frames, dtype=float) / self.frame_rate_hz
 
 

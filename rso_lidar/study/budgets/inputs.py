@@ -46,7 +46,7 @@ def select_camera(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | Non
 def check_positive(what: str, value: Any) -> float:
     """Return a number, or raise `ScenarioError` where it is not finite and above 0."""
     if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 < float(value) < math.inf:
-        raise ScenarioError(f"{what}: {value}: is no size; give a finite number above 0")
+        raise ScenarioError(f"{what}: {value}: is not a size; give a finite number above 0")
     return float(value)
 
 
@@ -92,7 +92,7 @@ def choose_ranges_m(given: Any, detector: AnyDetector) -> np.ndarray:
         or not np.all(np.diff(values) > 0.0)
     ):
         shown = ", ".join(f"{value:g}" for value in values[:4])
-        raise ScenarioError(f"range_m: {shown}: are no ranges; give a near and a farther one, above 0")
+        raise ScenarioError(f"range_m: {shown}: not two ranges; give a near and a farther one, above 0")
     if values[-1] > _FARTHEST_M:
         raise ScenarioError(f"range_m: {values[-1]:g}: is beyond {_FARTHEST_M:g} m; give a nearer one")
     return np.geomspace(values[0], values[1], _RANGES) if len(values) == 2 else values
@@ -188,7 +188,7 @@ def _find_material(given: str | float | Material, wavelength_m: float) -> tuple[
             )
         given = float(given)
     if not 0.0 <= given <= 1.0:
-        raise ScenarioError(f"material: {given:g}: is no reflectance; give 0 to 1, or a name")
+        raise ScenarioError(f"material: {given:g}: is not a reflectance; give 0 to 1, or a name")
     return f"lambertian {given:g}", Lambertian(reflectance=float(given))
 
 
@@ -198,7 +198,7 @@ def _read_brdf_table(file: Path) -> TableBrdf:
     try:
         rows = [row for row in csv.reader(text.splitlines()) if row]
     except csv.Error:
-        raise ScenarioError(f"{file}: is no CSV; give columns incidence_deg, brdf_per_sr") from None
+        raise ScenarioError(f"{file}: is not a CSV file; give columns incidence_deg, brdf_per_sr") from None
     try:
         columns = [(float(one), float(other)) for one, other in rows[1 if rows and not _is_number(rows[0][0]) else 0 :]]
         degrees, values = zip(*columns, strict=True)
@@ -209,7 +209,9 @@ def _read_brdf_table(file: Path) -> TableBrdf:
     except ScenarioError as error:
         raise ScenarioError(f"{file}: {error}") from None
     except ValueError:
-        raise ScenarioError(f"{file}: is no table of two columns of numbers; give incidence_deg, brdf_per_sr") from None
+        raise ScenarioError(
+            f"{file}: is not a table of two columns of numbers; give incidence_deg, brdf_per_sr"
+        ) from None
 
 
 def _is_number(text: str) -> bool:

@@ -76,7 +76,12 @@ class Budget:
     notes: tuple[str, ...]
 
     def range_of_pixels(self, pixels: float) -> float:
-        """Return the range [m] at which the target covers some pixels, all of it in the field and illuminated."""
+        """Return the range [m] at which the target covers a number of pixels, all of it in the field and illuminated.
+
+        Parameters
+        ----------
+        pixels : number of pixels, above 0.
+        """
         return math.sqrt(self.target_area_m2 / check_positive("pixels", pixels)) / self.pixel_rad
 
     def csv_text(self) -> str:
@@ -95,7 +100,7 @@ class Budget:
         """Return the figure of photons, probability, precision and pixels against range."""
         if len(self.curves) > _MOST_DRAWN:
             raise ScenarioError(
-                f"budget: {len(self.curves)} curves are too many for one picture; ask for at most {_MOST_DRAWN}, or "
+                f"budget: {len(self.curves)} curves are too many for one picture; draw at most {_MOST_DRAWN}, or "
                 "write .csv"
             )
         lines = [
@@ -116,7 +121,22 @@ class Budget:
         return budget_figure(lines, f"Link budget of {self.camera}", self.about(), self.probability, self.notes)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the budget as a table (.csv) or a picture (.png, .pdf, .svg), and return its path."""
+        """Write the budget as a table or a picture.
+
+        Parameters
+        ----------
+        path : of the output, .csv, .png, .pdf or .svg.
+        overwrite : whether an existing file may be replaced.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            For another suffix, or a path that cannot be written.
+        """
         place = check_writable(path, SUFFIXES, overwrite=overwrite)
         if place.suffix.lower() != ".csv":
             return save_figure(self.figure(), place)
@@ -236,7 +256,7 @@ def budget(
     if len(chosen) * len(tilts) * len(widths) > _MOST_CURVES:
         raise ScenarioError(
             f"budget: {len(chosen)} materials x {len(tilts)} tilts x {len(widths)} divergences are over {_MOST_CURVES} "
-            "curves; ask for fewer at once"
+            "curves; request fewer at a time"
         )
     target = choose_target(target_m, scenario)
     receiver, detector = lidar.receiver, lidar.detector

@@ -178,6 +178,16 @@ def _build_batch(
     sky: ExclusionAngles,
     each_side: int,
 ) -> list[Encounter]:
+    """Build the encounters of some close approaches.
+
+    Parameters
+    ----------
+    screened, stays : result of the screening, and its close approaches.
+    reach : nearest and farthest range of the lidar [m].
+    max_slew_deg_s : limit of the slew rate [deg/s].
+    sky : exclusion angles over the span.
+    each_side : instants on either side of the closest approach.
+    """
     lead, objects = screened.follower, screened.objects
     which = np.array([stay.which for stay in stays])
     time_s = np.array([stay.time_s for stay in stays])
@@ -283,6 +293,13 @@ def _check_constraints(
 
 
 def _state_in_gcrs(objects: ScheduledFleet, which: np.ndarray, epochs: Epochs) -> BodyState:
+    """Compute states of objects in GCRS axes.
+
+    Parameters
+    ----------
+    objects, which : the fleet, and the index (row) of the object.
+    epochs : one for each row.
+    """
     position, velocity = objects.at(which, epochs.time_s)
     rotation = gcrs_from_teme(epochs)
     return BodyState(rotate_vectors(rotation, position), rotate_vectors(rotation, velocity))

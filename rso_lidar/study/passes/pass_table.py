@@ -190,7 +190,22 @@ class Encounters:
         return "\n".join([self.title, *lines, *self.notes()])
 
     def csv(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write all rows and columns as CSV, whose names end in their unit, and return the path."""
+        """Write all rows and columns as CSV; names of columns end in their unit.
+
+        Parameters
+        ----------
+        path : of the file.
+        overwrite : whether an existing file may be replaced.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            If the file exists or cannot be written there.
+        """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         names = Encounter.columns()

@@ -63,9 +63,7 @@ def scenario_text(table: Encounters, number: int) -> str:
         For a row that does not exist, and for objects that are docked to the follower.
     """
     if not table.rows:
-        raise ScenarioError(
-            f"scenario {number}: there is no encounter to write; look within a greater range or more days"
-        )
+        raise ScenarioError(f"scenario {number}: no encounter to write; search a greater range or more days")
     if not 1 <= number <= len(table.rows):
         raise ScenarioError(
             f"scenario {number}: there are {len(table.rows)} rows; give a number from 1 to {len(table.rows)}"
@@ -91,7 +89,7 @@ def scenario_text(table: Encounters, number: int) -> str:
         "",
         "[[target]]",
         f"name     = {_write_value(name)}",
-        f"model    = {_write_value(model)}   # {why}: size and material are no better; put your own here",
+        f"model    = {_write_value(model)}   # {why}: size and material are as uncertain; put your own here",
         f"motion   = {_write_motion(row.elements)}",
         'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
         "",
@@ -195,9 +193,7 @@ def _write_warnings(table: Encounters, row: Encounter) -> list[str]:
             f"{table.max_slew_deg_s:g} deg/s of the drive."
         )
     if row.breaks:
-        lines.append(
-            f"# BEWARE: at the closest approach it breaks what is asked by [constraints]: {', '.join(row.breaks)}."
-        )
+        lines.append(f"# BEWARE: at the closest approach it violates [constraints]: {', '.join(row.breaks)}.")
     return lines
 
 

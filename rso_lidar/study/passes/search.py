@@ -82,14 +82,14 @@ def encounters(
     """
     check_span(within_m, start_utc, days, max_slew_deg_s)
     if sort not in _KEYS:
-        raise ScenarioError(f"sort: {quote(sort)} is no order; use one of {', '.join(_KEYS)}")
+        raise ScenarioError(f"sort: {quote(sort)} is not a sort order; use one of {', '.join(_KEYS)}")
     if limit is not None and (isinstance(limit, bool) or not isinstance(limit, numbers.Integral) or limit < 1):
-        raise ScenarioError(f"limit: {quote(limit)} is no number of rows; give 1 or more, or leave it out for all")
+        raise ScenarioError(f"limit: {quote(limit)} is not a number of rows; give 1 or more, or omit it for all rows")
     _check_number("min_duration", "s", min_duration_s)
     if not min_duration_s >= 0.0:
-        raise ScenarioError(f"min_duration: {min_duration_s:g} s is no duration; give 0 or more")
+        raise ScenarioError(f"min_duration: {min_duration_s:g} s is not a duration; give 0 or more")
     if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral | ElementSet):
-        raise ScenarioError(f"follower: {quote(follower)} is no object; give its catalogue number or its name")
+        raise ScenarioError(f"follower: {quote(follower)} is not an object; give its catalogue number or its name")
     if lidar is None:
         lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
     sets, problems = _read_sets(catalog)
@@ -137,20 +137,27 @@ def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_s
     for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
         _check_number(what, unit, value)
     if not isinstance(start_utc, datetime.datetime):
-        raise ScenarioError(f"start: {quote(start_utc)} is no time; give a datetime with its time zone")
+        raise ScenarioError(f"start: {quote(start_utc)} is not a time; give a datetime with its time zone")
     if not 0.0 < within_m <= 1e8:
-        raise ScenarioError(f"within: {within_m:g} m is no distance to look within; give one up to 100,000 km")
+        raise ScenarioError(f"within: {within_m:g} m is not a search distance; give one up to 100,000 km")
     if start_utc.tzinfo is None:
         raise ScenarioError("start: a time without an offset is ambiguous; end it with Z or +00:00")
     if not 0.0 < days <= 60.0:
-        raise ScenarioError(f"days: {days:g} is no span; give more than 0 and at most 60 days")
+        raise ScenarioError(f"days: {days:g} is not a time span; give more than 0 and at most 60 days")
     if not 0.0 < max_slew_deg_s < 1e6:
-        raise ScenarioError(f"max_slew: {max_slew_deg_s:g} deg/s is no limit; give more than 0")
+        raise ScenarioError(f"max_slew: {max_slew_deg_s:g} deg/s is not a slew limit; give more than 0")
 
 
 def _check_number(what: str, unit: str, value: Any) -> None:
+    """Refuse a value that is not a number.
+
+    Parameters
+    ----------
+    what, unit : name and unit, for the message.
+    value : to be checked.
+    """
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise ScenarioError(f"{what}: {quote(value)} is no number; give one in {unit}, without the unit")
+        raise ScenarioError(f"{what}: {quote(value)} is not a number; give one in {unit}, without the unit")
 
 
 def _read_sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet], list[tuple[str, str]]]:
@@ -158,11 +165,13 @@ def _read_sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[Element
     if isinstance(catalog, str | Path):
         catalog = Catalog.from_file(catalog)
     if isinstance(catalog, bytes) or not isinstance(catalog, Iterable):
-        raise CatalogError(f"catalogue: {quote(catalog)} is none: give a file's path, a catalogue or element sets")
+        raise CatalogError(
+            f"catalogue: {quote(catalog)} is not a catalogue; give a file's path, a catalogue or element sets"
+        )
     sets = list(catalog)
     for entry in sets:
         if not isinstance(entry, ElementSet):
-            raise CatalogError(f"catalogue: {quote(entry)} in it is no element set: read them with Catalog")
+            raise CatalogError(f"catalogue: {quote(entry)} in it is not an element set; read the sets with Catalog")
     bad = [(entry.label, entry.problem) for entry in sets if entry.problem is not None]
     other = (problem.rpartition(": ") for problem in getattr(catalog, "problems", ()))
     return [entry for entry in sets if entry.problem is None], bad + [(place, what) for place, _, what in other]

@@ -61,7 +61,9 @@ def choose_viewer(
         For a tool that is unknown or not available, and for files that exist already.
     """
     if tool is not None and tool not in TOOLS:
-        raise RecordingError(f"view: nothing is called '{tool}'{did_you_mean(tool, TOOLS)} (known: {', '.join(TOOLS)})")
+        raise RecordingError(
+            f"view: no viewer is named '{tool}'{did_you_mean(tool, TOOLS)} (known: {', '.join(TOOLS)})"
+        )
     if output is not None:
         return _choose_by_suffix(tool, Path(output), overwrite=overwrite)
     if tool == "rerun":
@@ -136,7 +138,7 @@ def show(
     if colour not in COLOURS:
         raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, COLOURS)} (known: {', '.join(COLOURS)})")
     if not len(frames):
-        raise RecordingError("view: the recording holds no frames; record some")
+        raise RecordingError("view: the recording has no frames; record some")
     suffixes = {path.suffix.lower() for path in chosen.paths}
     needless = bool(suffixes) and suffixes <= {*_FILMS}  # animations show no mesh
     shapes = [] if needless else load_true_shapes(frames[0].source, folder)
@@ -214,7 +216,7 @@ def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> Vie
     """
     known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
     if tool == "window":
-        raise RecordingError(f"{output}: a window writes nothing; leave the name out, or choose rerun or files")
+        raise RecordingError(f"{output}: a window writes no file; omit the name, or choose rerun or files")
     place = check_writable(output, known, overwrite=overwrite)
     if place.suffix.lower() == _SCENE:
         import_rerun(str(place))

@@ -56,6 +56,14 @@ def fly_open_loop(
 
 
 def _pointing(scenario: Scenario, numbers: np.ndarray, time_s: np.ndarray, asked: Any) -> Iterable[PtuAngles]:
+    """Step the PTU from frame to frame, and yield its angles at each.
+
+    Parameters
+    ----------
+    scenario, numbers : the scenario, and the indices (time) of frames.
+    time_s : times (time) of the frames [s].
+    asked : demand of the PTU.
+    """
     assert scenario.ptu is not None
     state = motion.start(scenario.ptu, asked)
     for k, until_s in zip(numbers.tolist(), time_s.tolist(), strict=True):

@@ -108,6 +108,14 @@ def find_opportunities(
 def _evaluate_flash(
     scenario: Scenario, truth: Truth, target: int, finest: int, curve: DetectionCurve
 ) -> DetectionOpportunity:
+    """Compute the detection opportunity of a target in one flash.
+
+    Parameters
+    ----------
+    scenario, truth, target : the scenario, the truth of one epoch, and the index of the target.
+    finest : greatest number of rays along the side of a pixel.
+    curve : detection probability of a pixel by its photons.
+    """
     seen = cast_target(scenario, truth, target, finest)
     if not seen.pixel.size:
         return NO_OPPORTUNITY

@@ -62,7 +62,21 @@ class Timeline:
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write the table (.csv) or the picture (.png, .pdf or .svg), and return its path."""
+        """Write the table or the picture; an existing file is replaced.
+
+        Parameters
+        ----------
+        path : of the output, .csv, .png, .pdf or .svg.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            For another suffix, or a path that cannot be written.
+        """
         return save_figure_or_table(path, self.figure, self.table)
 
 
@@ -123,14 +137,14 @@ def count_frames_between(scenario: Scenario, every_s: float | None) -> int:
         raise ScenarioError(f"every: needs seconds above 0, not {every_s:g}")
     step_s = 1.0 / scenario.time.frame_rate_hz
     if every_s < step_s * (1.0 - 1e-9):
-        raise ScenarioError(f"every: frames are {step_s:g} s apart, more than {every_s:g}; ask for as much")
+        raise ScenarioError(f"every: frames are {step_s:g} s apart, more than {every_s:g}; give at least that")
     return round(every_s / step_s)
 
 
 def _find_target(scenario: Scenario, target: str | None) -> int:
     names = [one.name for one in scenario.target]
     if not names:
-        raise ScenarioError("timeline: the scenario has no target to look at; add [[target]]")
+        raise ScenarioError("timeline: the scenario has no target; add a [[target]]")
     if target is not None and target not in names:
         raise ScenarioError(
             f"timeline: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"

@@ -65,7 +65,21 @@ class Tracking:
         return tracking_figure(self.table, tuple(self.tracks), self.target, self.title, note)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table (.csv) or the picture (.png, .pdf or .svg), and return its path."""
+        """Write the table or the picture; an existing file is replaced.
+
+        Parameters
+        ----------
+        path : of the output, .csv, .png, .pdf or .svg.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            For another suffix, or a path that cannot be written.
+        """
         return save_figure_or_table(path, self.figure, self.table)
 
 
@@ -106,7 +120,7 @@ def tracking(
         For a recording without frames or without the target, and for another mesh than the recorded one.
     """
     if not len(frames):
-        raise RecordingError("track: the recording holds no frames; record some")
+        raise RecordingError("track: the recording has no frames; record some")
     source = frames[0].source
     scenario = load_scenario(source, folder)
     number = _find_target([entry.name for entry in source.targets], target)
@@ -221,6 +235,16 @@ def _evaluate_frame(
     wander: tuple[float, float, float],
     follow: PoseFollower | None,
 ) -> _EvaluatedFrame:
+    """Measure the target in one frame.
+
+    Parameters
+    ----------
+    scenario, frame, name : the scenario, the frame, and the target.
+    size_m : greatest extent of the target [m].
+    noise_m : standard deviation of a range [m].
+    wander : offset of the visible centroid along the line of sight, its standard deviation, and rms across it [m].
+    follow : ICP; None to omit it.
+    """
     truth, settings = frame.truth, frame.observation.settings
     pixel_rad = scenario.lidar.receiver.pixel_pitch_m / settings["focal_length_m"]
     fix = locate_centroid(frame.points_m, pixel_rad=pixel_rad, range_noise_m=noise_m, gate_m=size_m)
@@ -308,6 +332,13 @@ def _compare_alignment(found: Alignment, true: RigidTransform, model: SampledMes
 
 
 def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
+    """Return the three columns of a vector by name.
+
+    Parameters
+    ----------
+    name, unit : start and end of the names.
+    values : (time, 3).
+    """
     return {f"{name}_{axis}{unit}": column for axis, column in zip(AXES, values.T, strict=True)}
 
 

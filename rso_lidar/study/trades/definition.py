@@ -38,7 +38,7 @@ def _check_values(given: Any) -> Any:
     for value in given:
         _check_finite(value)
     if any(value in given[:k] for k, value in enumerate(given)):
-        raise ValueError("holds a value twice; give each once")
+        raise ValueError("contains a value twice; give each value once")
     return tuple(given)
 
 
@@ -47,7 +47,7 @@ def _check_finite(value: Any) -> None:
         for inner in value.values() if isinstance(value, dict) else value:
             _check_finite(inner)
     elif isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"{value} is no number to try; give finite ones")
+        raise ValueError(f"{value} is not a finite number; give finite numbers")
 
 
 def _check_frames(given: Any) -> Any:
@@ -66,7 +66,7 @@ def _check_merits(names: tuple[str, ...]) -> tuple[str, ...]:
                 f"no figure of merit '{name}'{did_you_mean(name, MERITS)} (known: {', '.join(sorted(MERITS))})"
             )
         if name in names[:k]:
-            raise ValueError(f"'{name}' is asked for twice; name it once")
+            raise ValueError(f"'{name}' is given twice; name it once")
     return names
 
 
@@ -135,7 +135,7 @@ class Axis(Part):
         elif self.low is None or self.high is None:
             raise ValueError("needs values, or low and high")
         elif self.low >= self.high:
-            raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
+            raise ValueError(f"low ({self.low:g}) is not below high ({self.high:g}); exchange the two")
         elif self.scale == "log" and self.low <= 0.0:
             raise ValueError(f"a log scale needs low above 0, not {self.low:g}")
         return self
@@ -253,6 +253,14 @@ class Study(Part):
     def load(cls, path: str | Path) -> Study:
         """Load a study from a TOML file; the path of its scenario is relative to the file's folder.
 
+        Parameters
+        ----------
+        path : of the file.
+
+        Returns
+        -------
+        Study
+
         Raises
         ------
         ScenarioError
@@ -270,6 +278,10 @@ class Study(Part):
         text : the TOML.
         folder : start of relative paths (None: the working folder).
         where : name of the text in error messages.
+
+        Returns
+        -------
+        Study
         """
         study = validate_toml(cls, text, where)
         study._folder, study._where = folder, where
@@ -312,7 +324,7 @@ class Study(Part):
 
     @property
     def judged_by(self) -> tuple[str, ...]:
-        """Figures of merit of a row: those asked for, and the detection fraction where one depends on it."""
+        """Figures of merit of a row: those requested, and the detection fraction where one depends on it."""
         return list_evaluated(self.merits)
 
     @property
@@ -345,17 +357,32 @@ class Study(Part):
         return scenario
 
     def number(self, scenario: Scenario) -> int:
-        """Return the index of the evaluated target, or raise `ScenarioError`."""
+        """Return the index of the evaluated target.
+
+        Parameters
+        ----------
+        scenario : in which the target is.
+
+        Raises
+        ------
+        ScenarioError
+            If there is no such target.
+        """
         names = [one.name for one in scenario.target]
         if not names:
-            raise ScenarioError("target: the scenario has none to look at; add [[target]]")
+            raise ScenarioError("target: the scenario has no target; add a [[target]]")
         if self.target is not None and self.target not in names:
             guess = did_you_mean(self.target, names)
             raise ScenarioError(f"target: none is named '{self.target}'{guess} (known: {', '.join(names)})")
         return 0 if self.target is None else names.index(self.target)
 
     def numbers(self, scenario: Scenario) -> np.ndarray:
-        """Return the indices of the frames that are simulated."""
+        """Return the indices of the frames that are simulated.
+
+        Parameters
+        ----------
+        scenario : with the number of its frames.
+        """
         if isinstance(self.frames, str):
             return frame_numbers(scenario, slice(*(int(word) if word else None for word in self.frames.split(":"))))
         return frame_numbers(scenario, self.frames)

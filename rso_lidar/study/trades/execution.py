@@ -159,7 +159,21 @@ class Trade(TradeTable):
     """A finished trade study, which writes its table and its report."""
 
     def save(self, path: str | Path) -> Path:
-        """Write the table (.csv, .parquet) or the report (.html), and return its path."""
+        """Write the table or the report.
+
+        Parameters
+        ----------
+        path : of the output, .csv, .parquet or .html.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            For another suffix, or a path that cannot be written.
+        """
         return save_trade(self, Path(path))
 
 

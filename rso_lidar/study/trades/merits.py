@@ -61,6 +61,14 @@ class _CountedFrames(Sequence[Frame]):
     """The frames of a run as a sequence that adds each to the sums and keeps none; a single one is simulated anew."""
 
     def __init__(self, scenario: Scenario, numbers: np.ndarray, threads: int | None, sums: RunSums) -> None:
+        """Start a run.
+
+        Parameters
+        ----------
+        scenario, numbers : the scenario, and the indices of its frames.
+        threads : of the simulation.
+        sums : that are updated with each frame.
+        """
         self._fly = partial(simulate, scenario, threads=threads)
         self._numbers, self._sums = numbers.tolist(), sums
         self._made = self._fly(frames=self._numbers)
@@ -217,7 +225,7 @@ DETECTION = "detection_fraction"
 
 
 def list_evaluated(names: Sequence[str]) -> tuple[str, ...]:
-    """List the figures of merit of a run: those asked for, and the detection fraction where one depends on it."""
+    """List the figures of merit of a run: those requested, and the detection fraction where one depends on it."""
     lacks_detection = any(MERITS[name].of_detected for name in names) and DETECTION not in names
     return (*names, DETECTION) if lacks_detection else tuple(names)
 

@@ -81,6 +81,13 @@ def _check_fields(plan: TradePlan) -> None:
 
 
 def _check_field(plan: TradePlan, place: str, field: str, text: str) -> None:
+    """Check a value of one axis in the scenario.
+
+    Parameters
+    ----------
+    plan, place : the plan, and the place of the axis in the study for the message.
+    field, text : key of the scenario, and its value as TOML.
+    """
     changed = (*plan.study.set, f"{field}={text}")
     try:
         Scenario.loads(plan.text, folder=plan.folder, where=plan.where, settings=changed, trust_code=True)

@@ -38,12 +38,22 @@ class TradeTable:
         return enough
 
     def ranked(self, name: str) -> np.ndarray:
-        """Return a mask (point) of points that a figure of merit ranks: with a value, and with enough detections."""
+        """Return a mask (point) of points that a figure of merit ranks: with a value, and with enough detections.
+
+        Parameters
+        ----------
+        name : of the figure of merit.
+        """
         known: np.ndarray = np.isfinite(self.of_points(name)[0])
         return np.logical_and(known, self.detected) if MERITS[name].of_detected else known
 
     def of_points(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean and standard deviation (point) of a figure of merit over the seeds; NaN where no seed has a value."""
+        """Return mean and standard deviation (point) of a figure of merit over the seeds; NaN where no seed has a value.
+
+        Parameters
+        ----------
+        name : of the figure of merit.
+        """
         values = self.table[name].reshape(-1, self.study.seeds)
         known = np.isfinite(values)
         count = known.sum(axis=1)

@@ -93,6 +93,6 @@ def test_times_poses_and_the_scenario_stand_beside_the_clouds(folder):
 
 
 def test_axes_that_are_not_there_are_refused_and_nothing_is_left(tmp_path):
-    with pytest.raises(RecordingError, match=r"viewpoint: there are no axes 'tdsr'; did you mean 'tdrs'\?"):
+    with pytest.raises(RecordingError, match=r"viewpoint: no axes named 'tdsr'; did you mean 'tdrs'\?"):
         write_pcd(tmp_path / "clouds", make_frames(2), viewpoint="tdsr")
     assert list(tmp_path.iterdir()) == []

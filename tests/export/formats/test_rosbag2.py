@@ -51,7 +51,7 @@ def test_an_older_one_is_replaced_only_on_demand(written):
 
 
 def test_what_fails_leaves_nothing(tmp_path, monkeypatch):
-    with pytest.raises(RecordingError, match="there are no frames to write"):
+    with pytest.raises(RecordingError, match="no frames to write"):
         write_rosbag2(tmp_path / "run.rosbag2", [])
     monkeypatch.setitem(sys.modules, "mcap_ros2.writer", None)
     with pytest.raises(RecordingError, match=r"needs an extra: pip install rso-lidar\[mcap\]"):

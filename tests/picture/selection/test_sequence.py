@@ -74,7 +74,7 @@ def test_an_iterator_is_thinned_without_holding_it(n):
 
 def test_no_frames_is_an_error():
     for nothing in ([], iter(())):
-        with pytest.raises(RecordingError, match="holds no frames"):
+        with pytest.raises(RecordingError, match="has no frames"):
             pick(nothing, 4, lambda frame: frame)
 
 

@@ -185,9 +185,9 @@ def test_nothing_came_back(handmade):
 
 
 def test_no_frames_are_an_error():
-    with pytest.raises(RecordingError, match="holds no frames"):
+    with pytest.raises(RecordingError, match="has no frames"):
         Player([])
-    with pytest.raises(RecordingError, match="holds no frames"):
+    with pytest.raises(RecordingError, match="has no frames"):
         save_view([], "a.png")
 
 

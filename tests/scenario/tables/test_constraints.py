@@ -46,7 +46,7 @@ class TestExclusion:
     def test_sun(self, approach):
         assert approach(sun_exclusion_deg=50.7) == []
         (line,) = approach(sun_exclusion_deg=55)
-        told = "constraints.sun_exclusion_deg: the Sun comes within 50.74° of the boresight at 0 s, and 55° is asked"
+        told = "constraints.sun_exclusion_deg: the Sun comes within 50.74° of the boresight at 0 s, and 55° is required"
         assert told in line
         assert re.search(r"\d+% of the time, first at 0 s; turn the boresight away", line)
 
@@ -83,7 +83,7 @@ class TestKeepOut:
         for asked in (400, {"tdrs": 400.0}):
             only(
                 approach(keep_out_m=asked),
-                "constraints.keep_out_m: the follower comes to 305 m of tdrs at 2695.000 s, ",
+                "constraints.keep_out_m: the follower comes within 305 m of tdrs at 2695.000 s, ",
             )
         assert approach(keep_out_m=300) == approach(keep_out_m={}) == []
 
@@ -106,7 +106,7 @@ class TestKeepOut:
         scenario = rl.Scenario.loads(text, settings=settings)
         seen = preview_mission(scenario)
         assert len(seen.time_s) == 2
-        words = f"comes to 2 m of plate at 55.100 s, and {radius_m:g} m is asked, first at {first_s:.3f} s"
+        words = f"comes within 2 m of plate at 55.100 s, and {radius_m:g} m is required, first at {first_s:.3f} s"
         only(list_violations(scenario.constraints, scenario, seen), words)
 
     def test_from_the_first_frame_on(self, text):
@@ -120,7 +120,7 @@ class TestKeepOut:
     def test_a_corridor_is_the_way_in(self, approach):
         assert approach(keep_out_m=400, corridor=[BEHIND]) == []
         short = {**BEHIND, "to_m": 350.0}  # it begins inside the sphere: the shell from 350 to 400 m is closed
-        only(approach(keep_out_m=400, corridor=[short]), "outside of its corridor at ", "400 m is asked")
+        only(approach(keep_out_m=400, corridor=[short]), "outside of its corridor at ", "400 m is required")
 
     @pytest.mark.parametrize(
         ("asked", "told"),
@@ -145,7 +145,7 @@ class TestCorridor:
     def test_broken(self, approach):
         (line,) = approach(corridor=[{**BEHIND, "half_angle_deg": 5}])
         assert line.startswith("constraints.corridor[0]: the follower is ")
-        assert " m from tdrs, and 5° is asked; " in line
+        assert " m from tdrs, and 5° is required; " in line
         assert "of the time, first at" in line
 
     def test_only_over_its_length(self, approach):
@@ -217,5 +217,6 @@ class TestNames:
         sun = 'world={axes="local", sun_direction=[0, 0, 1]}'
         scenario = rl.Scenario.loads(text, settings=(sun, "constraints.sun_exclusion_deg=91"))
         only(
-            scenario.advice(), "the Sun comes within 90.00° of the boresight at 0 s, and 91° is asked; 100% of the time"
+            scenario.advice(),
+            "the Sun comes within 90.00° of the boresight at 0 s, and 91° is required; 100% of the time",
         )

@@ -40,7 +40,7 @@ def test_a_table_from_a_spreadsheet_begins_with_a_mark(tmp_path):
 def test_a_broken_array_is_one_line(tmp_path, header):
     head = header + b" " * (118 - len(header)) + b"\n"
     (tmp_path / "a.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head)
-    with pytest.raises(rl.MeshError, match=r"a\.npy: is no array of NumPy's") as caught:
+    with pytest.raises(rl.MeshError, match=r"a\.npy: is not a NumPy array") as caught:
         apply_facet_materials(SAT, rl.FacetMaterials(file="a.npy"), lambda file: tmp_path / file, 1064e-9)
     assert "\n" not in str(caught.value)
 
@@ -82,7 +82,7 @@ def test_colours_of_a_file_tell_materials_apart(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
-        ("a.csv", "0,gold\n", r"a.csv: no material 'gold'.* say what it is in facet_materials.materials"),
+        ("a.csv", "0,gold\n", r"a.csv: no material 'gold'.* define it in facet_materials.materials"),
         ("a.csv", "12,osr\n", r"line 1: no facets 12 in a mesh of 12; number them from 0"),
         ("a.csv", "facet,material\n7-3,osr\n", r"line 2: no facets 7-3"),
         ("a.csv", "one,osr\n", r"line 1: needs a facet, or a span"),

@@ -101,7 +101,7 @@ def test_another_mesh_of_that_name_is_refused(change, says, mission, craft, libr
     else:
         mend(library, **change)
     with pytest.raises(
-        MeshError, match=rf"^recording: target plate: model 'craft': is no longer what was flown {says}; add"
+        MeshError, match=rf"^recording: target plate: model 'craft': has changed since the recording {says}; add"
     ):
         load_surfaces(load_scenario(source), source, 0, "view")
     assert run_id(rl.Scenario.loads(mission).source, "", "1") != run_id(source, "", "1")

@@ -250,7 +250,7 @@ def test_a_picture_of_no_encounter_is_not_written_and_that_is_said(tmp_path):
     asked = ["encounters", str(shipped("tle/flyby.tle")), "--follower", "99003", "--within", "1m"]
     done = CliRunner().invoke(app, [*asked, "--start", "2024-09-17T11:00:00Z", "--days", "0.001", "--plot", str(place)])
     assert done.exit_code == 0
-    assert "no picture written: there is no encounter to draw" in done.output
+    assert "no picture written: no encounter to draw" in done.output
     assert not place.exists()
 
 

@@ -322,7 +322,7 @@ def test_the_scenario_carries_facts_and_constraints(asked):
     ):
         assert fact in facts
     assert "good to about a kilometre" in facts
-    assert f"BEWARE: at the closest approach it breaks what is asked by [constraints]: {', '.join(row.breaks)}" in facts
+    assert f"BEWARE: at the closest approach it violates [constraints]: {', '.join(row.breaks)}" in facts
     scenario = rl.Scenario.loads(text)
     (corridor,) = scenario.constraints.corridor  # the other is in axes that this target has not
     assert corridor == ASKED.corridor[0].replace(target=scenario.target[0].name)
@@ -372,21 +372,21 @@ def test_docked_craft_share_elements_and_have_no_line_of_sight():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"days": 0.0}, "days: 0 is no span"),
-        ({"days": math.nan}, "days: nan is no span"),
+        ({"days": 0.0}, "days: 0 is not a time span"),
+        ({"days": math.nan}, "days: nan is not a time span"),
         ({"within_m": 0.0}, "within: 0 m is no distance"),
         ({"start_utc": datetime.datetime(2024, 9, 17)}, "start: a time without an offset"),
         ({"max_slew_deg_s": -1.0}, "max_slew: -1 deg/s"),
-        ({"within_m": "20km"}, "within: '20km' is no number; give one in m"),
-        ({"start_utc": "2024-09-17T11:00:00Z"}, "start: '2024-09-17T11:00:00Z' is no time"),
-        ({"days": None}, "days: 'None' is no number"),
-        ({"sort": "x"}, "sort: 'x' is no order; use one of range, time, speed"),
-        ({"limit": 0}, "limit: '0' is no number of rows"),
-        ({"limit": 1.5}, "limit: '1.5' is no number of rows"),
-        ({"min_duration_s": math.nan}, "min_duration: nan s is no duration"),
-        ({"follower": 99003.0}, "follower: '99003.0' is no object"),
+        ({"within_m": "20km"}, "within: '20km' is not a number; give one in m"),
+        ({"start_utc": "2024-09-17T11:00:00Z"}, "start: '2024-09-17T11:00:00Z' is not a time"),
+        ({"days": None}, "days: 'None' is not a number"),
+        ({"sort": "x"}, "sort: 'x' is not a sort order; use one of range, time, speed"),
+        ({"limit": 0}, "limit: '0' is not a number of rows"),
+        ({"limit": 1.5}, "limit: '1.5' is not a number of rows"),
+        ({"min_duration_s": math.nan}, "min_duration: nan s is not a duration"),
+        ({"follower": 99003.0}, "follower: '99003.0' is not an object"),
         ({"catalog": None}, "catalogue: 'None' is none"),
-        ({"catalog": [1, 2]}, "catalogue: '1' in it is no element set"),
+        ({"catalog": [1, 2]}, "catalogue: '1' in it is not an element set"),
     ],
 )
 def test_what_means_nothing_is_refused(changes, message):

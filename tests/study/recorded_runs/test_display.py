@@ -62,7 +62,7 @@ def test_the_first_that_is_possible(desk, tmp_path, here, asked, tool, why):
         ({}, "rerunn", None, "did you mean 'rerun'"),
         ({"display": False}, "window", None, "no display; choose files"),
         ({"window": False}, "window", None, "nothing to open a window with"),
-        ({}, "window", "b.png", "a window writes nothing"),
+        ({}, "window", "b.png", "a window writes no file"),
         ({}, "rerun", "b.png", "unknown suffix '.png'"),
         ({}, "files", "b.rrd", "unknown suffix '.rrd'"),
         ({}, None, "b.mcap", "unknown suffix '.mcap'"),
