@@ -26,7 +26,7 @@ class _Outcome(NamedTuple):
 
     status: int = 0
     line: str = ""
-    is_hdf5_unsafe: bool = False  # after a write that failed, HDF5 may crash while the interpreter cleans up
+    is_hdf5_unsafe: bool = False  # after a failed write, HDF5 may crash when the interpreter exits
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     warnings.simplefilter("always", RsoLidarWarning)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # of a terminal that cannot show all that a name may hold
+            stream.reconfigure(errors="backslashreplace")  # names may contain characters that a terminal cannot show
     interruption.set_advice(None)
     outcome = _run(arguments)
     interruption.ignore_late_signals()
@@ -66,11 +66,11 @@ def _run(arguments: list[str] | None) -> _Outcome:
             sys.stdout.flush()
         return _Outcome(status)
     except usage_error as error:
-        told = error.format_message().rstrip(".")
+        message = error.format_message().rstrip(".")
         if type(error).__name__ == "NoArgsIsHelpError":  # which typer's own copy of click names nowhere else
-            _print_help(told)
-            told = ""
-        return _Outcome(2, f"error: {_add_hint(told, error)}" if told else "")
+            _print_help(message)
+            message = ""
+        return _Outcome(2, f"error: {_add_hint(message, error)}" if message else "")
     except RunError as error:
         with suppress(OSError, ValueError, AttributeError):
             sys.stdout.flush()
@@ -78,16 +78,14 @@ def _run(arguments: list[str] | None) -> _Outcome:
     except RsoLidarError as error:
         return _Outcome(2, f"error: {error}")
     except MemoryError as error:
-        return _Outcome(1, f"error: there is not enough memory ({error}); take fewer pixels, rays, samples or pulses")
+        return _Outcome(1, f"error: not enough memory ({error}); use fewer pixels, rays, samples or pulses")
     except KeyboardInterrupt:
         return _Outcome(_INTERRUPTED, interruption.format_ending(signal.SIGINT))
-    except BrokenPipeError:  # the reader of our output went away, as `head` does
+    except BrokenPipeError:  # the reader of the output has ended, such as `head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _Outcome()
     except OSError as error:
-        return _Outcome(
-            1, f"error: output: cannot be written ({error.strerror or error}); make room, or send it elsewhere"
-        )
+        return _Outcome(1, f"error: output: cannot be written ({error.strerror or error}); make room, or redirect it")
 
 
 def _add_hint(message: str, error: Any) -> str:
@@ -105,22 +103,29 @@ def _collect_garbage_less_often() -> None:
 
 def _print_help(text: str) -> None:
     if sys.stderr is not None:
-        with suppress(OSError):  # nobody may be listening
-            print(text, file=sys.stderr, flush=True)  # noqa: T201 - what a command line is for
+        with suppress(OSError):  # standard error may be closed
+            print(text, file=sys.stderr, flush=True)  # noqa: T201 - the command line prints
 
 
 def _print_line(line: str) -> None:
     if sys.stderr is not None:
         from rso_lidar.cli.terminal import to_one_line
 
-        with suppress(OSError):  # nobody may be listening
-            print(to_one_line(line), file=sys.stderr, flush=True)  # noqa: T201 - what a command line is for
+        with suppress(OSError):  # standard error may be closed
+            print(to_one_line(line), file=sys.stderr, flush=True)  # noqa: T201 - the command line prints
 
 
 _shown: set[str] = set()
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_place: Any, **_more: Any) -> None:
+    """Print a warning in one line, each text once; a replacement of `warnings.showwarning`.
+
+    Parameters
+    ----------
+    message, category : the warning and its class.
+    *_place, **_more : where it was raised; not printed.
+    """
     line = str(message) if issubclass(category, RsoLidarWarning) else f"{category.__name__}: {message}"
     if line not in _shown:
         _shown.add(line)

@@ -20,7 +20,7 @@ from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.study.passes.pass_table import format_count
 
 SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")
-_FIRST = 10  # problems that are told unasked
+_FIRST = 10  # problems shown without --problems
 
 
 def catalog(
@@ -41,11 +41,10 @@ def catalog(
         str | None, typer.Option("--near", metavar="UTC", help="Epochs about this time, within --max-age-days.")
     ] = None,
     max_age_days: Annotated[
-        float | None, typer.Option("--max-age-days", metavar="D", help="How far from --near an epoch may be (days).")
+        float | None,
+        typer.Option("--max-age-days", metavar="D", help="Greatest distance of an epoch from --near (days)."),
     ] = None,
-    jumps: Annotated[
-        bool, typer.Option("--jumps", help="Of each --id, where one set gives way to the next, and by how much.")
-    ] = False,
+    jumps: Annotated[bool, typer.Option("--jumps", help="Jumps of each --id from one set to the next.")] = False,
     problems: Annotated[bool, typer.Option("--problems", help=f"All bad records, not the first {_FIRST}.")] = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write these sets to .json or .csv (OMM), or .tle.")
@@ -85,11 +84,11 @@ def catalog(
         _write(chosen, output)
     for line in (*lines, _summarise(file, whole, chosen, len(objects))):
         echo(line)
-    told = whole.problems if problems else whole.problems[:_FIRST]
-    for problem in told:
+    shown = whole.problems if problems else whole.problems[:_FIRST]
+    for problem in shown:
         echo(f"bad: {problem}")
-    if len(told) < len(whole.problems):
-        echo(f"and {len(whole.problems) - len(told):,} more bad records: give --problems for all")
+    if len(shown) < len(whole.problems):
+        echo(f"and {len(whole.problems) - len(shown):,} more bad records: give --problems for all")
     if output is not None:
         echo(f"{output}")
 
@@ -117,7 +116,18 @@ def _parse_numbers(words: Sequence[str]) -> list[int]:
 
 
 def _check_known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
-    """Raise a `CatalogError` for a catalogue number that is not in the file, or only in a bad record."""
+    """Check that catalogue numbers are in a file, and not in bad records only.
+
+    Parameters
+    ----------
+    whole, file : the catalogue, and its file for the message.
+    numbers : catalogue numbers.
+
+    Raises
+    ------
+    CatalogError
+        For the first number that is not.
+    """
     held = {entry.norad_id for entry in whole}
     for number in numbers:
         if number in held:
@@ -186,6 +196,13 @@ def _describe_jumps(sets: Sequence[ElementSet]) -> list[str]:
 
 
 def _summarise(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
+    """Summarise a file and the selection from it in one line.
+
+    Parameters
+    ----------
+    file, whole, chosen : the file, its catalogue, and the selected sets.
+    count : number of selected objects.
+    """
     left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them requested)"
     return (
         f"{file.name}: {format_count(len(whole), 'good element set')}{left}, {format_count(count, 'object')}; "

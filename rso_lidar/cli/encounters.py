@@ -51,26 +51,29 @@ def encounters(
         ),
     ] = "long_range_1064",
     sun_exclusion: Annotated[
-        float | None, typer.Option("--sun-exclusion", metavar="DEG", help="How near to the Sun one may look (deg).")
+        float | None, typer.Option("--sun-exclusion", metavar="DEG", help="Exclusion angle about the Sun (deg).")
     ] = None,
     moon_exclusion: Annotated[
-        float | None, typer.Option("--moon-exclusion", metavar="DEG", help="How near to the Moon one may look (deg).")
+        float | None, typer.Option("--moon-exclusion", metavar="DEG", help="Exclusion angle about the Moon (deg).")
     ] = None,
     earth_exclusion: Annotated[
-        float | None, typer.Option("--earth-exclusion", metavar="DEG", help="How near to the Earth's limb (deg).")
+        float | None,
+        typer.Option("--earth-exclusion", metavar="DEG", help="Exclusion angle about the Earth's limb (deg)."),
     ] = None,
     keep_out: Annotated[
-        str | None, typer.Option("--keep-out", metavar="LENGTH", help="Sphere not to enter, with its unit: 500m.")
+        str | None, typer.Option("--keep-out", metavar="LENGTH", help="Keep-out radius, with its unit: 500m.")
     ] = None,
     sunlit: Annotated[bool, typer.Option("--sunlit", help="Only objects in sunlight at the closest approach.")] = False,
-    min_duration: Annotated[float, typer.Option("--min-duration", metavar="S", help="Only stays so long (s).")] = 0.0,
+    min_duration: Annotated[
+        float, typer.Option("--min-duration", metavar="S", help="Least duration of a stay (s).")
+    ] = 0.0,
     max_slew: Annotated[
-        float, typer.Option("--max-slew", metavar="DEG_S", help="How fast the line of sight may turn (deg/s).")
+        float, typer.Option("--max-slew", metavar="DEG_S", help="Greatest rate of the line of sight (deg/s).")
     ] = MAX_SLEW_DEG_S,
     sort: Annotated[
         str, typer.Option("--sort", help="Order: range, time or speed.", autocompletion=lambda: list(_ORDERS))
     ] = "range",
-    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Only the first so many rows.")] = None,
+    limit: Annotated[int | None, typer.Option("--limit", min=1, help="Greatest number of rows.")] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write all columns to this file (.csv).")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Draw range over time to this file (.png).")] = None,
     scenario: Annotated[

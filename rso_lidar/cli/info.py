@@ -25,7 +25,7 @@ def info(
         float | None, typer.Option("--every", metavar="S", help="Seconds between lines of --follow.")
     ] = None,
     timeout_s: Annotated[
-        float | None, typer.Option("--timeout", metavar="S", help="Seconds after which --follow leaves.")
+        float | None, typer.Option("--timeout", metavar="S", help="Seconds after which --follow ends.")
     ] = None,
 ) -> None:
     """Print what a recording holds. It lists scenario, frames, returns, ranges, targets and versions."""

@@ -18,7 +18,7 @@ MeshFile = Annotated[Path, typer.Argument(metavar="PATH", help="STL, OBJ, PLY, G
 
 def add(
     path: MeshFile,
-    name: Annotated[str | None, typer.Option("--name", help="What scenarios call it; else the file's name.")] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name in scenarios (the file's name).")] = None,
     scale: Annotated[float | None, typer.Option("--scale", help="Metres in one unit of the file.")] = None,
     size_m: Annotated[float | None, typer.Option("--size-m", help="Longest side (m), instead of --scale.")] = None,
     y_up: Annotated[bool, typer.Option("--y-up", help="The file's y is up: turn it to z.")] = False,
@@ -50,7 +50,7 @@ def add(
         typer.Option("--rate-deg-s", metavar="LOW HIGH", help="Usual body rates (deg/s), least and greatest."),
     ] = None,
     what: Annotated[str | None, typer.Option("--what", help="A line for the list.")] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a model of yours of that name.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace your own model of that name.")] = False,
 ) -> None:
     """Add a mesh to your own library. Values that are guessed are printed."""
     axes: Literal["z_up", "y_up"] = "y_up" if y_up else "z_up"
@@ -97,6 +97,13 @@ def _parse_rates(ends: tuple[float, float] | None) -> tuple[float, float] | None
 
 
 def _check_word(option: str, value: str | None, words: object) -> str | None:
+    """Return the value of an option if it is allowed, or raise `MeshError`.
+
+    Parameters
+    ----------
+    option, value : name and value of the option.
+    words : the `Literal` of allowed values.
+    """
     known = get_args(words)
     if value is not None and value not in known:
         raise MeshError(f"{option} {value}: unknown value{did_you_mean(value, known)} (known: {', '.join(known)})")

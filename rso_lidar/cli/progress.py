@@ -102,6 +102,13 @@ class _Pace:
 
 class _Lines:
     def __init__(self, total: int, done: int, of: str) -> None:
+        """Prepare lines of progress.
+
+        Parameters
+        ----------
+        total, done : frames of the run, and frames that exist already.
+        of : text after the numbers, such as the name of the output.
+        """
         self._total, self._done, self._of = total, done, of
         self._said = time.monotonic()
         self._pace = _Pace()

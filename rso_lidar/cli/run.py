@@ -46,7 +46,7 @@ def run(
         ),
     ] = None,
     overwrite: Overwrite = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
 ) -> None:
     """Simulate a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
@@ -135,7 +135,14 @@ def _parse_keep(text: str | None) -> tuple[str, ...]:
 
 
 def _is_complete(output: Path, scenario: Scenario, numbers: np.ndarray, kept: tuple[str, ...]) -> bool:
-    """Return whether an output is already the complete recording of these frames, with these records kept."""
+    """Return whether an output is already the complete recording of these frames, with these records kept.
+
+    Parameters
+    ----------
+    output : path of the recording.
+    scenario, numbers : the scenario, and the indices of its frames.
+    kept : names of intermediate records.
+    """
     if not output.is_file():
         return False
     with export.open(output) as recording:

@@ -28,7 +28,7 @@ def trade(
             "-o",
             "--output",
             metavar="PATH",
-            help="Folder (made/ makes it), or .csv, .html or .parquet; left out, the working folder. Table and report go "
+            help="Folder (made/ creates it), or .csv, .html or .parquet; left out, the working folder. Table and report go "
             "beside each other.",
         ),
     ] = None,

@@ -76,7 +76,7 @@ def truth(
     kind = _choose_kind(figure, suffix)
     scenario = Scenario.load(file, tuple(settings or ()))
     frames = np.arange(0, scenario.time.n_frames, _compute_stride(every_s, scenario))
-    frames = np.union1d(frames, scenario.time.n_frames - 1)  # whoever flies a table wants it whole
+    frames = np.union1d(frames, scenario.time.n_frames - 1)  # the last frame too, so that a table covers the whole run
     if suffix in FIGURE_SUFFIXES:
         picture.save_figure(_draw_figure(scenario, kind, body, frames), output)
     elif suffix == ".csv":

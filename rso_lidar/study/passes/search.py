@@ -165,9 +165,7 @@ def _read_sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[Element
     if isinstance(catalog, str | Path):
         catalog = Catalog.from_file(catalog)
     if isinstance(catalog, bytes) or not isinstance(catalog, Iterable):
-        raise CatalogError(
-            f"catalogue: {quote(catalog)} is not a catalogue; give a file's path, a catalogue or element sets"
-        )
+        raise CatalogError(f"catalogue: {quote(catalog)} is not a catalogue; give a path, a catalogue or element sets")
     sets = list(catalog)
     for entry in sets:
         if not isinstance(entry, ElementSet):

@@ -251,15 +251,11 @@ class Study(Part):
 
     @classmethod
     def load(cls, path: str | Path) -> Study:
-        """Load a study from a TOML file; the path of its scenario is relative to the file's folder.
+        """Return the study in a TOML file; the path of its scenario is relative to the file's folder.
 
         Parameters
         ----------
         path : of the file.
-
-        Returns
-        -------
-        Study
 
         Raises
         ------
@@ -271,17 +267,12 @@ class Study(Part):
 
     @classmethod
     def loads(cls, text: str, *, folder: Path | None = None, where: str = "study") -> Study:
-        """Load a study from a TOML text.
+        """Return the study in a TOML text.
 
         Parameters
         ----------
         text : the TOML.
-        folder : start of relative paths (None: the working folder).
-        where : name of the text in error messages.
-
-        Returns
-        -------
-        Study
+        folder, where : start of relative paths (None: the working folder), and name of the text in messages.
         """
         study = validate_toml(cls, text, where)
         study._folder, study._where = folder, where
@@ -357,16 +348,11 @@ class Study(Part):
         return scenario
 
     def number(self, scenario: Scenario) -> int:
-        """Return the index of the evaluated target.
+        """Return the index of the evaluated target, or raise `ScenarioError`.
 
         Parameters
         ----------
         scenario : in which the target is.
-
-        Raises
-        ------
-        ScenarioError
-            If there is no such target.
         """
         names = [one.name for one in scenario.target]
         if not names:
