@@ -145,6 +145,13 @@ def read_text(path: Path, most_bytes: int, error: type[RsoLidarError], what: str
 
 
 def _too_large(path: Path, size: int, most_bytes: int, what: str) -> str:
+    """Return the message about a file above its limit.
+
+    Parameters
+    ----------
+    path, size : the file, and its size [byte].
+    most_bytes, what : largest allowed size [byte], and the kind of the file.
+    """
     limit = f"{most_bytes / _MIB:,.0f} MiB" if most_bytes >= _MIB else f"{most_bytes:,} bytes"
     return f"{path}: has {size / _MIB:,.1f} MiB or more, over the {limit} that a {what} may have; give a smaller one"
 

@@ -32,19 +32,29 @@ def simulate(
     workers: int | None = None,
     keep: Iterable[str] = (),
 ) -> Iterator[Frame]:
-    """Yield one Frame per laser flash.
+    """Simulate a scenario and yield one frame per laser flash.
 
     Parameters
     ----------
-    scenario : what to fly.
+    scenario : to be simulated.
     controller : called with each frame's Observation. The Command that it returns acts from the next flash on.
-    frames : which frames to make, as a slice or numbers that rise (None: all). Frame k depends on scenario, seed and k
-        only, so it may not be combined with a controller, which depends on history.
-    threads : number of threads (None: one for each core). The result is the same to the bit.
-    workers : number of processes that make frames, in place of threads, for machines with many cores. A script that asks
-        for them keeps its own work under ``if __name__ == "__main__":``. The result is the same to the bit.
-    keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons, taps,
-        waveforms, oversampled. ``taps`` holds the signals between the detector's stages.
+    frames : indices of frames to make, ascending, or a slice (None: all). Frame k depends on scenario, seed and k
+        only. Under a controller it depends on history, so the two cannot be combined.
+    threads : number of threads (None: one per core). The result is bit for bit the same.
+    workers : number of processes that make frames, instead of threads, for machines with many cores. A script that
+        uses them needs ``if __name__ == "__main__":`` around its own code. The result is bit for bit the same.
+    keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons, taps, waveforms, oversampled.
+        ``taps`` holds the signals between the stages of the detector.
+
+    Yields
+    ------
+    Frame
+        In the order of the indices.
+
+    Raises
+    ------
+    ScenarioError
+        If the arguments contradict each other, or the scenario cannot be simulated.
     """
     require_scenario(scenario, "simulate")
     kept = _check_kept(keep, scenario)
@@ -71,6 +81,15 @@ def _fly(
     workers: int | None,
     keep: tuple[str, ...],
 ) -> Iterator[Frame]:
+    """Yield the frames of a simulation; the parameters are those of `simulate`, checked.
+
+    Parameters
+    ----------
+    scenario, controller : to be simulated, and called with each Observation.
+    numbers : indices of the frames.
+    threads, workers : number of threads, or of processes.
+    keep : names of records to keep.
+    """
     _ = scenario.surfaces, scenario.source, scenario.instrument  # computed once, before workers share them
     with scenario.locate_errors():
         world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
@@ -162,17 +181,21 @@ def flash(
     index: int = 0,
     keep: tuple[str, ...] = (),
 ) -> Frame:
-    """Make the frame of one laser pulse. For intermediate products, call these lines yourself.
+    """Simulate the frame of one laser pulse. For intermediate products, call its lines yourself.
 
     Parameters
     ----------
-    scenario : what is flown.
-    truth : where everything is, at one epoch.
+    scenario : to be simulated.
+    truth : poses of all bodies at one epoch.
     rng : generator of all noise of this frame.
-    threads : number of threads (None: one for each core). The result is the same to the bit.
-    lidar : the instrument with the settings in force (None: as planned for this instant).
-    index : number of the frame.
+    threads : number of threads (None: one per core). The result is bit for bit the same.
+    lidar : the instrument with the settings in force (None: as planned for this time).
+    index : of the frame.
     keep : names of intermediate records to leave in ``frame.kept``.
+
+    Returns
+    -------
+    Frame
     """
     require_scenario(scenario, "flash")
     surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)

@@ -60,6 +60,13 @@ def made_ground(seed: int, size_m: float, cell_m: float, craters: Abundance, roc
 
 
 def _boulders(heights: np.ndarray, cell_m: float, rocks: Abundance, rng: np.random.Generator) -> Solid | None:
+    """Draw boulders on the ground; None without any.
+
+    Parameters
+    ----------
+    heights, cell_m : (row, col) heights [m], and their spacing [m].
+    rocks, rng : sizes and abundance of the boulders, and their generator.
+    """
     side = (len(heights) - 1) * cell_m
     diameters = rock_diameters(side**2, rocks.smallest_m, rocks.largest_m, rocks.fraction, rng)
     if len(diameters) > _MOST_BOULDERS:

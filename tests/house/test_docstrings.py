@@ -22,7 +22,7 @@ NAMES = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: :|$)", re.MULTILINE)
 
 NOT_YET = {  # functions that are documented next, by room
     "cli": """
-        _Lines.__init__ _check_known _check_word _is_complete _show_warning _summarise main
+        main
     """,
     "files": """
         _too_large
@@ -33,27 +33,11 @@ NOT_YET = {  # functions that are documented next, by room
     "philox": """
         _block _turn
     """,
-    "processes": """
-        _refuse
-    """,
-    "scenario": """
-        Constraints.radius_m Corridor.angle_rad Corridor.applies Corridor.margin_m Lidar.at
-        Lidar.with_settings Mission.corners_of Mission.epochs Mission.file Mission.locate_errors Mission.rng
-        Mission.surfaces_of Schedule.at Time.seconds _advise_on_line_of_sight _advise_on_sun _check_corridor
-        _check_exclusions _check_keep_out _descend_to _describe_motion _describe_passage _describe_target
-        _find_material _format_course _format_ends require_scenario
-    """,
     "shapes": """
         _boulders
     """,
     "simulate": """
         _fly flash simulate
-    """,
-    "study": """
-        Budget.range_of_pixels Budget.save Encounters.csv Study.load Study.loads Study.number Study.numbers
-        Timeline.save Tracking.save Trade.save TradeTable.of_points TradeTable.ranked _CountedFrames.__init__
-        _build_batch _check_field _check_number _evaluate_flash _evaluate_frame _pointing _simulate_side
-        _state_in_gcrs _vector_columns
     """,
 }
 
@@ -161,13 +145,8 @@ def is_command(function):
 
 def gives(function):
     """Return whether a function returns or yields a value."""
-    return inspect.signature(function).return_annotation not in (
-        None,
-        "None",
-        "Self",
-        "NoReturn",
-        inspect.Signature.empty,
-    )
+    nothing = (None, "None", typing.NoReturn, "NoReturn", "Self", inspect.Signature.empty)
+    return inspect.signature(function).return_annotation not in nothing
 
 
 def undescribed(function, cls):

@@ -101,8 +101,8 @@ def test_values_arrive_in_the_scenario_as_they_are(text):
     [
         (f"{ENERGY}values = []", r"axis\[0\].values: is empty"),
         (f"{ENERGY}values = 3", "needs a list of values"),
-        (f"{ENERGY}values = [1, nan]", "nan is not a number"),
-        (f"{ENERGY}values = [[1, inf]]", "inf is not a number"),
+        (f"{ENERGY}values = [1, nan]", "nan is not a finite number"),
+        (f"{ENERGY}values = [[1, inf]]", "inf is not a finite number"),
         (f"{ENERGY}values = [1, 1.0]", "contains a value twice"),
         (f"{ENERGY}values = [1]\nlow = 1", "has values and low"),
         (f'{ENERGY}values = [1]\nscale = "log"', "has values and scale"),
