@@ -374,7 +374,7 @@ def test_docked_craft_share_elements_and_have_no_line_of_sight():
     [
         ({"days": 0.0}, "days: 0 is not a time span"),
         ({"days": math.nan}, "days: nan is not a time span"),
-        ({"within_m": 0.0}, "within: 0 m is no distance"),
+        ({"within_m": 0.0}, "within: 0 m is not a search distance"),
         ({"start_utc": datetime.datetime(2024, 9, 17)}, "start: a time without an offset"),
         ({"max_slew_deg_s": -1.0}, "max_slew: -1 deg/s"),
         ({"within_m": "20km"}, "within: '20km' is not a number; give one in m"),
@@ -385,7 +385,7 @@ def test_docked_craft_share_elements_and_have_no_line_of_sight():
         ({"limit": 1.5}, "limit: '1.5' is not a number of rows"),
         ({"min_duration_s": math.nan}, "min_duration: nan s is not a duration"),
         ({"follower": 99003.0}, "follower: '99003.0' is not an object"),
-        ({"catalog": None}, "catalogue: 'None' is none"),
+        ({"catalog": None}, "catalogue: 'None' is not a catalogue"),
         ({"catalog": [1, 2]}, "catalogue: '1' in it is not an element set"),
     ],
 )

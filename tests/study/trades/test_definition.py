@@ -140,7 +140,7 @@ def test_refused(body, said):
     ("names", "said"),
     [
         ('["detection_fracton"]', "did you mean 'detection_fraction'"),
-        ('["range_rms_m", "range_rms_m"]', "asked for twice"),
+        ('["range_rms_m", "range_rms_m"]', "given twice"),
         ("[]", "merits"),
     ],
 )
