@@ -23,7 +23,7 @@ from rso_lidar.records import Photons
 
 # Fewer expected photoelectrons in a step are the transform's rounding, or a negligible tail.
 _LEAST_PRIMARIES = np.float32(1e-4)
-_ROWS_AT_ONCE = 512  # a block fits in the cache, and a frame has blocks for several threads
+_ROWS_AT_ONCE = 1024  # a block fits in the cache, and a frame has blocks for several threads
 
 
 @dataclass(frozen=True, eq=False)
