@@ -122,5 +122,5 @@ class _Lines:
             return  # one frame tells no pace
         self._said = now
         left = (self._total - self._done) / rate
-        with suppress(OSError, AttributeError):  # nobody may be listening
+        with suppress(OSError, AttributeError):  # standard error may be closed
             echo(f"{self._of} {self._done}/{self._total}, {rate:.1f} {self._of}s/s, {left:.0f} s left", err=True)

@@ -116,9 +116,9 @@ def restore_record(group: str, entries: Mapping[str, np.ndarray], constants: Map
 def _spread_traces(waveforms: Waveforms, values: np.ndarray) -> np.ndarray:
     """Spread the values of traces over the focal plane (row, col, …), with NaN in pixels without a trace."""
     rows, cols = waveforms.shape
-    laid = np.full((rows * cols, *values.shape[1:]), np.nan, dtype=values.dtype)
-    laid[waveforms.pixel] = values
-    return laid.reshape(rows, cols, *values.shape[1:])
+    image = np.full((rows * cols, *values.shape[1:]), np.nan, dtype=values.dtype)
+    image[waveforms.pixel] = values
+    return image.reshape(rows, cols, *values.shape[1:])
 
 
 def _select_recordable(kept: Mapping[str, Record]) -> dict[str, Record]:

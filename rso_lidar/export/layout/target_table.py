@@ -19,7 +19,7 @@ def tabulate_targets(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:
     ]
 
 
-def read_targets(told: Iterable[Mapping[str, Any]]) -> tuple[TargetEntry, ...]:
+def read_targets(tables: Iterable[Mapping[str, Any]]) -> tuple[TargetEntry, ...]:
     """Return the targets that a file holds as tables; files older than taxonomies have no taxonomy."""
     return tuple(
         TargetEntry(
@@ -30,5 +30,5 @@ def read_targets(told: Iterable[Mapping[str, Any]]) -> tuple[TargetEntry, ...]:
                 "taxonomy": Taxonomy(**table["taxonomy"]) if table.get("taxonomy") else None,
             }
         )
-        for table in told
+        for table in tables
     )
