@@ -200,7 +200,7 @@ class Recording(RecordingFile, Sequence[Frame]):
 
     def _need_kept(self, group: str) -> None:
         if not any(path.startswith(f"{group}/") for path in self._datasets):
-            raise RecordingError(f"{self.path}: has no {group}; keep them when the frames are made")
+            raise RecordingError(f"{self.path}: has no {group}; request them when the frames are made")
 
     def _link(self, group: str, k: int) -> Link:
         from scipy.spatial.transform import RigidTransform, Rotation

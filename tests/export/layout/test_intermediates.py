@@ -72,7 +72,7 @@ def test_nothing_is_there_that_was_not_asked_for(tmp_path):
     with export.open(export.save(tmp_path / "run.h5", make_frames(2))) as recording:
         for name in ("returns", *KEEP):
             assert name not in recording._file
-            with pytest.raises(RecordingError, match=rf"run\.h5: holds no {name}; ") as caught:
+            with pytest.raises(RecordingError, match=rf"run\.h5: has no {name}; ") as caught:
                 getattr(recording, name)
             assert "\n" not in str(caught.value)
         assert not hasattr(recording.labels, "return_range_m")
