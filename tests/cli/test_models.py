@@ -110,7 +110,7 @@ def test_check_knows_nasa_s_files(rso_lidar, shared):
         (["add", "MESH", "--scale", "1", "--size-m", "2"], "--scale and --size-m"),
         (["add", "MESH", "--scale", "0"], "--scale 0: is not a size"),
         (["add", "MESH", "--size-m", "nan"], "--size-m nan: is not a size"),
-        (["add", "MESH", "--class", "sattelite"], "--class sattelite: is none"),
+        (["add", "MESH", "--class", "sattelite"], "--class sattelite: unknown value"),
         (["add", "MESH", "--part-material", "gold"], "--part-material gold: is not PART=NAME"),
         (["add", "MESH", "--center-of-mass", "1,2"], "--center-of-mass 1,2: is not X,Y,Z"),
         (["add", "MESH", "--center-of-mass", "1,2,inf"], "not finite"),

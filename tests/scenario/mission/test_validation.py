@@ -186,7 +186,7 @@ class TestSettings:
             ("lidar.laser.energy=3", "did you mean 'energy_mj'"),
             ("target.3.model=x", "no entry '3'"),
             ("target.disc.model=x", "no entry 'disc'"),
-            ("seed.deep=3", "holds a value"),
+            ("seed.deep=3", "is a value, not a table"),
             ("lidar.laser.energy_mj=abc", "number"),
         ],
     )
