@@ -317,7 +317,7 @@ class Recorder:
         except (RecordingError, IndexError) as error:
             what = str(error).removeprefix(f"{self.temporary}: ")
             raise RunError(
-                f"{self.path}: is not written, because {self.temporary} is not what was recorded ({what}); keep other "
+                f"{self.path}: not written: {self.temporary} is not what was recorded ({what}); keep other "
                 "programs away from it and run again with --overwrite"
             ) from error
         _sync(self.temporary)

@@ -124,9 +124,7 @@ class ZarrWriter:
         except (RecordingError, KeyError, ValueError) as error:
             raise RunError(f"{self._place}: not written: the store cannot be read back ({error}); run again") from error
         if written != self._written:
-            raise RunError(
-                f"{self._place}: is not written, because it reads back with {written} of {self._written} frames; run again"
-            )
+            raise RunError(f"{self._place}: not written: the store has {written} of {self._written} frames; run again")
 
     # ------------------------------------------------------------------------------------------------------ the inside
 

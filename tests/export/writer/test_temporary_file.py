@@ -137,9 +137,7 @@ def test_what_does_not_read_back_is_not_published(tmp_path):
             stream.write(os.urandom(size // 2))
 
     output = tmp_path / "run.h5"
-    with pytest.raises(
-        RunError, match=r"run\.h5: is not written, because \S+ is not what was recorded \(.*damaged"
-    ) as caught:
+    with pytest.raises(RunError, match=r"run\.h5: not written: \S+ is not what was recorded \(.*damaged") as caught:
         record(output, garble, COUNT)
     assert "\n" not in str(caught.value)
     assert not output.exists()
