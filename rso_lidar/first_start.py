@@ -1,7 +1,7 @@
 """The first start after an installation: a second process compiles the end of a flash while this one compiles its beginning.
 
-numba compiles one loop at a time in a process, and all loops of a flash take some 20 s of one core. The two processes share
-the folder of machine code. Where both want the same loop, one compiles it and the other waits.
+numba compiles one loop at a time in a process, and all loops of a flash take some 24 s of one core. The two processes share
+the folder of machine code. If both need the same loop, one compiles it and the other waits.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -16,27 +17,44 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import detector, kernels, optics, scene
+from rso_lidar.detector.stages.avalanche import multiply_rows
 from rso_lidar.records import Hits, Rays
 
-_COMMAND = "from rso_lidar.first_start import compile_detection; compile_detection()"
+# -P: files of the current folder are not imported. The package is found wherever this process found it.
+_COMMAND = (
+    "-P",
+    "-c",
+    "import sys; sys.path.append(sys.argv[1]); from rso_lidar.first_start import compile_for_parent; compile_for_parent()",
+    str(Path(__file__).parents[1]),
+)
 
 
 @cache
-def compile_ahead() -> subprocess.Popen[bytes] | None:
-    """Start a process that compiles what the end of a flash needs; once, and only where nothing of it is on disk.
+def compile_ahead() -> None:
+    """Start a process that compiles what the end of a flash needs; once, and only if its slowest loop is not on disk.
 
-    Returns
-    -------
-    The process, which goes on by itself; None where there is nothing to compile, no place to keep it or no second core.
+    The process ends when it has finished, or when this one ends. No process is started where machine code cannot be kept.
     """
-    if kernels.has_machine_code() is not False or (os.cpu_count() or 1) < 2:
-        return None
+    if kernels.has_machine_code(multiply_rows) is not False:
+        return
     if not Path(sys.executable or "").stem.startswith("python"):  # Python inside another program
-        return None
+        return
+    null = subprocess.DEVNULL
     with suppress(OSError):
-        null = subprocess.DEVNULL
-        return subprocess.Popen([sys.executable, "-c", _COMMAND], stdin=null, stdout=null, stderr=null)
-    return None
+        process = subprocess.Popen([sys.executable, *_COMMAND], stdin=subprocess.PIPE, stdout=null, stderr=null)
+        threading.Thread(target=process.wait, daemon=True).start()
+
+
+def compile_for_parent() -> None:
+    """Compile as the second process, which ends at the latest when standard input is closed."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    compile_detection()
+
+
+def _end_with_parent() -> None:
+    while os.read(0, 1):
+        pass
+    os._exit(1)
 
 
 def compile_detection() -> None:

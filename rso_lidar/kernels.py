@@ -122,15 +122,15 @@ def compiler_version() -> str:
     return f"numba {numba.__version__}"
 
 
-def has_machine_code() -> bool | None:
-    """Return whether any loop has been compiled and kept on disk, None where nothing is kept."""
-    root = _store.root if _store.is_used else None
-    return None if root is None else any(root.rglob("*.nbi"))
+def has_machine_code(loop: Callable[..., Any]) -> bool | None:
+    """Return whether a kernel, as it is now, has been compiled and kept on disk; None if nothing is kept."""
+    folder = _folder_of(cast(Kernel, loop))
+    return None if folder is None else any(folder.rglob("*.nbi"))
 
 
 @contextmanager
 def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
-    """Call `tell` inside this context whenever a kernel is compiled instead of read from disk.
+    """Call `tell` inside this context when a kernel is compiled for the first time.
 
     Parameters
     ----------
@@ -138,13 +138,14 @@ def watch_compiling(tell: Callable[[int, int], None]) -> Iterator[None]:
     """
     from numba.core import event
 
-    class Compiled(event.Listener):
-        count = 0
+    ours, compiled = {one.function for one in Kernel.all}, set()
 
+    class Compiled(event.Listener):
         def on_start(self, event: Any) -> None:
-            if any(one.function is event.data["dispatcher"].py_func for one in Kernel.all):
-                self.count += 1
-                tell(self.count, max(self.count, len(Kernel.all)))
+            function = event.data["dispatcher"].py_func
+            if function in ours and function not in compiled:
+                compiled.add(function)
+                tell(len(compiled), len(ours))
 
         def on_end(self, event: Any) -> None:
             pass
@@ -211,7 +212,7 @@ _store = _Store()
 
 
 def _dispatcher(function: Callable[..., Any], folder: Path | None) -> Any:
-    """Return numba's compiler of a function, told where to keep machine code."""
+    """Return numba's compiler of a function, with the folder in which it keeps machine code."""
     compiled = _compiler()(function)
     if folder is None:
         return compiled
@@ -230,7 +231,7 @@ def _dispatcher(function: Callable[..., Any], folder: Path | None) -> Any:
 
 
 def _compiler(**options: Any) -> Any:
-    """Return numba's decorator, without the entries that nobody uses: each takes as long as a small loop."""
+    """Return numba's decorator, without unused entry points: compiling each takes as long as a small loop."""
     import numba
 
     njit: Any = numba.njit
@@ -304,7 +305,7 @@ def private_folder() -> Path | None:
         status = folder.lstat()  # a link may lead anywhere
         is_ours = not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & 0o022)
         if not stat.S_ISDIR(status.st_mode) or not is_ours:
-            warn(f"{folder}: is no folder that only you can write; {cure}")
+            warn(f"{folder}: not a folder that only you can write to; {cure}")
             return None
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:

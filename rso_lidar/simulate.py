@@ -97,12 +97,13 @@ def _fly(
         aim = motion.Aim(
             scenario.pan_tilt, scenario.lidar.mount, scenario.bodies, *scenario.span, flights=course.flights, **world
         )
-    compile_ahead()
     # Open loop: frames are made in parallel. Under a controller: bands of pixels are.
     threads = threads or os.cpu_count() or 1
     at_once, ahead, bands = workers or threads, 2 * workers if workers else threads, 1
     if controller:
         at_once, ahead, bands = 1, 0, threads
+    if threads > 1 and not workers:
+        compile_ahead()
     made: deque[Callable[[], Frame]] = deque()
     command: Command | None = None
     with _run_in_parallel(scenario, at_once, in_processes=workers is not None) as begin:

@@ -1,5 +1,6 @@
 """The first start: a second process compiles just what a flash calls after its cast, once, where there is nothing yet."""
 
+import functools
 import os
 import subprocess
 import sys
@@ -8,6 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import first_start, kernels
+from rso_lidar.detector.stages.avalanche import multiply_rows
 from rso_lidar.kernels import Kernel
 
 BEHIND_THE_CAST = ("rso_lidar.optics.returns", "rso_lidar.detector", "rso_lidar.scene.labels")
@@ -40,45 +42,64 @@ def test_it_compiles_what_a_flash_calls_after_its_cast(called):
     assert of_a_flash <= called
 
 
+class Process:
+    def wait(self):
+        return 0
+
+
 @pytest.fixture
 def started(monkeypatch):
     found = []
-    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: found.append(command) or "process")
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    first_start.compile_ahead.cache_clear()
-    yield found
-    first_start.compile_ahead.cache_clear()
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: found.append(command) or Process())
+    monkeypatch.setattr(first_start, "compile_ahead", functools.cache(first_start.compile_ahead.__wrapped__))
+    return found
 
 
 def test_a_second_process_starts_once_where_nothing_is_compiled(started, monkeypatch):
-    monkeypatch.setattr(kernels, "has_machine_code", lambda: False)
-    assert first_start.compile_ahead() == first_start.compile_ahead() == "process"
+    monkeypatch.setattr(kernels, "has_machine_code", lambda _: False)
+    first_start.compile_ahead()
+    first_start.compile_ahead()
     assert len(started) == 1 and started[0][0] == sys.executable
 
 
 @pytest.mark.parametrize("has_code", [True, None])
 def test_no_process_starts_where_loops_are_compiled_or_cannot_be_kept(started, monkeypatch, has_code):
-    monkeypatch.setattr(kernels, "has_machine_code", lambda: has_code)
-    assert first_start.compile_ahead() is None and not started
+    monkeypatch.setattr(kernels, "has_machine_code", lambda _: has_code)
+    first_start.compile_ahead()
+    assert not started
 
 
-@pytest.mark.parametrize("without", ["a second core", "an interpreter"])
-def test_no_process_starts_without(started, monkeypatch, without):
-    monkeypatch.setattr(kernels, "has_machine_code", lambda: False)
-    if without == "a second core":
-        monkeypatch.setattr(os, "cpu_count", lambda: 1)
-    else:
-        monkeypatch.setattr(sys, "executable", "/opt/flight/simulator")
-    assert first_start.compile_ahead() is None and not started
+def test_no_process_starts_without_an_interpreter(started, monkeypatch):
+    monkeypatch.setattr(kernels, "has_machine_code", lambda _: False)
+    monkeypatch.setattr(sys, "executable", "/opt/flight/simulator")
+    first_start.compile_ahead()
+    assert not started
+
+
+def test_the_command_runs_and_imports_nothing_of_the_current_folder(tmp_path):
+    """A child whose parent stays compiles to its end; with everything on disk that takes a second or two."""
+    (tmp_path / "numpy.py").write_text("raise SystemExit(3)")
+    command = [sys.executable, *first_start._COMMAND]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path) as child:
+        assert child.wait() == 0, child.stderr.read()
+
+
+def test_the_second_process_ends_with_the_first(tmp_path):
+    """Standard input is closed as the parent ends. With an empty cache, compiling takes longer than this test may."""
+    command, cache = [sys.executable, *first_start._COMMAND], {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, env=cache) as child:
+        child.stdin.close()
+        assert child.wait() == 1, child.stderr.read()
 
 
 def test_machine_code_is_found_where_it_is_kept(tmp_path, monkeypatch):
     store = kernels._Store()
     store.root = tmp_path
     monkeypatch.setattr(kernels, "_store", store)
-    assert kernels.has_machine_code() is False
-    (tmp_path / "one").mkdir()
-    (tmp_path / "one" / "loop.nbi").touch()
-    assert kernels.has_machine_code() is True
+    assert kernels.has_machine_code(multiply_rows) is False
+    folder = kernels._folder_of(multiply_rows)
+    folder.mkdir()
+    (folder / "loop.nbi").touch()
+    assert kernels.has_machine_code(multiply_rows) is True
     store.is_used = False
-    assert kernels.has_machine_code() is None
+    assert kernels.has_machine_code(multiply_rows) is None

@@ -84,7 +84,7 @@ def test_a_folder_that_others_may_write_is_refused(answer, kind, tmp_path):
         spare.touch()
     done = answer()
     assert done[0] == 0 and "None" in done[1]
-    assert "is no folder that only you can write" in done[2]
+    assert "not a folder that only you can write to" in done[2]
     assert not spare.is_dir() or not list(spare.iterdir())
 
 

@@ -10,9 +10,9 @@ from rso_lidar.detector.stages.time_axis import Rows
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.philox import draw_key, fill_row
 
-# The last word of a counter. The avalanche draws three words for each step: for its tables of many and of few primaries,
-# and for the rest. Where the rest has avalanches, it draws a block for each, from further stages.
-AMPLIFIER, AVALANCHE, AVALANCHE_FINE, AVALANCHE_REST, AVALANCHE_MORE = range(5)
+# The last word of a counter. The avalanche draws three words for each step, from three stages: for its tables of many and of
+# few primaries, and for the rest. Where the rest has avalanches, it draws a block for each, from further stages.
+AMPLIFIER, AVALANCHE, AVALANCHE_MORE = 0, 1, 4
 
 
 class RowNoise(NamedTuple):

@@ -70,10 +70,14 @@ class Schedule(Part):
         ----------
         time_s : time [s since start_utc].
         """
-        if self.interpolation == "step":
-            place = max(int(np.searchsorted(self.time_s, time_s, "right")) - 1, 0)
-            return {name: float(getattr(self, name)[place]) for name in self.planned}
-        return {name: float(np.interp(time_s, self.time_s, getattr(self, name))) for name in self.planned}
+        before = max(int(np.searchsorted(self.time_s, time_s, "right")) - 1, 0)
+        after, share = before, 0.0
+        if self.interpolation == "linear" and before + 1 < len(self.time_s):
+            after = before + 1
+            from_s, to_s = self.time_s[before], self.time_s[after]
+            share = min(max((time_s - from_s) / (to_s - from_s), 0.0), 1.0)  # a slope could overflow, a share cannot
+        planned = ((name, getattr(self, name)) for name in self.planned)
+        return {name: float(values[before] + share * (values[after] - values[before])) for name, values in planned}
 
 
 def read_command(command: Command) -> dict[str, float]:

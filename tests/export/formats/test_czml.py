@@ -109,7 +109,7 @@ def test_thinning_keeps_both_ends():
         ({"bodies": [CzmlBody("a", np.ones((3, 3))), CzmlBody("a", np.ones((3, 3)))]}, "same name"),
         ({"bodies": [CzmlBody("a", np.ones((3, 3)), np.ones((3, 3)))]}, "needs a quaternion"),
         ({"lines": [("a", "b")]}, "ends at 'b'"),
-        ({"most": 1}, "too few"),
+        ({"most": 1}, "cannot show motion"),
     ],
 )
 def test_what_no_globe_could_read_is_refused(change, words):

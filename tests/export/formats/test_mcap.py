@@ -219,7 +219,7 @@ def test_outputs_that_cannot_be(written):
         write_mcap(written, make_frames(2))
     with pytest.raises(RecordingError, match="there is no folder"):
         write_mcap(written.parent / "no" / "run.mcap", make_frames(2))
-    with pytest.raises(RecordingError, match="there are no frames"):
+    with pytest.raises(RecordingError, match="no frames to write"):
         write_mcap(written, [], overwrite=True)
     assert len(messages(written)) == COUNT * len(TOPICS)
 

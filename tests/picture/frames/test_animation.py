@@ -45,7 +45,7 @@ def test_one_frame_is_a_film_too(coming, tmp_path):
 
 @pytest.mark.parametrize("rate_hz", [0.0, -1.0, 60.0, float("nan")])
 def test_a_rate_that_players_cannot_keep_is_an_error(coming, tmp_path, rate_hz):
-    with pytest.raises(RecordingError, match="choose a rate above 0, up to 50 Hz"):
+    with pytest.raises(RecordingError, match="choose a rate above 0 and up to 50 Hz"):
         animate(coming, tmp_path / "a.gif", frame_rate_hz=rate_hz)
 
 
