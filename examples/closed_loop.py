@@ -1,7 +1,7 @@
 """Past a rocket stage twice: with a boresight that stays where it was, and with a controller that follows what it sees.
 
-The controller gets each frame's Observation, which is what the craft could know: the reading, false triggers and all, and
-the angles that the encoders measure. How far off the boresight is, is then told from the truth.
+The controller gets each frame's Observation, which is what the craft could know: the reading, with false triggers, and
+the angles that the encoders measure. The pointing error is then computed from the truth.
 """
 
 import datetime
@@ -38,7 +38,7 @@ scenario = rl.Scenario(
         attitude=rl.Rtn(),
     ),
     ptu=rl.Ptu(
-        point=rl.FixedPoint(pan_deg=45),  # at the stage when the run begins, and then no more
+        point=rl.FixedPoint(pan_deg=45),  # at the stage only when the run begins
         response=rl.SecondOrder(natural_hz=2.0, damping=0.7, max_rate_deg_s=10),
         errors=rl.PointingErrors(jitter_deg=0.01, encoder_noise_deg=0.005, command_latency_s=0.05),
     ),
@@ -51,10 +51,10 @@ scenario = rl.Scenario(
 
 
 def controller():
-    """Return a fresh controller: it remembers what it has seen, so each run has its own."""
+    """Return a new controller. It has a state, so each run needs its own."""
     return rl.track.Pointing(
         gate_m=20.0,  # the stage is 14 m long
-        lead_s=0.16,  # the drive lags by damping / (pi * natural_hz) = 0.11 s, and hears of a command 0.05 s late
+        lead_s=0.16,  # the drive lags by damping / (pi * natural_hz) = 0.11 s, and receives a command 0.05 s late
     )
 
 

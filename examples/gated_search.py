@@ -35,10 +35,10 @@ scenario = rl.Scenario(
     ),
     lidar=rl.Lidar(
         preset="gsfl_1064_offset_limited",
-        laser={"energy_mj": 6},  # a table goes over the preset's key by key; a part, rl.Laser(...), would too
+        laser={"energy_mj": 6},  # a table overrides the preset's key by key; so does a part, rl.Laser(...)
         receiver={"focal_length_mm": 293.3, "n_rows": 32, "n_cols": 32},
         detector={
-            "readout": rl.detector.Readout(electrons_per_count=20),  # 30 photons are a pulse 10 counts high, and not 1
+            "readout": rl.detector.Readout(electrons_per_count=20),  # 30 photons give a pulse of 10 counts instead of 1
             "gate": rl.detector.Gate(delay_ns=39978, width_ns=200, pulses=32, false_alarm_probability=1e-3),
         },
         schedule=rl.Schedule(time_s=[0, 3600], gate_delay_ns=[39978, 28167]),

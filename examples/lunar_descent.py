@@ -45,7 +45,7 @@ scenario = rl.Scenario(
 )
 
 if __name__ == "__main__":
-    here = rl.Scenario.load(Path(__file__).with_suffix(".toml"))  # the same, and the table is looked up beside it
+    here = rl.Scenario.load(Path(__file__).with_suffix(".toml"))  # the same; its table is found beside it
     print(here.describe())
     for frame in rl.simulate(here, frames=slice(0, None, 10)):
         height_m = frame.truth.poses.place("site", "lidar")[0][2]

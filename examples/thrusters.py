@@ -1,7 +1,7 @@
-"""A follower with thrusters holds its place behind a rocket stage, by what its lidar reads alone.
+"""A follower with thrusters holds its position behind a rocket stage, from the readings of its lidar alone.
 
-The motion is the user's own: `relative_motion` below is f of x' = f(t, x, u) (Fuller et al., eq. 6), integrated beside the
-rest, and the controller's u reaches it through `Command.inputs`.
+The motion is the user's own: `relative_motion` below is f of x' = f(t, x, u) (Fuller et al., eq. 6), integrated with the
+other motions. The controller passes u through `Command.inputs`.
 """
 
 import datetime
@@ -47,7 +47,7 @@ scenario = rl.Scenario(
     ],
     follower=rl.Follower(
         motion=rl.motion.StateSpace(
-            dynamics="thrusters.py:relative_motion",  # or the function itself; by its name a recording can fly it again
+            dynamics="thrusters.py:relative_motion",  # or the function itself; with a name, a recording can be flown again
             axes="rtn",
             relative_to="stage",
             initial_state=[3, -120, -2, 0.02, -0.15, 0.01],
@@ -93,7 +93,7 @@ class Hold:
 
 
 if __name__ == "__main__":
-    flown = rl.Scenario.load(Path(__file__).with_suffix(".toml"))  # the same, and it knows beside what its dynamics lie
+    flown = rl.Scenario.load(Path(__file__).with_suffix(".toml"))  # the same; its dynamics are found beside it
     for title, controller in (("drifting", None), ("holding", Hold())):
         print(f"\n{title}:")
         for frame in rl.simulate(flown, controller):

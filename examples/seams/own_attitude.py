@@ -1,6 +1,6 @@
-"""An attitude of one's own: an inspector that nods across the stage it looks at.
+"""A user-defined attitude: an inspector that scans across the stage in front of it.
 
-Any object with `orient` may stand where a scenario takes an attitude; `rso_lidar.motion.Attitude` says what it is given.
+Any object with `orient` can be an attitude of a scenario; `rso_lidar.motion.Attitude` describes its arguments.
 """
 
 from dataclasses import dataclass

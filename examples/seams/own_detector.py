@@ -1,6 +1,6 @@
-"""A detector of one's own: it draws photoelectrons and reports the first return of each pixel that has enough of them.
+"""A user-defined detector: it draws photoelectrons and reports the first return of each pixel that has enough of them.
 
-Any object with `detect` and `traits` may stand where a scenario takes a detector; `rso_lidar.detector.Detector` says more.
+Any object with `detect` and `traits` can be a detector of a scenario; see `rso_lidar.detector.Detector`.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
-"""A material of one's own: the dust of an airless body, put on a rocket stage.
+"""A user-defined material: the dust of an airless body, put on a rocket stage.
 
-Any object with `brdf_per_sr` may stand where a scenario takes a material; `rso_lidar.scene.Material` says what it is given.
+Any object with `brdf_per_sr` can be a material of a scenario; `rso_lidar.scene.Material` describes its arguments.
 """
 
 from dataclasses import dataclass

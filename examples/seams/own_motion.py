@@ -1,6 +1,6 @@
-"""A motion of one's own: a spiral descent toward the Earth, flown as the target of an approach.
+"""A user-defined motion: a spiral descent toward the Earth, flown as the target of an approach.
 
-Any object with `states` may stand where a scenario takes a motion; `rso_lidar.motion.Motion` says what it is asked.
+Any object with `states` can be a motion of a scenario; `rso_lidar.motion.Motion` describes its arguments.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
-"""A tracker of one's own: it points the PTU at the mean direction of the returns near the median range.
+"""A user-defined tracker: it points the PTU at the mean direction of the returns near the median range.
 
-Anything that is called with an Observation and returns a Command, or None, may fly as a controller;
-`rso_lidar.track.Controller` says what it is given. `rso_lidar.track.Pointing` is the reference: it filters its angles.
+Any callable that takes an Observation and returns a Command, or None, can be a controller;
+`rso_lidar.track.Controller` describes its arguments. `rso_lidar.track.Pointing` is the reference: it filters its angles.
 """
 
 from pathlib import Path
