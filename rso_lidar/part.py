@@ -176,8 +176,8 @@ class Seam:
     def _validate(self, value: Any, validate: Callable[[Any], Any]) -> Any:
         if isinstance(value, Mapping) and value.get("type") == _PYTHON:
             raise ValueError(
-                f"stands for the Python object {value.get('object', '')!s:.60}, which a text cannot hold; "
-                "set the object again in Python, with replace(...)"
+                f"represents the Python object {value.get('object', '')!s:.60}, which TOML cannot store; "
+                "set it again in Python, with replace(...)"
             )
         if self._is_described(value):
             return validate(value)
@@ -193,7 +193,7 @@ class Seam:
         return value
 
     def _serialize(self, value: Any, serialize: Callable[[Any], Any], info: core_schema.SerializationInfo) -> Any:
-        """Dump a part as its table; put a Python object into the context, and dump the table that stands for it.
+        """Dump a part as its table; put a Python object into the context, and dump the table that represents it.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class Seam:
         return python_table(value)
 
 
-_PYTHON = "python"  # `type` of the table that stands for a Python object
+_PYTHON = "python"  # `type` of the table that represents a Python object
 _TOML_TYPES = (str, int, float, list, tuple, Mapping, datetime.date, datetime.time, types.NoneType)
 
 
@@ -222,12 +222,12 @@ def python_objects(part: BaseModel) -> list[object]:
 
 
 def dump_part(value: object) -> dict[str, Any]:
-    """Return the table of a part without unset keys, or the table that stands for a Python object."""
+    """Return the table of a part without unset keys, or the table that represents a Python object."""
     return value.model_dump(exclude_none=True) if isinstance(value, Part) else python_table(value)
 
 
 def python_table(value: object) -> dict[str, Any]:
-    """Return the table that stands for a Python object in a dump."""
+    """Return the table that represents a Python object in a dump."""
     return {"type": _PYTHON, "object": name_object(value)}
 
 

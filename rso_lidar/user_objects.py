@@ -14,7 +14,7 @@ from rso_lidar.validation_messages import show_value
 _ROUNDING = 1e-9  # by which a number may be outside of its limits
 
 
-def make_answer_error(owner: object, method: str, found: object, cure: str) -> ScenarioError:
+def make_answer_error(owner: object, method: str, found: object, cure: str, *, member: str = "") -> ScenarioError:
     """Return the error for an object whose method returned something else than it should.
 
     Parameters
@@ -23,8 +23,10 @@ def make_answer_error(owner: object, method: str, found: object, cure: str) -> S
     method : name of its method.
     found : what the method returned.
     cure : what to do.
+    member : which member of the result is wrong; empty where it has none.
     """
-    return ScenarioError(f"{name_object(owner)}: {method}() returned {show_value(found)}; {cure}")
+    where = f" in {member}" if member else ""
+    return ScenarioError(f"{name_object(owner)}: {method}() returned {show_value(found)}{where}; {cure}")
 
 
 def read_member(owner: object, name: str, default: Any, kind: type | tuple[type, ...], cure: str) -> Any:
@@ -50,7 +52,7 @@ def read_member(owner: object, name: str, default: Any, kind: type | tuple[type,
 
 
 def call_member(owner: object, name: str, *given: Any, default: Any = None) -> Any:
-    """Call an optional method of an object; return the default for an object that lacks it.
+    """Call an optional method of an object with read-only arrays; return the default for an object that lacks it.
 
     Parameters
     ----------
@@ -65,23 +67,34 @@ def call_member(owner: object, name: str, *given: Any, default: Any = None) -> A
 
     Raises
     ------
-    ScenarioError : if the attribute is no method.
+    ScenarioError : if the attribute is not a method.
     """
     method = getattr(owner, name, None)
     if method is None:
         return default
     if not callable(method):
         raise ScenarioError(f"{name_object(owner)}: {name} is {show_value(method)}; make it a method, or rename it")
-    return method(*given)
+    return method(*(lock_array(value) if isinstance(value, np.ndarray) else value for value in given))
+
+
+def lock_array(values: np.ndarray) -> np.ndarray:
+    """Return a read-only view of an array."""
+    view = values.view()
+    view.setflags(write=False)
+    return view
 
 
 def check_lines(owner: object, method: str, found: object) -> list[str]:
-    """Return lines of text that a method returned, or raise an error if they are none.
+    """Return lines of text that a method returned, or raise an error for anything else.
 
     Parameters
     ----------
     owner, method : the object and the name of its method.
     found : what the method returned.
+
+    Raises
+    ------
+    ScenarioError : if that is not a list of texts.
     """
     if isinstance(found, Sequence) and not isinstance(found, str) and all(isinstance(line, str) for line in found):
         return [" ".join(line.split("\n")) for line in found]
@@ -89,13 +102,17 @@ def check_lines(owner: object, method: str, found: object) -> list[str]:
 
 
 def check_text(owner: object, method: str, found: object) -> str:
-    """Return a text that a method returned, or raise an error if it is none; the parameters are those of `check_lines`.
+    """Return a text that a method returned, or raise an error if it is not a text.
 
     Parameters
     ----------
     owner : the object.
     method : name of its method.
     found : what the method returned.
+
+    Raises
+    ------
+    ScenarioError : if that is not a text.
     """
     if isinstance(found, str):
         return " ".join(found.split("\n"))
@@ -110,32 +127,45 @@ def check_values(
     shape: tuple[int, ...] = (),
     least: float = -np.inf,
     most: float = np.inf,
+    member: str = "",
 ) -> np.ndarray:
     """Return numbers that a method returned as an array of float64, or raise an error if they are not as they must be.
 
     Parameters
     ----------
     owner, method : the object and the name of its method.
-    found : what the method returned; one number stands for as many as there are.
+    found : what the method returned; one number represents as many as there are.
     shape : of the array.
     least, most : limits; NaN is outside of them.
+    member : which member of the result the numbers are; empty where they are the whole result.
+
+    Returns
+    -------
+    array of float64 of this shape, read-only.
+
+    Raises
+    ------
+    ScenarioError : if they are not real numbers, or have another shape, or are beyond a limit.
     """
     cure = f"return numbers of shape {shape}" if shape else "return a number"
     values = to_real_array(found)
     if values is None:
-        raise make_answer_error(owner, method, found, cure)
+        raise make_answer_error(owner, method, found, cure, member=member)
     if values.shape not in ((), shape):
-        raise ScenarioError(f"{name_object(owner)}: {method}() returned an array of shape {values.shape}; {cure}")
+        where = f" in {member}" if member else ""
+        raise ScenarioError(
+            f"{name_object(owner)}: {method}() returned an array of shape {values.shape}{where}; {cure}"
+        )
     wrong = ~((values >= least - _ROUNDING) & (values <= most + _ROUNDING))
     if wrong.any():
         cure += f" from {least:g}" if np.isfinite(least) else ""
         cure += f" to {most:g}" if np.isfinite(most) else ""
-        raise make_answer_error(owner, method, float(values[wrong].flat[0]), cure)
+        raise make_answer_error(owner, method, float(values[wrong].flat[0]), cure, member=member)
     return np.broadcast_to(values, shape)
 
 
 def to_real_array(found: object) -> np.ndarray | None:
-    """Return real numbers as an array of float64; None for what is no array of real numbers."""
+    """Return real numbers as an array of float64; None for anything else."""
     try:
         values = np.asarray(found)
     except (TypeError, ValueError):

@@ -329,7 +329,7 @@ def test_a_dump_names_the_objects_and_cannot_be_read_again():
     dump = Choir(lead=Whistle(), row=(Chord(tones=4), Hum())).model_dump(exclude_none=True)
     assert dump["lead"] == {"type": "python", "object": f"{__name__}.Whistle(...)"}
     assert dump["row"] == ({"type": "python", "object": f"{__name__}.Chord(tones=4)"}, {"type": "hum", "level": 1.0})
-    with pytest.raises(ScenarioError, match=r"Choir: lead: stands for the Python object .*Whistle.*; set the object"):
+    with pytest.raises(ScenarioError, match=r"Choir: lead: represents the Python object .*Whistle.*; set it again"):
         Choir(**dump)
 
 

@@ -23,7 +23,7 @@ A detector without noise that lists the first return of each pixel::
             pixel, first = np.unique(photons.pixel, return_index=True)
             range_m, counts = np.full(n_pixels, np.nan), np.zeros(n_pixels)
             range_m[pixel] = photons.delay_s[first] * units.RANGE_PER_DELAY_M_S
-            counts[pixel] = np.minimum(photons.photons[first], 65535)
+            counts[pixel] = np.minimum(np.rint(photons.photons[first]), 65535)
             planes = (values.reshape(photons.shape) for values in (range_m, counts, np.zeros(n_pixels, bool)))
             return Reading(*planes), None
 
@@ -44,7 +44,7 @@ from pydantic import Field
 from rso_lidar.detector.analysis import closed_form, description, noise_effects, simulation_size
 from rso_lidar.detector.analysis.array_load import ArrayLoad, simulate_array_load
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
-from rso_lidar.detector.analysis.user_detector import check_prediction, check_reading
+from rso_lidar.detector.analysis.user_detector import check_array_load, check_prediction, check_reading
 from rso_lidar.detector.chain.curves import detect_by_curves
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.geiger import photon_counter
@@ -52,9 +52,9 @@ from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.traits import DetectorTraits
-from rso_lidar.part import Seam
+from rso_lidar.part import GREATEST, Seam
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
-from rso_lidar.user_objects import call_member, check_lines, check_text, check_values, make_answer_error
+from rso_lidar.user_objects import call_member, check_lines, check_text, check_values, lock_array, make_answer_error
 
 
 @runtime_checkable
@@ -292,14 +292,18 @@ def predict_closed_form(
     only_probability : whether the other members of the prediction are not needed.
     """
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
-    given = (photons, depth_s, only_probability) if _find_functions(detector) else (photons, depth_s)
+    given: tuple[Any, ...]
+    if _find_functions(detector):
+        given = (pulse, photons, depth_s, only_probability)
+    else:
+        given = (pulse._replace(power_per_s=lock_array(pulse.power_per_s)), photons, depth_s)
     check = partial(check_prediction, shape=photons.shape)
-    found: Prediction | None = _call(detector, "predict_closed_form", pulse, *given, check=check)
+    found: Prediction | None = _call(detector, "predict_closed_form", *given, check=check)
     return found
 
 
 def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> float:
-    """Return the rms noise under sunlight over that in the dark; by default 1.
+    """Return the rms noise under sunlight over that in the dark, infinite without noise in the dark; by default 1.
 
     Parameters
     ----------
@@ -322,7 +326,7 @@ def isolate(detector: AnyDetector, gain: float = 1.0) -> AnyDetector:
     gain : gain of its APDs over their gain at rest.
     """
     apart: AnyDetector = _call(detector, "isolate", gain, default=detector)
-    if not isinstance(apart, Detector | Gsfl | Empirical | GeigerArray):
+    if not isinstance(apart, (Detector, *_FUNCTIONS)):
         raise make_answer_error(detector, "isolate", apart, "return a detector")
     return apart
 
@@ -336,9 +340,9 @@ def array_load(detector: AnyDetector, photons: Photons) -> ArrayLoad:
     photons : light on every pixel.
     """
     n_pixels = photons.shape[0] * photons.shape[1]
-    load: ArrayLoad = _call(detector, "array_load", photons, default=ArrayLoad(np.ones(n_pixels), np.zeros(n_pixels)))
-    if not isinstance(load, ArrayLoad):
-        raise make_answer_error(detector, "array_load", load, "return an ArrayLoad")
+    none = ArrayLoad(np.ones(n_pixels), np.zeros(n_pixels))
+    check = partial(check_array_load, n_pixels=n_pixels)
+    load: ArrayLoad = _call(detector, "array_load", photons, default=none, check=check)
     return load
 
 
@@ -352,7 +356,7 @@ def draw_crosstalk_m(detector: AnyDetector, together_fraction: np.ndarray, rng: 
     rng : generator of the errors.
     """
     none = np.zeros(np.shape(together_fraction))
-    check = partial(check_values, shape=none.shape)
+    check = partial(check_values, shape=none.shape, least=-GREATEST, most=GREATEST)
     return np.asarray(_call(detector, "draw_crosstalk_m", together_fraction, rng, default=none, check=check))
 
 
@@ -363,7 +367,7 @@ def frame_jitter_s(detector: AnyDetector) -> float:
     ----------
     detector : the detector.
     """
-    return float(_call(detector, "frame_jitter_s", default=0.0, check=partial(check_values, least=0.0)))
+    return float(_call(detector, "frame_jitter_s", default=0.0, check=partial(check_values, least=0.0, most=GREATEST)))
 
 
 def _find_functions(detector: AnyDetector) -> dict[str, Callable[..., Any]] | None:
@@ -384,7 +388,7 @@ def _call(
     ----------
     detector : a part or an object.
     name : name of the function or method.
-    given : its arguments after the detector.
+    given : its arguments after the detector; an object gets its arrays read-only.
     default : result without it.
     check : called with an object, the name of its method and the answer; returns the answer, or raises an error.
     """

@@ -112,6 +112,32 @@ def test_defaults_of_what_an_object_does_not_say():
     np.testing.assert_array_equal(rd.draw_crosstalk_m(mine, np.ones(3), np.random.default_rng(0)), np.zeros(3))
 
 
+def test_an_object_is_given_read_only_arrays():
+    given = []
+
+    def keep(result):
+        def method(self, *arguments):
+            given.extend(arguments)
+            return result
+
+        return method
+
+    answers = {"false_alarm_probability": 0.0, "detection_probability": 0.0, "draw_crosstalk_m": 0.0}
+    prediction = rd.Prediction(np.zeros(2), np.full(2, np.inf), np.zeros(2), np.zeros(2, bool))
+    members = {name: keep(result) for name, result in answers.items()} | {"predict_closed_form": keep(prediction)}
+    mine, values = type("Own", (Counting,), members)(), np.ones(2)
+    rd.false_alarm_probability(mine, values)
+    rd.detection_probability(mine, values)
+    rd.draw_crosstalk_m(mine, values, np.random.default_rng(0))
+    predicted = rd.predict(mine, PULSE, values, values)
+    assert predicted.saturated.dtype == bool and np.isinf(predicted.range_precision_m).all()
+    given += [pulse.power_per_s for pulse in given if isinstance(pulse, rd.LaserPulse)]
+    arrays = [one for one in given if isinstance(one, np.ndarray)]
+    assert len(arrays) == 6
+    assert not any(one.flags.writeable for one in arrays)
+    assert values.flags.writeable and PULSE.power_per_s.flags.writeable
+
+
 def test_methods_of_an_object_answer_before_the_defaults():
     mine = Cautious()
     assert rd.describe(mine, 16) == ["detector    counting with 16 pixels"]

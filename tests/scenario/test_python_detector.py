@@ -7,7 +7,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import units
-from rso_lidar.detector import DetectorTraits
+from rso_lidar.detector import ArrayLoad, DetectorTraits, Prediction
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Command, Photons, Reading
 from rso_lidar.study import reach_m
@@ -53,7 +53,7 @@ def test_it_is_flown_and_recorded(flown, tmp_path):
     assert recording[0].observation.settings["efficiency"] == 0.5
     assert "FirstPhoton(efficiency=0.5" in recording.source.scenario
     with pytest.raises(
-        ScenarioError, match=r"lidar\.detector: stands for the Python object .*FirstPhoton.*the object again"
+        ScenarioError, match=r"lidar\.detector: represents the Python object .*FirstPhoton.*; set it again"
     ):
         rl.Scenario.loads(recording.source.scenario)
 
@@ -140,6 +140,8 @@ NONE = np.zeros((32, 32))
         ),
         ((Reading(NONE - 1.0, NONE, NONE), None), r"ranges that are negative or infinite"),
         ((Reading(NONE + np.inf, NONE, NONE), None), r"ranges that are negative or infinite"),
+        ((Reading(NONE, NONE, NONE, NONE[..., None] - 1.0), None), r"ranges that are negative or infinite"),
+        ((Reading(NONE, NONE, NONE, NONE[..., None] + np.inf), None), r"ranges that are negative or infinite"),
         ((Reading(NONE, NONE, NONE), "w"), r"returned 'w'; return Waveforms or None after the Reading"),
     ],
 )
@@ -187,8 +189,29 @@ TAPPED = DetectorTraits(sees_to_m=2000.0, threshold_photons=2.0, has_taps=True)
         ),
         ({"detection_probability": lambda self, n: n * np.nan}, r"detection_probability\(\) returned nan"),
         ({"predict_closed_form": lambda self, *given: 3}, r"returned 3; return a Prediction with arrays of shape"),
+        (
+            {"predict_closed_form": lambda self, pulse, n, depth: Prediction(n + 7.0, n, n, n > 0.0)},
+            r"predict_closed_form\(\) returned 8\.0 in probability; return numbers of shape \(2,\) from 0 to 1",
+        ),
+        (
+            {"predict_closed_form": lambda self, pulse, n, depth: Prediction(0.0 * n, n, n * np.nan, n > 0.0)},
+            r"predict_closed_form\(\) returned nan in snr; return numbers of shape \(2,\) from 0",
+        ),
         ({"isolate": lambda self, gain: None}, r"isolate\(\) returned None; return a detector"),
         ({"array_load": lambda self, photons: None}, r"array_load\(\) returned None; return an ArrayLoad"),
+        (
+            {"array_load": lambda self, photons: ArrayLoad(np.ones(3), np.zeros(1024))},
+            r"array_load\(\) returned an array of shape \(3,\) in gain; return numbers of shape \(1024,\)",
+        ),
+        (
+            {"array_load": lambda self, photons: ArrayLoad(np.ones(1024), np.full(1024, 1.5))},
+            r"array_load\(\) returned 1\.5 in together_fraction; return numbers of shape \(1024,\) from 0 to 1",
+        ),
+        ({"frame_jitter_s": lambda self: np.inf}, r"frame_jitter_s\(\) returned inf; return a number from 0 to 1e\+12"),
+        (
+            {"draw_crosstalk_m": lambda self, share, rng: -np.inf},
+            r"returned -inf; return numbers of shape .* from -1e\+12",
+        ),
         ({"frame_jitter_s": lambda self: None}, r"frame_jitter_s\(\) returned None; return a number"),
         ({"draw_crosstalk_m": lambda self, share, rng: "x"}, r"draw_crosstalk_m\(\) returned 'x'; return numbers"),
     ],

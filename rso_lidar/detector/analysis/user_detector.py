@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import Part, name_object
+from rso_lidar.part import GREATEST, Part, name_object
 from rso_lidar.records import Photons, Reading, Waveforms
-from rso_lidar.user_objects import make_answer_error, read_member
+from rso_lidar.user_objects import check_values, make_answer_error, read_member
 
 
 def check_traits(detector: object) -> None:
@@ -61,7 +63,9 @@ def check_reading(detector: Any, method: str, found: object, photons: Photons) -
         raise make_answer_error(detector, method, reading, f"list {wanted} returns of each pixel, as the traits say")
     if waveforms is not None and not isinstance(waveforms, Waveforms):
         raise make_answer_error(detector, method, waveforms, "return Waveforms or None after the Reading")
-    if np.isinf(reading.range_m).any() or (reading.range_m < 0.0).any():
+    if any(
+        np.isinf(range_m).any() or (range_m < 0.0).any() for range_m in (reading.range_m, listed) if range_m is not None
+    ):
         raise ScenarioError(
             f"{name_object(detector)}: {method}() returned ranges that are negative or infinite; write NaN for no return"
         )
@@ -90,4 +94,32 @@ def check_prediction(detector: object, method: str, found: object, *, shape: tup
         return None
     if not isinstance(found, Prediction) or any(np.shape(values) != shape for values in vars(found).values()):
         raise make_answer_error(detector, method, found, f"return a Prediction with arrays of shape {shape}, or None")
-    return found
+    limits = {"probability": 1.0, "range_precision_m": np.inf, "snr": np.inf, "saturated": 1.0}
+    checked = {
+        name: check_values(detector, method, getattr(found, name), shape=shape, least=0.0, most=most, member=name)
+        for name, most in limits.items()
+    }
+    return Prediction(**checked | {"saturated": checked["saturated"].astype(bool)})
+
+
+def check_array_load(detector: object, method: str, found: object, *, n_pixels: int) -> ArrayLoad:
+    """Check the array load that a user-defined detector returned, and return it.
+
+    Parameters
+    ----------
+    detector, method : the object and the name of its method.
+    found : what the method returned.
+    n_pixels : number of pixels.
+
+    Raises
+    ------
+    ScenarioError
+        If it is not a load of these pixels.
+    """
+    if not isinstance(found, ArrayLoad):
+        raise make_answer_error(detector, method, found, "return an ArrayLoad")
+    check = partial(check_values, detector, method, shape=(n_pixels,), least=0.0)
+    return ArrayLoad(
+        check(found.gain, most=GREATEST, member="gain"),
+        check(found.together_fraction, most=1.0, member="together_fraction"),
+    )

@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from functools import partial
 from numbers import Real
 from typing import Any, Protocol, runtime_checkable
 
@@ -10,7 +11,15 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import GREATEST, Part, name_object
-from rso_lidar.user_objects import make_answer_error, read_member, to_real_array
+from rso_lidar.user_objects import (
+    call_member,
+    check_values,
+    lock_array,
+    make_answer_error,
+    read_member,
+    to_real_array,
+)
+from rso_lidar.validation_messages import show_value
 
 # Angular radius of the Sun from 1 au, 0.2665 degree: 6.8e-5 sr.
 SUN_RADIUS_RAD = math.asin(units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M)
@@ -174,8 +183,11 @@ class _Completed(Scatterer):
         self._material = material
         for name in ("is_retro", "is_narrow"):
             read_member(material, name, False, bool, "make it True or False, or a property")
-        for name in ("lambertian_per_sr", "rms_slope"):
-            read_member(material, name, 0.0, Real, "make it a number, or a property")
+        for name, other in (("lambertian_per_sr", " or NaN"), ("rms_slope", "")):
+            value = read_member(material, name, 0.0, Real, "make it a number, or a property")
+            if not (0.0 <= value <= GREATEST or (other and math.isnan(value))):
+                cure = f"make it a number from 0 to {GREATEST:g}{other}"
+                raise ScenarioError(f"{name_object(material)}: {name} is {show_value(value)}; {cure}")
 
     def __getattribute__(self, name: str) -> Any:
         """Return the object's own member, where it has one."""
@@ -215,6 +227,25 @@ class _Completed(Scatterer):
         """Return the object's BRDF [1/sr] in sunlight, or else its BRDF, checked."""
         return self._ask("sunlight_brdf_per_sr", cos_in, cos_out, cos_phase)
 
+    def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
+        """Return the normals that the object tilts, or else those given, checked."""
+        found = call_member(self._material, "tilt_normals", normal, point, default=normal)
+        return check_values(self._material, "tilt_normals", found, shape=normal.shape, least=-1.0, most=1.0)
+
+    def average_over_lens(
+        self,
+        peak_per_sr: np.ndarray,
+        direction: np.ndarray,
+        range_m: np.ndarray,
+        laser_from_m: np.ndarray,
+        aperture_m: float,
+    ) -> np.ndarray:
+        """Return the object's mean BRDF [1/sr] over a lens, or else its BRDF, checked."""
+        given = (peak_per_sr, direction, range_m, laser_from_m, aperture_m)
+        found = call_member(self._material, "average_over_lens", *given, default=peak_per_sr)
+        check = partial(check_values, self._material, "average_over_lens", found)
+        return check(shape=np.shape(peak_per_sr), least=0.0, most=GREATEST)
+
     def _ask(
         self, method: str, cos_in: np.ndarray, cos_out: np.ndarray | None, cos_phase: np.ndarray | None
     ) -> np.ndarray:
@@ -237,9 +268,7 @@ class _Completed(Scatterer):
         own = self._material
         method = method if hasattr(own, method) else "brdf_per_sr"
         cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
-        cosines = [values.view() for values in np.broadcast_arrays(cos_in, cos_out, phase)]
-        for values in cosines:
-            values.setflags(write=False)
+        cosines = [lock_array(values) for values in np.broadcast_arrays(cos_in, cos_out, phase)]
         found = getattr(own, method)(*cosines)
         brdf = to_real_array(found)
         if brdf is None:
@@ -259,7 +288,15 @@ class _Completed(Scatterer):
 
 
 # What `_Completed` does not take from the object as it is.
-_CHECKED = ("at", "summarize", "brdf_per_sr", "mean_brdf_per_sr", "sunlight_brdf_per_sr")
+_CHECKED = (
+    "at",
+    "summarize",
+    "brdf_per_sr",
+    "mean_brdf_per_sr",
+    "sunlight_brdf_per_sr",
+    "tilt_normals",
+    "average_over_lens",
+)
 
 
 def _short(value: Any) -> str:

@@ -48,7 +48,10 @@ def test_the_scenario_goes_into_a_recording_and_not_into_a_file(example, tmp_pat
         scenario.dumps()
     rl.save(tmp_path / "dust.h5", rl.simulate(scenario, frames=[0]))
     text = rl.open(tmp_path / "dust.h5").source.scenario
-    with pytest.raises(ScenarioError, match=r"target\[0\]\.material: stands for the Python object .*Dust.*; set"):
+    with pytest.raises(
+        ScenarioError,
+        match=r"target\[0\]\.material: represents the Python object .*Dust.*, which TOML cannot store; set it again",
+    ):
         rl.Scenario.loads(text)
 
 
@@ -191,7 +194,18 @@ class Dull:
         ({"is_retro": "no"}, r"is_retro is 'no'; make it True or False"),
         ({"is_narrow": lambda self: True}, r"is_narrow is a method; make it True or False"),
         ({"lambertian_per_sr": "x"}, r"lambertian_per_sr is 'x'; make it a number"),
+        ({"lambertian_per_sr": -0.1}, r"lambertian_per_sr is -0\.1; make it a number from 0 to 1e\+12 or NaN"),
+        ({"lambertian_per_sr": np.inf}, r"lambertian_per_sr is inf; make it a number from 0 to 1e\+12 or NaN"),
         ({"rms_slope": None}, r"rms_slope is None; make it a number"),
+        ({"rms_slope": np.nan}, r"rms_slope is nan; make it a number from 0"),
+        (
+            {"tilt_normals": lambda self, normal, point: point},
+            r"tilt_normals\(\) returned 5\.0; return numbers of shape",
+        ),
+        (
+            {"average_over_lens": lambda self, peak, *given: -peak},
+            r"average_over_lens\(\) returned -1\.0; return numbers",
+        ),
         ({"at": lambda self, wavelength_m: None}, r"at\(\) returned None; return a material"),
     ],
 )
@@ -202,6 +216,8 @@ def test_what_a_member_must_not_be(members, message):
         material.brdf_per_sr(cosines)
         material.mean_brdf_per_sr(cosines)
         material.sunlight_brdf_per_sr(cosines, cosines, cosines)
+        material.tilt_normals(np.eye(3)[:, :2], np.full((3, 2), 5.0))
+        material.average_over_lens(np.ones(2), np.eye(3)[:2], np.ones(2), np.zeros(3), 0.1)
     assert "\n" not in str(error.value)
 
 
@@ -215,6 +231,29 @@ def test_a_brdf_is_given_read_only_cosines_and_may_return_them():
     found = complete(Writing()).brdf_per_sr(cosines, cosines, np.array([1.0, 0.5]))
     assert found.flags.writeable and cosines.flags.writeable
     np.testing.assert_array_equal(found, cosines)
+
+
+def test_optional_methods_are_given_read_only_arrays():
+    class Structured(Dull):
+        lambertian_per_sr = np.nan
+
+        def tilt_normals(self, normal, point):
+            assert not normal.flags.writeable and not point.flags.writeable
+            return -normal
+
+        def average_over_lens(self, peak_per_sr, direction, range_m, laser_from_m, aperture_m):
+            given = (peak_per_sr, direction, range_m, laser_from_m)
+            assert not any(values.flags.writeable for values in given)
+            return 0.5
+
+    normal, peak_per_sr = np.eye(3)[:, :2], np.ones(2)
+    given = (np.eye(3)[:2], np.ones(2), np.zeros(3), 0.1)
+    for own, tilted, mean in ((Structured(), -normal, 0.5), (Dull(), normal, 1.0)):
+        material = complete(own)
+        np.testing.assert_array_equal(material.tilt_normals(normal, np.zeros((3, 2))), tilted)
+        np.testing.assert_array_equal(material.average_over_lens(peak_per_sr, *given), [mean, mean])
+    assert np.isnan(complete(Structured()).lambertian_per_sr)
+    assert normal.flags.writeable and peak_per_sr.flags.writeable
 
 
 def test_brdfs_of_its_own_for_areas_and_for_sunlight_are_used():
