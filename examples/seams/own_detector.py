@@ -23,7 +23,7 @@ class Threshold:
         pixel, first = np.unique(photons.pixel[found], return_index=True)  # returns of a pixel run from near to far
         range_m, counts = np.full(photons.shape, np.nan), np.zeros(photons.shape, np.uint16)
         range_m.flat[pixel] = photons.delay_s[found[first]] * rl.units.RANGE_PER_DELAY_M_S
-        counts.flat[pixel] = np.minimum(photons.photons[found[first]], 65_535)
+        counts.flat[pixel] = np.minimum(np.rint(photons.photons[found[first]]), 65_535)
         return rl.records.Reading(range_m, counts, np.zeros(photons.shape, np.uint8)), None
 
 

@@ -19,7 +19,7 @@ class Waveforms(Record):
     shape: tuple[int, int]
     sample_s: float
     baseline_counts: float
-    pixel: np.ndarray = array("trace", "i4", "1", "row * n_cols + col, rising")
+    pixel: np.ndarray = array("trace", "i4", "1", "row * n_cols + col, ascending")
     start_s: np.ndarray = array("trace", "f8", "s", "two-way delay of the first sample since emission")
     latch_s: np.ndarray = array(
         "trace", "f8", "s", "when the signal passed the comparator's threshold, since emission; NaN under a range gate"
@@ -48,7 +48,7 @@ class Taps(Record):
 
     shape: tuple[int, int]
     step_s: float
-    pixel: np.ndarray = array("trace", "i4", "1", "row * n_cols + col, rising")
+    pixel: np.ndarray = array("trace", "i4", "1", "row * n_cols + col, ascending")
     start_s: np.ndarray = array("trace", "f8", "s", "two-way delay of the first step since emission")
     threshold_electrons: np.ndarray = array("trace", "f4", "1", "threshold of the comparator; NaN under a range gate")
     primaries: np.ndarray = array(

@@ -68,7 +68,7 @@ def locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
 
 
 def _check_conversion(values: Any, dtype: np.dtype[Any]) -> None:
-    """Refuse values that numpy would convert without a word, and wrongly.
+    """Refuse values that numpy would convert to wrong values without an error.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def _check_conversion(values: Any, dtype: np.dtype[Any]) -> None:
 
     Raises
     ------
-    ValueError : if they are complex, or numbers that an integer type does not hold.
+    ValueError : if they are complex, or numbers that an integer type does not hold, such as 12.7.
     """
     given = getattr(values, "dtype", None)
     if given is None:
@@ -88,6 +88,8 @@ def _check_conversion(values: Any, dtype: np.dtype[Any]) -> None:
     if dtype.kind in "iu" and given.kind in "fiu" and not np.can_cast(given, dtype) and values.size:
         limits = np.iinfo(dtype)
         if not (limits.min <= values.min() and values.max() <= limits.max):  # NaN is outside, too
+            raise ValueError
+        if given.kind == "f" and (values != np.trunc(values)).any():
             raise ValueError
 
 

@@ -174,7 +174,9 @@ def test_body_state_is_locked():
         BodyState(np.zeros(3), np.zeros(3)).position_m[0] = 1.0
 
 
-@pytest.mark.parametrize("values", [[[-1.0]], [[70_000.0]], [[np.nan]], [[np.inf]], [[-1]], [[70_000]], [[1.0 + 2.0j]]])
+@pytest.mark.parametrize(
+    "values", [[[-1.0]], [[70_000.0]], [[12.7]], [[np.nan]], [[np.inf]], [[-1]], [[70_000]], [[1.0 + 2.0j]]]
+)
 def test_numbers_that_a_field_does_not_hold_are_refused(values):
     for found in (values, np.array(values)):
         with pytest.raises(
