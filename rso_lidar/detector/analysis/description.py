@@ -87,10 +87,16 @@ def describe_storage(gsfl: Gsfl) -> list[str]:
     ]
 
 
+def describe_gate(length_m: float) -> str:
+    """Describe in a few words a gate of this length [m]."""
+    length = f"{length_m:.3g}" if length_m < 999.5 else f"{length_m:.0f}"  # 1200, not 1.2e+03
+    return f"a gate of {length} m about the target"
+
+
 def describe_window_gsfl(gsfl: Gsfl) -> str:
     """Describe in a few words when the pixels look."""
     if gsfl.gate is not None:
-        return f"a gate of {gsfl.gate.to_m - gsfl.gate.from_m:.3g} m about the target"
+        return describe_gate(gsfl.gate.to_m - gsfl.gate.from_m)
     return f"armed {gsfl.sees_from_m:g} to {gsfl.sees_to_m:g} m"
 
 

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from rso_lidar import units
 from rso_lidar.detector.geiger.counting import false_peak_probability, find_least_counts, threshold_primaries
 from rso_lidar.detector.settings.traits import DetectorTraits
+from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Count, NotNegative, Number, Part, Positive
 
 _MOST_BINS = 2**17  # of a histogram
@@ -193,8 +194,14 @@ class GeigerArray(Part):
 
         Parameters
         ----------
-        delay_ns : time between the flash and the opening of the gate [ns]
+        delay_ns : time between the flash and the opening of the gate [ns].
+
+        Raises
+        ------
+        ScenarioError : if the time is negative or NaN, or the gate would open too far away.
         """
+        if not delay_ns >= 0.0:
+            raise ScenarioError(f"delay_ns: {delay_ns:g} is not a time after emission; give a number from 0")
         opens_m = delay_ns * units.NS * units.RANGE_PER_DELAY_M_S
         return self.replace(gate_from_m=opens_m, gate_to_m=opens_m + (self.gate_to_m - self.gate_from_m))
 

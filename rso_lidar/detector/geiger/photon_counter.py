@@ -10,6 +10,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.analysis.description import describe_gate
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.geiger.counting import first_photon_moments, live_fraction, peak_probability
 from rso_lidar.detector.geiger.histogram import count_photons
@@ -59,7 +60,7 @@ def describe(array: GeigerArray, n_pixels: int) -> list[str]:
 
 def describe_window(array: GeigerArray) -> str:
     """Describe in a few words when the array looks."""
-    return f"a gate of {array.gate_to_m - array.gate_from_m:.3g} m about the target"
+    return describe_gate(array.gate_to_m - array.gate_from_m)
 
 
 def advise(array: GeigerArray, pulse_fwhm_s: float) -> list[str]:

@@ -86,5 +86,8 @@ def test_the_gate_moves_and_stays_as_long():
         assert moved.gate_s == pytest.approx(array.gate_s, rel=1e-9)
         assert moved.n_bins == array.n_bins and moved.dark_least_counts == array.dark_least_counts
         assert moved.pulses == 40
-    with pytest.raises(ScenarioError, match="gate_from_m"):
-        array.with_gate_delay(-1.0)
+    for delay_ns in (-1.0, math.nan):
+        with pytest.raises(
+            ScenarioError, match=rf"^delay_ns: {delay_ns:g} is not a time after emission; give a number"
+        ):
+            array.with_gate_delay(delay_ns)

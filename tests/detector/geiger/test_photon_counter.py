@@ -63,6 +63,8 @@ def test_it_is_described_in_two_lines():
     assert f"{false * 1024:.2g} false alarms a frame" in second
     assert "1 pulse a frame" in detector.describe(ARRAY.replace(pulses=1, least_counts=1), 4)[1]
     assert detector.describe_window(ARRAY) == "a gate of 300 m about the target"
+    long = ARRAY.replace(gate_to_m=1234.0)
+    assert detector.describe_window(long) == "a gate of 1234 m about the target"
     assert detector.describe_storage(ARRAY) == []
 
 
