@@ -20,6 +20,8 @@ def definitions(tree):
                 found[node.name] = node
             case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
                 found[name] = node
+            case ast.Assign(targets=[ast.Tuple(elts=elements)]):
+                found |= {element.id: node for element in elements if isinstance(element, ast.Name)}
     return {name: node for name, node in found.items() if not name.startswith("__")}
 
 
@@ -70,6 +72,7 @@ def test_every_definition_has_a_user():
         ("def used(): ...\ndef dead(): used()", ["dead"]),
         ("def dead(n): return dead(n - 1)", ["dead"]),
         ("_LEAST = 3", ["_LEAST"]),
+        ("_LEAST, _MOST = 3, 4\nprint(_MOST)", ["_LEAST"]),
         ("_LEAST: int = 3\nprint(_LEAST)", []),
         ("def write(): ...\nFORMATS = ['module:write']\nprint(FORMATS)", []),
         ("def run(): ...\nprint('from module import run; run()')", []),
