@@ -116,9 +116,9 @@ def add_place(place: str) -> Iterator[None]:
     except RsoLidarError as error:
         if str(error).startswith(f"{place}: "):
             raise
-        again = type(error)(f"{place}: {error}")
-        vars(again).update(vars(error))  # such as the mask of bad epochs
-        raise again from None
+        prefixed = type(error)(f"{place}: {error}")
+        vars(prefixed).update(vars(error))  # such as the mask of bad epochs
+        raise prefixed from None
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

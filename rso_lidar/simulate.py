@@ -243,7 +243,7 @@ def _assemble_frame(
     ----------
     scenario, truth, lidar, index : what was flown, where everything was, the instrument in force, number of the frame.
     reading, labels : what the sensor said, and what was there.
-    kept : intermediate records that were asked for.
+    kept : intermediate records that the user requested.
     """
     measured = truth.pointing.measured_rad if truth.pointing else None
     observation = Observation(truth.time_s, reading, lidar.settings, lidar.receiver.line_of_sight, measured)
@@ -255,7 +255,7 @@ def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> n
 
     Raises
     ------
-    ScenarioError : where `frames` is no choice of frames of this scenario.
+    ScenarioError : if `frames` does not choose frames of this scenario.
     """
     n_frames = scenario.time.n_frames
     if frames is None:
@@ -271,13 +271,13 @@ def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> n
     if not len(numbers):
         raise ScenarioError(f"frames: the choice is empty; the scenario has frames 0 to {n_frames - 1}")
     if numbers[0] < 0 or numbers[-1] >= n_frames or np.any(np.diff(numbers) <= 0):
-        raise ScenarioError(f"frames: need rising numbers from 0 to {n_frames - 1}")
+        raise ScenarioError(f"frames: need ascending numbers from 0 to {n_frames - 1}")
     return numbers
 
 
 def _check_kept(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:
     if not isinstance(keep, Iterable):
-        raise ScenarioError(f"keep: {keep!r:.40} is no list of names; known: {', '.join(KEPT)}")
+        raise ScenarioError(f"keep: {keep!r:.40} is not a list of names; known: {', '.join(KEPT)}")
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     for name in names:
         if name not in KEPT:

@@ -141,11 +141,11 @@ def simulate_analog(
         if noise is None:
             np.multiply(quiet[block], pixel_gain[block, None], out=amplitude[block])
             return
-        again = overlap.select(block)
-        again.carry(primaries[block])
+        block_overlap = overlap.select(block)
+        block_overlap.carry(primaries[block])
         expected = np.add(primaries[block], base[block, None], out=excess[block])
         electrons[block] = multiply(expected, gsfl.apd, noise.select(block), base=common)
-        again.carry(electrons[block])
+        block_overlap.carry(electrons[block])
         expected *= -gain
         expected += electrons[block]
         if gsfl.droop is None:  # under a droop the whole array decides the gain
@@ -206,8 +206,8 @@ def solve_drooped_gain(
         return electrons
     begin = int(rows.start.min())
     place = (rows.start - begin)[:, None] + np.arange(rows.length)
-    again = np.diff(rows.pixel, prepend=-1) == 0
-    covered = np.where(again, np.roll(rows.start, 1) + rows.length - begin, 0)
+    is_same_pixel = np.diff(rows.pixel, prepend=-1) == 0
+    covered = np.where(is_same_pixel, np.roll(rows.start, 1) + rows.length - begin, 0)
     drawn = np.where(place >= covered[:, None], electrons, np.float32(0.0))
     span = int(place.max()) + 1
     if span > 2**24:  # far-apart returns: the supply recovers between them

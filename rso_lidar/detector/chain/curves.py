@@ -57,8 +57,8 @@ def detect_by_curves(empirical: Empirical, photons: Photons, rng: np.random.Gene
 def _intensity_noise_photons(empirical: Empirical, photons: np.ndarray) -> np.ndarray:
     """Return the standard deviation [photons] of the reported intensity, by expected photons."""
     shot = empirical.intensity_excess_noise_factor * photons / empirical.quantum_efficiency
-    told: np.ndarray = np.sqrt(empirical.intensity_noise_equivalent_photons**2 + shot)
-    return told
+    noise_photons: np.ndarray = np.sqrt(empirical.intensity_noise_equivalent_photons**2 + shot)
+    return noise_photons
 
 
 def _draw_first_false_s(false_alarms_per_s: float, rng: np.random.Generator, n_pixels: int) -> np.ndarray:

@@ -111,13 +111,13 @@ def _count(
 
     Parameters
     ----------
-    first, end : the first pixel of the band, and the first one behind it.
+    first, end : first pixel of the band, and the one after its last.
     key : (2) uint32 of the frame.
     pulses : of the frame.
     times : opening of the gate, its length, bin, hold-off and jitter [s].
     afterpulse : probability, and mean time after the hold-off [s].
     bins : of the histogram and of a peak.
-    noise_per_s : (pixel) avalanches that are not of the laser.
+    noise_per_s : (pixel) rate of avalanches not due to the laser [1/s].
     start : (pixel + 1) first return of each pixel.
     delay_s, primaries, depth_s : (return) delay, mean avalanches, and time over which its surface stretches it.
     pulse : first edge of the pulse's taps and their step [s].

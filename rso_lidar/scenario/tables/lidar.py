@@ -18,7 +18,7 @@ from rso_lidar.records import Command
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scenario.tables.schedule import Schedule, read_command
 
-# Keys of which exactly one may be given: a user's choice replaces the preset's.
+# Settings that every frame records.
 _SETTINGS = (
     "laser_energy_j",
     "laser_divergence_rad",
@@ -26,7 +26,8 @@ _SETTINGS = (
     "pulse_fwhm_s",
     "focal_length_m",
     "aperture_m",
-)  # of every frame
+)
+# Keys of which exactly one may be given: a user's choice replaces the preset's.
 _ALTERNATIVES = ({"fov_deg", "focal_length_mm"}, {"f_number", "aperture_mm"})
 
 

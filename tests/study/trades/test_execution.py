@@ -227,7 +227,7 @@ def test_a_point_that_cannot_be_flown_is_a_row_with_its_reason(text, tmp_path):
         ("lidar.laser.energy_mj", "lidar.receiver.rays_per_pixel", r"axis\[0\].values: .*integer, not 5.5"),
         ("[5, 20]", "[-5, -20]", "no point can be flown; the first: .*greater than 0, not -5"),
         ("bench.toml", "bensh.toml", "no file 'bensh.toml'"),
-        ('"0:4:2"', "[99]", "frames: need rising numbers"),
+        ('"0:4:2"', "[99]", "frames: need ascending numbers"),
         ('name     = "Energy', 'target = "plane"\nname = "Energy', "did you mean 'plate'"),
         ('name     = "Energy', 'set = ["seeds=1"]\nname = "Energy', "unknown key 'seeds'"),
     ],
@@ -244,7 +244,7 @@ def test_what_is_wrong_at_every_point_is_told_before_anything_runs(text, tmp_pat
 def test_frames_that_a_point_lacks_are_its_error(text, tmp_path):
     study = STUDY.replace("lidar.laser.energy_mj", "time.duration_s").replace("[5, 20]", "[0.2, 2]")
     made = trade(folder_with(tmp_path, text, study.replace('"0:4:2"', "[3]")))
-    assert ["frames: need rising numbers" in why for why in made.table["error"].tolist()] == [True] * 3 + [False] * 3
+    assert ["frames: need ascending numbers" in why for why in made.table["error"].tolist()] == [True] * 3 + [False] * 3
 
 
 def test_workers_are_a_number(text, tmp_path):
