@@ -99,7 +99,7 @@ def make_frame(
         reading = dataclasses.replace(
             reading,
             return_range_m=np.where(some, 300 + many, np.nan),
-            return_intensity_counts=np.where(some, 1 + 4094 * many, 0),
+            return_intensity_counts=np.where(some, np.rint(1 + 4094 * many), 0),
         )
         labels = dataclasses.replace(
             labels, return_range_m=np.where(some, 300 + many, np.nan), return_photons=np.where(some, 1000 * many, 0)

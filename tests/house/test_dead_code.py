@@ -40,7 +40,9 @@ def mentions(trees):
                     found |= {alias.name for alias in names}
                 case ast.Attribute(attr=name):
                     found.add(name)
-                case ast.Constant(value=str(text)) if re.fullmatch(r"[\w.:]+|from [\w.]+ import [^\n]+", text):
+                case ast.Constant(value=str(text)) if re.fullmatch(
+                    r"[\w.:]+|(import [^\n]+; )?from [\w.]+ import [^\n]+", text
+                ):
                     found |= set(re.findall(r"\w+", text))
     return found
 
@@ -76,6 +78,7 @@ def test_every_definition_has_a_user():
         ("_LEAST: int = 3\nprint(_LEAST)", []),
         ("def write(): ...\nFORMATS = ['module:write']\nprint(FORMATS)", []),
         ("def run(): ...\nprint('from module import run; run()')", []),
+        ("def run(): ...\nprint('import sys; from module import run; run()')", []),
     ],
 )
 def test_what_has_no_user_is_found(code, dead):

@@ -107,7 +107,7 @@ def make_frame(
         photons=photons * label,
         filled_fraction=label,
     )
-    reading = Reading(range_m=measured_m, intensity_counts=counts, saturated=counts >= 4095)
+    reading = Reading(range_m=measured_m, intensity_counts=np.trunc(counts), saturated=counts >= 4095)
     observation = Observation(time_s, reading, {"focal_length_m": 0.2933}, rays, np.array([0.012, -0.034]))
     return Frame(index, observation, labels, truth, SOURCE)
 
