@@ -1,4 +1,4 @@
-"""A user-defined detector: it draws photoelectrons and reports the first return of each pixel that has enough of them.
+"""A user-defined detector: it draws photoelectrons and reports the first cluster of each pixel that has enough of them.
 
 Any object with `detect` and `traits` can be a detector of a scenario; see `rso_lidar.detector.Detector`.
 """
@@ -19,11 +19,14 @@ class Threshold:
     traits = rl.detector.DetectorTraits(sees_to_m=2000.0, threshold_photons=100.0)
 
     def detect(self, photons, rng):
-        found = np.flatnonzero(rng.poisson(0.8 * photons.photons) >= self.electrons)
-        pixel, first = np.unique(photons.pixel[found], return_index=True)  # returns of a pixel run from near to far
+        # Each sub-ray that hits is a return. The returns of a cluster arrive as one pulse.
+        light = np.bincount(photons.cluster, photons.photons)
+        delay_s = np.bincount(photons.cluster, photons.photons * photons.delay_s) / np.maximum(light, 1e-30)
+        found = np.flatnonzero(rng.poisson(0.8 * light) >= self.electrons)
+        pixel, first = np.unique(photons.cluster_pixel[found], return_index=True)  # clusters run from near to far
         range_m, counts = np.full(photons.shape, np.nan), np.zeros(photons.shape, np.uint16)
-        range_m.flat[pixel] = photons.delay_s[found[first]] * rl.units.RANGE_PER_DELAY_M_S
-        counts.flat[pixel] = np.minimum(np.rint(photons.photons[found[first]]), 65_535)
+        range_m.flat[pixel] = delay_s[found[first]] * rl.units.RANGE_PER_DELAY_M_S
+        counts.flat[pixel] = np.minimum(np.rint(light[found[first]]), 65_535)
         return rl.records.Reading(range_m, counts, np.zeros(photons.shape, np.uint8)), None
 
 

@@ -21,9 +21,10 @@ A detector without noise that lists the first return of each pixel::
         def detect(self, photons, rng):
             n_pixels = photons.shape[0] * photons.shape[1]
             pixel, first = np.unique(photons.pixel, return_index=True)
-            range_m, counts = np.full(n_pixels, np.nan), np.zeros(n_pixels)
+            range_m = np.full(n_pixels, np.nan)
             range_m[pixel] = photons.delay_s[first] * units.RANGE_PER_DELAY_M_S
-            counts[pixel] = np.minimum(np.rint(photons.photons[first]), 65535)
+            light = np.bincount(photons.pixel, photons.photons, n_pixels)  # of all returns of a pixel
+            counts = np.minimum(np.rint(light), 65535)
             planes = (values.reshape(photons.shape) for values in (range_m, counts, np.zeros(n_pixels, bool)))
             return Reading(*planes), None
 
@@ -73,7 +74,7 @@ class Detector(Protocol):
 
         Parameters
         ----------
-        photons : light on every pixel.
+        photons : light on every pixel: a return for each sub-ray that hits, and `cluster`, which groups those of one pulse.
         rng : generator of all noise.
         """
         ...
