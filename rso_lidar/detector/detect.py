@@ -53,9 +53,17 @@ from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.traits import DetectorTraits
-from rso_lidar.part import GREATEST, Seam
+from rso_lidar.part import (
+    GREATEST,
+    Seam,
+    call_member,
+    check_lines,
+    check_text,
+    check_values,
+    lock_array,
+    make_answer_error,
+)
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
-from rso_lidar.user_objects import call_member, check_lines, check_text, check_values, lock_array, make_answer_error
 
 
 @runtime_checkable
@@ -183,9 +191,6 @@ def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> Non
     _call(detector, "check_size", pulse_fwhm_s, n_pixels)
 
 
-# ------------------------------------------------------------------------------------------------------- in words
-
-
 def describe(detector: AnyDetector, n_pixels: int) -> list[str]:
     """Return a description of a detector in some lines; the last one states when it looks.
 
@@ -244,9 +249,6 @@ def list_neglected_effects(detector: AnyDetector) -> list[str]:
     """
     effects: list[str] = _call(detector, "list_neglected_effects", default=[], check=check_lines)
     return effects
-
-
-# ---------------------------------------------------------------------------------------------------- closed forms
 
 
 def false_alarm_probability(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
@@ -313,9 +315,6 @@ def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> floa
     """
     check = partial(check_values, least=0.0)
     return float(_call(detector, "noise_growth", background_photons_per_s, default=1.0, check=check))
-
-
-# ------------------------------------------------------------------------------------------ a pixel and its array
 
 
 def isolate(detector: AnyDetector, gain: float = 1.0) -> AnyDetector:

@@ -14,9 +14,9 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, suppress_warnings
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.part import call_member, make_answer_error, to_real_array
 from rso_lidar.pose import dot
 from rso_lidar.records import BodyState
-from rso_lidar.user_objects import call_member, make_answer_error, to_real_array
 
 # With 2 s the truncation error in low orbit is below 1e-9 m/s and 3e-6 of the acceleration. The rounding of time in SGP4
 # (1e-9 s after a month) adds some 2 um/s.

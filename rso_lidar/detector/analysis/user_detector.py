@@ -11,9 +11,8 @@ from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import GREATEST, Part, name_object
+from rso_lidar.part import GREATEST, Part, check_values, make_answer_error, name_object, read_member
 from rso_lidar.records import Photons, Reading, Waveforms
-from rso_lidar.user_objects import check_values, make_answer_error, read_member
 
 
 def check_traits(detector: object) -> None:

@@ -87,8 +87,8 @@ def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
     try:
         with zipfile.ZipFile(draft) as packed:
             wrong = packed.testzip() or ", ".join({f"{name}.npy" for name in names} ^ set(packed.namelist()))
-    # A damaged header can name a compression that zipfile does not have: that is its NotImplementedError.
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+    # zipfile raises RuntimeError where a damaged header names a compression or an encryption that it does not have.
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
         wrong = str(error)
     if wrong:
         raise RunError(f"{place}: not written: the file cannot be read back ({wrong}); run again")

@@ -9,7 +9,7 @@ from pathlib import Path
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.reader.hdf5_file import TEMPORARY
 from rso_lidar.export.reader.recording import Recording
-from rso_lidar.file_locks import is_locked
+from rso_lidar.files import is_locked
 from rso_lidar.records import Source
 
 _LOCK = re.compile(r"^\.(.+)\.lock$")

@@ -27,8 +27,7 @@ from rso_lidar.export.writer.chunks import ChunkWriter
 from rso_lidar.export.writer.continuation import copy_frames, copy_lenses
 from rso_lidar.export.writer.lens_tables import LensTables, is_same_memory
 from rso_lidar.export.writer.temporary_file import InterferenceError, TemporaryFile
-from rso_lidar.file_locks import hold_lock
-from rso_lidar.files import advise_on_write, check_writable
+from rso_lidar.files import advise_on_write, check_writable, hold_lock
 from rso_lidar.interruption import remove_on_signal
 from rso_lidar.records import Frame, Source
 

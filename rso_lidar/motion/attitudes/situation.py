@@ -11,10 +11,8 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.part import Part, kind_of
+from rso_lidar.part import Part, kind_of, read_member, show_value
 from rso_lidar.pose import Link, rotate_vectors
-from rso_lidar.user_objects import read_member
-from rso_lidar.validation_messages import show_value
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

@@ -15,7 +15,15 @@ from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.orbit import J2, Ephemeris, Kepler, Numerical, Omm, State, Tle
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.part import Part, Seam, kind_of
+from rso_lidar.part import (
+    Part,
+    Seam,
+    call_member,
+    check_lines,
+    check_text,
+    kind_of,
+    read_member,
+)
 from rso_lidar.records import BodyState
 from rso_lidar.rpo import (
     Circumnavigation,
@@ -34,12 +42,6 @@ from rso_lidar.rpo import (
     VBarApproach,
     Waypoints,
     YamanakaAnkersen,
-)
-from rso_lidar.user_objects import (
-    call_member,
-    check_lines,
-    check_text,
-    read_member,
 )
 
 _PARALLEL = 1e-12  # squared sine below which position and velocity are taken as parallel

@@ -8,9 +8,8 @@ from pydantic import ValidationError
 
 from rso_lidar.errors import FieldError, ScenarioError, SettingError
 from rso_lidar.files import read_text
-from rso_lidar.part import Part
-from rso_lidar.toml_text import DEEPEST, MOST_BYTES, parse_toml
-from rso_lidar.validation_messages import explain
+from rso_lidar.part import Part, explain
+from rso_lidar.part.toml_text import DEEPEST, MOST_BYTES, parse_toml
 
 AnyPart = TypeVar("AnyPart", bound=Part)
 

@@ -16,8 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
-from rso_lidar.file_locks import hold_lock
-from rso_lidar.files import write_atomically
+from rso_lidar.files import hold_lock, write_atomically
 from rso_lidar.records.taxonomy import Taxonomy, classify_size
 from rso_lidar.scene.library.group_materials import materials_of
 from rso_lidar.scene.library.model_index import (

@@ -14,12 +14,11 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, mode
 
 from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, has_warnings_enabled, warn
 from rso_lidar.files import read_text
-from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole
+from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole, explain
+from rso_lidar.part.toml_text import MOST_BYTES, parse_toml
 from rso_lidar.records.taxonomy import Hinge, Taxonomy
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
-from rso_lidar.toml_text import MOST_BYTES, parse_toml
-from rso_lidar.validation_messages import explain
 
 _WRITE_AGAIN = "write it again with `python -m rso_lidar.shapes.write`"
 _reported: set[object] = set()  # libraries, and models of them, of which a warning has been given

@@ -10,16 +10,18 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import GREATEST, Part, name_object
-from rso_lidar.user_objects import (
+from rso_lidar.part import (
+    GREATEST,
+    Part,
     call_member,
     check_values,
     lock_array,
     make_answer_error,
+    name_object,
     read_member,
+    show_value,
     to_real_array,
 )
-from rso_lidar.validation_messages import show_value
 
 # Angular radius of the Sun from 1 au, 0.2665 degree: 6.8e-5 sr.
 SUN_RADIUS_RAD = math.asin(units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M)

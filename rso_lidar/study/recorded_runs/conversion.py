@@ -19,12 +19,12 @@ from rso_lidar.export.registry import format_for, writer_for
 from rso_lidar.files import check_writable, convert_path
 from rso_lidar.motion.attitudes.attitude_file import write_aem
 from rso_lidar.orbit.ccsds.writer import write_oem
+from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.pose import ROOT
 from rso_lidar.records import BodyState, Frame, Source
 from rso_lidar.study.recorded_runs.flown_scenario import load_scenario
 from rso_lidar.study.recorded_runs.globe import build_globe
 from rso_lidar.study.time_history.open_loop import find_velocity_jumps_s
-from rso_lidar.toml_text import parse_toml
 
 
 def save(

@@ -17,8 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.file_locks import hold_lock
-from rso_lidar.files import advise_on_write
+from rso_lidar.files import advise_on_write, hold_lock
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene.library.model_index import own_models

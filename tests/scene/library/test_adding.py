@@ -13,7 +13,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError
-from rso_lidar.file_locks import hold_lock
+from rso_lidar.files import hold_lock
 from rso_lidar.scene import load_mesh
 from rso_lidar.scene.library.adding import MeshOptions, add_model, known_meshes, remove_model
 from rso_lidar.scene.library.group_materials import materials_of

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.files import REFUSED, advise_on_write
+from rso_lidar.files.writing import REFUSED, advise_on_write
 from rso_lidar.interruption import remove_on_signal
 
 _WAIT_S = 0.1  # longer than is_locked holds a lock, which is microseconds
@@ -27,6 +27,11 @@ def hold_lock(path: Path, *, wait_s: float = _WAIT_S, busy: str | None = None) -
     path : of the lock file, ``.<name>.lock`` beside the file that it guards.
     wait_s : longest wait for another process to release it [s].
     busy : message if it was not released; by default, that another run is writing the file.
+
+    Yields
+    ------
+    None
+        While the lock is held.
 
     Raises
     ------
@@ -64,7 +69,12 @@ def hold_lock(path: Path, *, wait_s: float = _WAIT_S, busy: str | None = None) -
 
 
 def is_locked(path: Path) -> bool | None:
-    """Return whether a running process holds a lock file; None if that cannot be determined."""
+    """Return whether a running process holds a lock file; None if that cannot be determined.
+
+    Parameters
+    ----------
+    path : of the lock file.
+    """
     from filelock import lock_descriptor
 
     try:

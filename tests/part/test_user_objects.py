@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import Part
-from rso_lidar.user_objects import call_member, check_lines, check_text, check_values, read_member, to_real_array
+from rso_lidar.part import Part, call_member, check_lines, check_text, check_values, read_member, to_real_array
 
 
 class Own:

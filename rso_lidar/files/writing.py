@@ -1,7 +1,4 @@
-"""Files: read whole and within bounds, written whole or not at all.
-
-Reading refuses pipes, devices and files above a size limit, so that it always ends.
-"""
+"""Files written whole or not at all: beside their place, then renamed to it."""
 
 from __future__ import annotations
 
@@ -9,17 +6,14 @@ import csv
 import errno
 import itertools
 import os
-import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from rso_lidar.errors import RecordingError, RsoLidarError, RunError, did_you_mean
+from rso_lidar.errors import RecordingError, RunError, did_you_mean
 from rso_lidar.interruption import defer_signals, remove_on_signal
 
-MOST_BYTES = 256 * 2**20  # of a catalogue, a table or an image; the whole public catalogue as OMM has about 40 MiB
-_MIB = 2**20
 REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 _drafts: dict[Path, os.stat_result] = {}  # temporary files of this process, as they were made
 _CURES = {
@@ -29,142 +23,12 @@ _CURES = {
 }
 
 
-def convert_path(given: Any, error: type[RsoLidarError]) -> Path:
-    """Convert a user's argument to a path; raise `error` if it is not one."""
-    try:
-        return Path(given)
-    except TypeError:
-        raise error(f"{given!r:.60}: not a path; give a str or a pathlib.Path") from None
-
-
-def expand_user(path: str | os.PathLike[str]) -> Path:
-    """Return a path with its leading ``~`` expanded; unchanged if there is no such user, so that no file is found.
-
-    >>> expand_user("~no_such_user/a.tle").parts
-    ('~no_such_user', 'a.tle')
-    """
-    with suppress(RuntimeError):
-        return Path(path).expanduser()
-    return Path(path)
-
-
-def check_regular(path: Path, most_bytes: int, error: type[RsoLidarError], what: str = "file") -> os.stat_result:
-    """Check that a file is regular and not larger than a limit, and return its status.
-
-    Parameters
-    ----------
-    path : of the file.
-    most_bytes : largest allowed size [byte].
-    error : class of the error to raise.
-    what : kind of file that is expected, for messages.
-
-    Returns
-    -------
-    os.stat_result
-        Status of the file.
-
-    Raises
-    ------
-    error
-        If the file is missing, is a folder, pipe, socket or device, or is too large.
-    """
-    try:
-        status = path.stat()
-    except FileNotFoundError:
-        raise error(f"{path}: no such file; check the name") from None
-    except (OSError, ValueError) as problem:
-        raise error(f"{path}: cannot be read ({_reason(problem)}); check its name and permissions") from None
-    if stat.S_ISDIR(status.st_mode):
-        raise error(f"{path}: is a folder; give a {what} in it")
-    if not stat.S_ISREG(status.st_mode):
-        raise error(f"{path}: is a pipe, a socket or a device; save it as a regular {what} and give that")
-    if status.st_size > most_bytes:
-        raise error(_too_large(path, status.st_size, most_bytes, what))
-    return status
-
-
-def read_bytes(path: Path, most_bytes: int, error: type[RsoLidarError], what: str = "file") -> bytes:
-    """Read a regular file that is not larger than a limit.
-
-    Parameters
-    ----------
-    path : of the file.
-    most_bytes : largest allowed size [byte].
-    error : class of the error to raise.
-    what : kind of file that is expected, for messages.
-
-    Returns
-    -------
-    bytes
-        Whole content of the file.
-
-    Raises
-    ------
-    error
-        If `check_regular` refuses the file, or it cannot be read.
-    """
-    check_regular(path, most_bytes, error, what)
-    try:
-        # O_NONBLOCK: a pipe that replaces the file after the check does not block.
-        with os.fdopen(
-            os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)), "rb"
-        ) as file:
-            # Files of /proc report no size, and a log may grow after the check. read() gives None where it would block.
-            content = file.read(most_bytes + 1) or b""
-    except OSError as problem:
-        raise error(f"{path}: cannot be read ({_reason(problem)}); check its permissions") from None
-    if len(content) > most_bytes:
-        raise error(_too_large(path, len(content), most_bytes, what))
-    return content
-
-
-def read_text(path: Path, most_bytes: int, error: type[RsoLidarError], what: str = "text file") -> str:
-    """Read a UTF-8 text file that is not larger than a limit.
-
-    Parameters
-    ----------
-    path : of the file.
-    most_bytes : largest allowed size [byte].
-    error : class of the error to raise.
-    what : kind of file that is expected, for messages.
-
-    Returns
-    -------
-    str
-        The text, without a byte order mark.
-
-    Raises
-    ------
-    error
-        If `check_regular` refuses the file, or it is not UTF-8.
-    """
-    try:
-        return read_bytes(path, most_bytes, error, what).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise error(f"{path}: is not UTF-8 text; save it as UTF-8") from None
-
-
-def _too_large(path: Path, size: int, most_bytes: int, what: str) -> str:
-    """Return the message about a file above its limit.
-
-    Parameters
-    ----------
-    path, size : the file, and its size [byte].
-    most_bytes, what : largest allowed size [byte], and the kind of the file.
-    """
-    limit = f"{most_bytes / _MIB:,.0f} MiB" if most_bytes >= _MIB else f"{most_bytes:,} bytes"
-    return f"{path}: has {size / _MIB:,.1f} MiB or more, over the {limit} that a {what} may have; give a smaller one"
-
-
-def _reason(problem: BaseException) -> str:
-    return getattr(problem, "strerror", None) or " ".join(str(problem).split())
-
-
-# ------------------------------------------------------------------------------------------------------- writing
-
-
 def advise_on_write(number: int | None) -> str:
-    """Return what to do about a failed write, by the system's error number; `number` may be None.
+    """Return what to do about a failed write.
+
+    Parameters
+    ----------
+    number : error number of the system; None if it is not known.
 
     >>> advise_on_write(errno.ENOSPC), advise_on_write(errno.EROFS), advise_on_write(errno.EIO)
     ('make room', 'allow writing there', 'check the disk')
@@ -178,7 +42,23 @@ def write_atomically(place: Path) -> Iterator[Path]:
 
     A run that stops half way leaves no partial file, and an older file stays until the new one is complete. The
     temporary name is the first free one of x.part.png, x.part1.png, and so on. If another program replaces that file,
-    nothing is renamed and a `RunError` is raised.
+    nothing is renamed.
+
+    Parameters
+    ----------
+    place : of the output.
+
+    Yields
+    ------
+    Path
+        The file to write to.
+
+    Raises
+    ------
+    RecordingError
+        If the output may not be written there.
+    RunError
+        If writing fails, or another program replaces the file.
     """
     draft: Path | None = None
     held = ExitStack()
@@ -215,7 +95,17 @@ def write_atomically(place: Path) -> Iterator[Path]:
 
 
 def make_write_error(place: Path, error: OSError) -> RunError:
-    """Make the error for a file or folder that could not be written completely, with advice that fits the reason."""
+    """Make the error for an output that could not be written completely, with advice that fits the reason.
+
+    Parameters
+    ----------
+    place : of the output, a file or a folder.
+    error : what the system reported.
+
+    Returns
+    -------
+    RunError
+    """
     if not place.parent.is_dir():
         return RunError(
             f"{place}: could not be written: its folder was removed or renamed; create it again, then run again"
@@ -225,7 +115,13 @@ def make_write_error(place: Path, error: OSError) -> RunError:
 
 
 def is_same(path: Path, made: os.stat_result) -> bool:
-    """Return whether a path still leads to the file or folder with this earlier status; links are not followed."""
+    """Return whether a path still leads to the same file or folder; links are not followed.
+
+    Parameters
+    ----------
+    path : of the file or folder.
+    made : its earlier status.
+    """
     with suppress(OSError):
         return os.path.samestat(path.lstat(), made)
     return False
@@ -323,12 +219,28 @@ def check_writable(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *
 
 
 def can_write_in(folder: Path) -> bool:
-    """Return whether the effective user of this process may create files in a folder."""
+    """Return whether the effective user of this process may create files in a folder.
+
+    Parameters
+    ----------
+    folder : where the files would be.
+    """
     return os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids)
 
 
 def check_suffix(place: Path, suffixes: Sequence[str]) -> None:
-    """Check that a path has one of some suffixes (lower case); an empty sequence allows all."""
+    """Check that a path has one of some suffixes.
+
+    Parameters
+    ----------
+    place : the path.
+    suffixes : allowed suffixes, lower case; an empty sequence allows all.
+
+    Raises
+    ------
+    RecordingError
+        If it has another suffix, or none.
+    """
     suffix = place.suffix.lower()
     if suffixes and suffix not in suffixes:
         what = f"unknown suffix '{place.suffix}'" if suffix else "the name has no suffix"
@@ -362,7 +274,18 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
 
 
 def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
-    """Write a table of columns by name (arrays of one length) as CSV, completely or not at all, and return its path."""
+    """Write a table as CSV, completely or not at all.
+
+    Parameters
+    ----------
+    place : of the file.
+    table : columns by name, arrays of one length.
+
+    Returns
+    -------
+    Path
+        The same place.
+    """
     with write_atomically(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table)
@@ -379,9 +302,3 @@ def _new(place: Path) -> tuple[Path, IO[bytes]]:
         except FileExistsError:
             continue
     raise AssertionError("unreachable: itertools.count is infinite")
-
-
-def count_bytes(path: Path) -> int:
-    """Return the size of a file, or of all files in a folder [byte]."""
-    files_in = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files_in if file.is_file())

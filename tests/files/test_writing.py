@@ -11,8 +11,7 @@ from contextlib import suppress
 import pytest
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.file_locks import hold_lock, is_locked
-from rso_lidar.files import check_stream, check_writable, write_atomically, write_text
+from rso_lidar.files import check_stream, check_writable, hold_lock, is_locked, write_atomically, write_text
 
 
 def test_what_stops_half_way_leaves_the_old_picture(tmp_path):
@@ -98,7 +97,7 @@ def test_a_lock_whose_file_was_deleted_by_its_last_holder_is_taken_anew(tmp_path
 
 def test_a_killed_process_holds_no_lock(tmp_path):
     path = tmp_path / ".run.h5.lock"
-    code = "import sys, time; from pathlib import Path; from rso_lidar.file_locks import hold_lock\n"
+    code = "import sys, time; from pathlib import Path; from rso_lidar.files import hold_lock\n"
     code += "with hold_lock(Path(sys.argv[1])): print('held', flush=True); time.sleep(600)"
     with subprocess.Popen([sys.executable, "-c", code, path], stdout=subprocess.PIPE) as holder:
         assert holder.stdout.readline() == b"held\n"
@@ -173,7 +172,7 @@ def test_what_is_not_free(tmp_path, monkeypatch, name, said):
 
 
 def test_a_read_only_folder_is_told_before_work_begins(tmp_path, monkeypatch):
-    monkeypatch.setattr("rso_lidar.files.can_write_in", lambda _: False)  # root may write everywhere
+    monkeypatch.setattr("rso_lidar.files.writing.can_write_in", lambda _: False)  # root may write everywhere
     with pytest.raises(RecordingError, match="the folder may not be written to"):
         check_writable(tmp_path / "x.csv")
 

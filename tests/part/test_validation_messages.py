@@ -2,7 +2,7 @@
 
 import pytest
 
-from rso_lidar.validation_messages import show_value
+from rso_lidar.part import show_value
 
 
 class Broken:

@@ -94,7 +94,7 @@ def test_a_file_that_would_block_has_no_content(tmp_path, monkeypatch):
     path.touch()
     reading, writing = os.pipe()
     os.set_blocking(reading, False)
-    monkeypatch.setattr(files.os, "open", lambda *_: reading)
+    monkeypatch.setattr(os, "open", lambda *_: reading)
     assert files.read_bytes(path, 8, ScenarioError) == b""
     os.close(writing)
 

@@ -18,7 +18,7 @@ from pydantic.functional_validators import AfterValidator
 from pydantic_core import core_schema
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.validation_messages import explain, part_classes, show_value
+from rso_lidar.part.validation_messages import explain, part_classes, show_value
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -215,14 +215,24 @@ class _Objects(list[object]):
 
 
 def python_objects(part: BaseModel) -> list[object]:
-    """Return the Python objects in the fields marked with `Seam` of a part and of all parts inside it."""
+    """Return the Python objects in the fields marked with `Seam` of a part and of all parts inside it.
+
+    Parameters
+    ----------
+    part : the part.
+    """
     found = _Objects()
     part.model_dump(context=found)
     return list(found)
 
 
 def dump_part(value: object) -> dict[str, Any]:
-    """Return the table of a part without unset keys, or the table that represents a Python object."""
+    """Return the table of a part without unset keys, or the table that represents a Python object.
+
+    Parameters
+    ----------
+    value : a part, or any other object.
+    """
     return value.model_dump(exclude_none=True) if isinstance(value, Part) else python_table(value)
 
 
@@ -232,12 +242,22 @@ def python_table(value: object) -> dict[str, Any]:
 
 
 def kind_of(value: object) -> str:
-    """Return the `type` of a part, or the `name_object` of any other object."""
+    """Return the `type` of a part, or the `name_object` of any other object.
+
+    Parameters
+    ----------
+    value : a part, or any other object.
+    """
     return value.type if isinstance(value, Part) and hasattr(value, "type") else name_object(value)
 
 
 def name_object(value: object) -> str:
-    """Return a text that describes an object without its memory address, such as ``velvet.Velvet(sheen=0.2)``."""
+    """Return a text that describes an object without its memory address, such as ``velvet.Velvet(sheen=0.2)``.
+
+    Parameters
+    ----------
+    value : the object.
+    """
     cls = type(value)
     try:
         text = " ".join(repr(value).split())

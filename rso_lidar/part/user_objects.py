@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import Part, name_object
-from rso_lidar.validation_messages import show_value
+from rso_lidar.part.model import Part, name_object
+from rso_lidar.part.validation_messages import show_value
 
 _ROUNDING = 1e-9  # by which a number may be outside of its limits
 
@@ -78,7 +78,12 @@ def call_member(owner: object, name: str, *given: Any, default: Any = None) -> A
 
 
 def lock_array(values: np.ndarray) -> np.ndarray:
-    """Return a read-only view of an array."""
+    """Return a read-only view of an array.
+
+    Parameters
+    ----------
+    values : the array, any shape and type.
+    """
     view = values.view()
     view.setflags(write=False)
     return view
@@ -165,7 +170,12 @@ def check_values(
 
 
 def to_real_array(found: object) -> np.ndarray | None:
-    """Return real numbers as an array of float64; None for anything else."""
+    """Return real numbers as an array of float64; None for anything else.
+
+    Parameters
+    ----------
+    found : what a user's object returned.
+    """
     try:
         values = np.asarray(found)
     except (TypeError, ValueError):

@@ -172,7 +172,12 @@ def _what(problem: Any, owner: type[BaseModel] | None, others: Iterable[type[Bas
 
 
 def show_value(value: Any) -> str:
-    """Return a value as one short line, for a message."""
+    """Return a value as one short line, for a message.
+
+    Parameters
+    ----------
+    value : any object.
+    """
     try:
         text = " ".join(repr(value).split())
     except Exception:  # whatever a user's own __repr__ raises

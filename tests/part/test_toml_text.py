@@ -5,7 +5,7 @@ import tomllib
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.toml_text import DEEPEST, MOST_BYTES, MOST_KEYS, parse_toml
+from rso_lidar.part.toml_text import DEEPEST, MOST_BYTES, MOST_KEYS, parse_toml
 
 SOUND = [
     'a.b."c.d".e = 1\n[x.y]\nz = [[1, 2], { p = "q" }]',

@@ -1,0 +1,51 @@
+"""Files: read whole and within bounds, written whole or not at all, and locked while they are written."""
+
+from rso_lidar.files.locks import hold_lock, is_locked
+from rso_lidar.files.reading import (
+    MOST_BYTES,
+    check_regular,
+    convert_path,
+    count_bytes,
+    expand_user,
+    read_bytes,
+    read_text,
+)
+from rso_lidar.files.writing import (
+    advise_on_write,
+    can_write_in,
+    check_draft,
+    check_stream,
+    check_suffix,
+    check_writable,
+    is_same,
+    make_write_error,
+    write_atomically,
+    write_columns,
+    write_text,
+)
+from rso_lidar.public_names import limit_dir
+
+__all__ = [
+    "MOST_BYTES",
+    "advise_on_write",
+    "can_write_in",
+    "check_draft",
+    "check_regular",
+    "check_stream",
+    "check_suffix",
+    "check_writable",
+    "convert_path",
+    "count_bytes",
+    "expand_user",
+    "hold_lock",
+    "is_locked",
+    "is_same",
+    "make_write_error",
+    "read_bytes",
+    "read_text",
+    "write_atomically",
+    "write_columns",
+    "write_text",
+]
+
+__dir__ = limit_dir(__name__)
