@@ -13,7 +13,13 @@ from rso_lidar.kernels import packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.lens.psf import FieldDependentPsf, find_reach, pixel_shares
 from rso_lidar.optics.receiver import Receiver
-from rso_lidar.optics.returns.spread import find_subcells, gather_returns, group_by_delay, spread_groups
+from rso_lidar.optics.returns.spread import (
+    find_subcells,
+    gather_returns,
+    group_by_delay,
+    spread_groups,
+    spread_steady_light,
+)
 from rso_lidar.records import Hits
 from rso_lidar.ties import find_first_greatest
 
@@ -100,6 +106,59 @@ def blur_light(hits: Hits, light: Light, receiver: Receiver, wavelength_m: float
         for name in Light.__dataclass_fields__
     )
     return Light(*gather_returns(at, brightest, width_s, near, from_far, *shape))  # type: ignore[arg-type]
+
+
+def blur_sunlight(hits: Hits, rate_per_s: np.ndarray, receiver: Receiver, wavelength_m: float) -> np.ndarray:
+    """Spread the sunlight of hits over pixels by the receiver's point spread function, as `blur_light` spreads a pulse.
+
+    Parameters
+    ----------
+    hits : the hits that send the light.
+    rate_per_s : (hit) photons per second of each.
+    receiver : a receiver with a PSF.
+    wavelength_m : of the laser, in whose band the sunlight is.
+
+    Returns
+    -------
+    (row, col) photons per second on each pixel.
+    """
+    if not len(rate_per_s):
+        return np.zeros(receiver.shape)
+    side = count_subcells(hits)
+    return blur_steady_light(hits.pixel, rate_per_s, _subcells(hits, receiver, side), side, receiver, wavelength_m)
+
+
+def blur_steady_light(
+    pixel: np.ndarray, rate_per_s: np.ndarray, cell: np.ndarray, side: int, receiver: Receiver, wavelength_m: float
+) -> np.ndarray:
+    """Spread light without a delay over pixels by the receiver's point spread function.
+
+    Parameters
+    ----------
+    pixel, rate_per_s, cell : (source) pixel, photons per second, and sub-cell of the pixel.
+    side : sub-cells along each side of a pixel.
+    receiver : a receiver with a PSF.
+    wavelength_m : of the light.
+
+    Returns
+    -------
+    (row, col) photons per second on each pixel. Only light that falls beside the focal plane is lost.
+    """
+    from scipy.signal import fftconvolve
+
+    zones, zone_of_pixel = _zones(receiver)
+    used = np.unique(zone_of_pixel[pixel]) if zones > 1 else np.zeros(1, np.int64)
+    cores, fars = _cores_and_fars(receiver, wavelength_m, side, tuple(used.tolist()))
+    place = np.zeros(zones * zones, np.int64)  # index of each zone among those used
+    place[used] = np.arange(len(used))
+    given = packed(pixel.astype(np.int32)), packed(rate_per_s.astype(float)), packed(cell.astype(np.int64))
+    image, away = spread_steady_light(*given, place, zones, cores, *receiver.shape)
+    spread: np.ndarray = image.reshape(receiver.shape)
+    for zone, far in zip(used, fars, strict=True):
+        if far is not None:
+            leaving = np.where(zone_of_pixel == zone, away, 0.0).reshape(receiver.shape)
+            spread = spread + np.maximum(fftconvolve(leaving, far, mode="same"), 0.0)
+    return spread
 
 
 def count_subcells(hits: Hits) -> int:

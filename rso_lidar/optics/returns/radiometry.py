@@ -8,7 +8,7 @@ from rso_lidar import units
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
-from rso_lidar.optics.returns.blur import Light, blur_light
+from rso_lidar.optics.returns.blur import Light, blur_light, blur_sunlight
 from rso_lidar.optics.returns.clusters import find_clusters
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.records import Hits, Photons
@@ -226,9 +226,9 @@ def _density_beside_lens(
 def _sunlight(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> np.ndarray | None:
     """Return the sunlight on each pixel (row, col) that passes the filter [photons/s]; None without a filter.
 
-    The cells of coherence of each hit are its solid angle times A / λ². Sunlight is not spread by the PSF, and is
-    weakened by the whole `transmission` although it passes the lens once: the losses of the laser's own optics are not
-    stated apart. Both are assumed.
+    The cells of coherence of each hit are its solid angle times A / λ². Sunlight is spread by the PSF, as the laser's light
+    is. It is weakened by the whole `transmission` although it passes the lens once: the losses of the laser's own optics
+    are not stated apart. That is assumed.
 
     Parameters
     ----------
@@ -241,6 +241,8 @@ def _sunlight(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> np.
     per_m2 = sun_photons_per_s_m2(laser.wavelength_m, receiver.filter_width_nm * units.NM)
     per_cell = per_m2 * laser.wavelength_m**2 * receiver.transmission
     rate = per_cell * hits.sunlight_per_sr * light.coherence_cells * hits.rays.direction[:, 2][hits.ray]
+    if receiver.psf is not None:
+        return blur_sunlight(hits, rate, receiver, laser.wavelength_m)
     n_pixels = receiver.n_rows * receiver.n_cols
     return np.bincount(hits.pixel, rate, n_pixels).reshape(receiver.shape)
 

@@ -164,6 +164,48 @@ def spread_groups(
 
 
 @kernel
+def spread_steady_light(
+    pixel: np.ndarray,
+    rate_per_s: np.ndarray,
+    cell: np.ndarray,
+    place: np.ndarray,
+    zones: int,
+    shares: np.ndarray,
+    n_rows: int,
+    n_cols: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Spread light without a delay, such as sunlight, over the pixels near its own.
+
+    Parameters
+    ----------
+    pixel, rate_per_s, cell : (source) pixel, photons per second, and sub-cell of the pixel.
+    place : (zone) index in `shares` of each zone of the field.
+    zones : zones along each side of the focal plane.
+    shares : (index, sub-cell, offset) of a sub-cell's light, by where it lands.
+    n_rows, n_cols : pixels of the focal plane.
+
+    Returns
+    -------
+    Photons per second that land near (pixel), and those that leave for pixels farther away (pixel), by their source.
+    """
+    side = int(math.sqrt(shares.shape[2]) + 0.5)
+    reach = side // 2
+    image, away = np.zeros(n_rows * n_cols), np.zeros(n_rows * n_cols)
+    for k in range(len(pixel)):
+        row, col, rate = pixel[k] // n_cols, pixel[k] % n_cols, rate_per_s[k]
+        share = shares[place[row * zones // n_rows * zones + col * zones // n_cols], cell[k]]
+        caught, j = 0.0, 0
+        for down in range(row - reach, row + reach + 1):
+            for across in range(col - reach, col + reach + 1):
+                if 0 <= down < n_rows and 0 <= across < n_cols:
+                    image[down * n_cols + across] += rate * share[j]
+                caught += share[j]
+                j += 1
+        away[pixel[k]] += rate * max(1.0 - caught, 0.0)
+    return image, away
+
+
+@kernel
 def order_by_pixel(pixel: np.ndarray, n_pixels: int) -> tuple[np.ndarray, np.ndarray]:
     """Return entries in order of their pixel, equal ones in their own order, and where each pixel's entries begin."""
     begins, order = np.zeros(n_pixels + 1, np.int64), np.empty(len(pixel), np.int64)

@@ -134,3 +134,34 @@ def _together(delay_s: np.ndarray, spread_s: np.ndarray, photons: np.ndarray, st
     square = np.add.reduceat(weight * (apart_s**2 + spread_s**2 / 12.0), starts) / total
     spread: np.ndarray = np.sqrt(np.maximum(12.0 * (square - mean_s**2), 0.0))
     return spread
+
+
+def blur_sunlight(hits, rate_per_s, receiver, wavelength_m):
+    """Return the sunlight (row, col) on each pixel: the kernel of each hit added where it lands, without a transform."""
+    sub = count_subcells(hits)
+    place = _place_in_pixel(hits, receiver, sub)
+    rows, cols = receiver.shape
+    image = np.zeros(receiver.shape)
+    row, col = hits.pixel // cols, hits.pixel % cols
+    zone = np.zeros(len(row), np.int64)
+    if isinstance(receiver.psf, FieldDependentPsf):
+        zone = row * ZONES // rows * ZONES + col * ZONES // cols
+    for number in np.unique(zone):
+        core, far = split_core_and_far(zone_shares(receiver, wavelength_m, sub, int(number)))
+        core = core.reshape(-1, *core.shape[2:])
+        for k in np.flatnonzero(zone == number):
+            near = core[place[k]]
+            _add_at(image, row[k], col[k], rate_per_s[k] * near)
+            if far is not None:
+                _add_at(image, row[k], col[k], rate_per_s[k] * max(1.0 - near.sum(), 0.0) * far)
+    return image
+
+
+def _add_at(image, row, col, kernel):
+    """Add a kernel to an image about a pixel; what falls beside the image is lost."""
+    reach = kernel.shape[0] // 2
+    for i in range(kernel.shape[0]):
+        for j in range(kernel.shape[1]):
+            down, across = row + i - reach, col + j - reach
+            if 0 <= down < image.shape[0] and 0 <= across < image.shape[1]:
+                image[down, across] += kernel[i, j]
