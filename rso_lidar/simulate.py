@@ -182,12 +182,12 @@ def flash(
     index: int = 0,
     keep: tuple[str, ...] = (),
 ) -> Frame:
-    """Simulate the frame of one laser pulse. For intermediate products, call its lines yourself.
+    """Simulate the frame of one laser pulse, or of those that the detector averages. Call its lines for what is between.
 
     Parameters
     ----------
     scenario : to be simulated.
-    truth : poses of all bodies at one epoch.
+    truth : poses of all bodies at one epoch; its `exposure` says how they move while the pulses of the frame are sent.
     rng : generator of all noise of this frame.
     threads : number of threads (None: one per core). The result is bit for bit the same.
     lidar : the instrument with the settings in force (None: as planned for this time).
@@ -202,25 +202,29 @@ def flash(
     surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)
     receiver = lidar.receiver
     laser, late_s = lidar.laser.fire(rng)
-    extent = scene.extent(surfaces, truth)
-    rays = optics.pixel_rays(receiver, laser, extent)
-    hits = scene.cast(
-        rays,
-        surfaces,
-        truth,
-        threads,
-        laser_from_m=laser.offset,
-        sun=receiver.filter_width_nm is not None,
-        aperture_m=receiver.aperture_m,
-    )
-    photons = optics.collect(hits, laser, receiver, late_s)
+    seen = []
+    for at in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
+        extent = scene.extent(surfaces, at)
+        rays = optics.pixel_rays(receiver, laser, extent)
+        hits = scene.cast(
+            rays,
+            surfaces,
+            at,
+            threads,
+            laser_from_m=laser.offset,
+            sun=receiver.filter_width_nm is not None,
+            aperture_m=receiver.aperture_m,
+        )
+        photons = optics.collect(hits, laser, receiver, late_s)
+        seen.append((hits, photons))
+    hits, photons = optics.average_pulses(seen, lidar.detector.traits.pulses)
     taps = None
     if "taps" in keep:
         reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)
     else:
         reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
     labels = scene.label(hits, photons, lidar.max_returns)
-    made: dict[str, Record | None] = {"rays": rays, "hits": hits, "photons": photons}
+    made: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "photons": photons}
     made |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:
         made["oversampled"] = optics.oversample(hits, laser, receiver)

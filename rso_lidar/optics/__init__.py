@@ -7,6 +7,7 @@ from rso_lidar.optics.oversampling import oversample
 from rso_lidar.optics.rays.pixel_rays import pixel_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import read_files
+from rso_lidar.optics.returns.exposure import average_pulses
 from rso_lidar.optics.returns.radiometry import collect
 from rso_lidar.public_names import limit_dir
 
@@ -21,6 +22,7 @@ __all__ = [
     "Receiver",
     "ZemaxDistortion",
     "ZemaxPsf",
+    "average_pulses",
     "collect",
     "oversample",
     "pixel_rays",

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import repeat
 
 import numpy as np
 
-from rso_lidar.records.schema import Record, array
+from rso_lidar.errors import RecordError
+from rso_lidar.records.schema import Record, array, specs
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,6 +68,9 @@ class Photons(Record):
     depth that a tilted surface spans between rays. Clusters are numbered through the frame by pixel, and in a pixel
     from near to far. `pulse_step_s` [s] is the time between taps of the pulse. `late_s` [s] is the delay of the pulse
     relative to the receiver's clock.
+
+    Where a frame has several pulses and the scene moves between them, `epoch` and `pulse_epoch` tell which returns belong
+    to which pulses. `photons`, `filled_fraction` and the background are then means over the pulses.
     """
 
     shape: tuple[int, int]
@@ -98,6 +104,44 @@ class Photons(Record):
     background_photons_per_s: np.ndarray | None = array(
         "row col", "f8", "s-1", "sunlight on each pixel, after the optics; None without background", optional=True
     )
+    epoch: np.ndarray | None = array(
+        "return", "i4", "1", "epoch of the exposure at which it returns, rising in a pixel; None: at all", optional=True
+    )
+    pulse_epoch: np.ndarray | None = array(
+        "pulse", "i4", "1", "epoch of the exposure of each pulse, never falling; None: one for all", optional=True
+    )
+
+    def split_pulses(self, pulses: int) -> Iterator[Photons]:
+        """Yield the light of each pulse of the frame.
+
+        Parameters
+        ----------
+        pulses : number of pulses of the frame.
+
+        Returns
+        -------
+        Photons of one pulse after another.
+
+        Raises
+        ------
+        RecordError : if the light is of another number of pulses.
+        """
+        if self.epoch is None or self.pulse_epoch is None:
+            yield from repeat(self, pulses)
+            return
+        if len(self.pulse_epoch) != pulses:
+            raise RecordError(
+                f"Photons.pulse_epoch: is of {len(self.pulse_epoch)} pulses and the detector takes {pulses}; match them"
+            )
+        for number, count in zip(*np.unique(self.pulse_epoch, return_counts=True), strict=True):
+            of = self.epoch == number
+            chosen = {
+                name: getattr(self, name)[of]
+                for name, spec in specs(Photons).items()
+                if spec.dims == ("return",) and name != "epoch"
+            }
+            chosen["photons"] = chosen["photons"] * (pulses / count)
+            yield from repeat(replace(self, **chosen, epoch=None, pulse_epoch=None), int(count))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

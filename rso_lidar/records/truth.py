@@ -46,6 +46,9 @@ class Truth:
     inertial states of bodies. `sun_direction` (…, 3) is the unit vector to the Sun in inertial axes, NaN in a local
     world without a Sun. `pointing` holds the angles of the PTU (None without a PTU). `sunlit` is, by body, the share
     (…) of the Sun's disc that the Earth does not hide.
+
+    `exposure` is a batch of the epochs at which the pulses of a frame are cast, where the scene moves between them. It is
+    None where it does not; a recording does not hold it.
     """
 
     time_s: Any
@@ -54,6 +57,7 @@ class Truth:
     sun_direction: np.ndarray
     pointing: PtuAngles | None = None
     sunlit: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    exposure: Truth | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sun_direction", locked(self.sun_direction, np.dtype(float)))
@@ -92,6 +96,13 @@ class Truth:
         """
         link: Link = self.poses.link(a, b)
         return link.velocity_m_s, link.angular_velocity_rad_s
+
+    @property
+    def cast_epochs(self) -> tuple[Truth, ...]:
+        """Return the truth at each epoch at which the scene is cast: those of the exposure, or this one."""
+        if self.exposure is None:
+            return (self,)
+        return tuple(self.exposure.at(epoch) for epoch in range(len(self.exposure.time_s)))
 
     def at(self, epoch: int) -> Truth:
         """Return the truth at one epoch of a batch.

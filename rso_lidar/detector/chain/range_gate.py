@@ -42,8 +42,8 @@ def store_gate(
     clipped = np.zeros((n_pixels, n_samples), bool)
     n_steps = n_samples * plan.steps_per_sample if with_taps else 0
     primaries, analog = (np.zeros((n_pixels, n_steps), np.float32) for _ in range(2))
-    for _ in range(gsfl.gate.pulses):
-        made = simulate_analog(gsfl, photons, rows, plan, camera, rng, threads)
+    for light in photons.split_pulses(gsfl.gate.pulses):
+        made = simulate_analog(gsfl, light, rows, plan, camera, rng, threads)
         amplitude = made.amplitude
         primaries += cut_steps(made.primaries, rows.pixel, first, n_steps)
         analog += cut_steps(amplitude, rows.pixel, first, n_steps)

@@ -1,0 +1,142 @@
+"""The light of a frame's pulses, between which the scene moves: cast at several epochs, and averaged."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.kernels import packed
+from rso_lidar.optics.returns.clusters import find_clusters
+from rso_lidar.records import Hits, Photons, Rays
+
+_OF_RETURNS = ("pixel", "delay_s", "photons", "depth_spread_s", "coherence_cells")
+_OF_HITS = ("pixel", "target", "facet", "part", "range_m", "cos_incidence", "brdf_per_sr")
+
+
+def assign_pulses(pulses: int, epochs: int) -> np.ndarray:
+    """Return the epoch (pulse) at which each pulse of a frame is cast: runs of pulses, equally long to one pulse.
+
+    Parameters
+    ----------
+    pulses : number of pulses.
+    epochs : number of epochs, at most that of pulses.
+
+    Examples
+    --------
+    >>> assign_pulses(5, 2).tolist()
+    [0, 0, 0, 1, 1]
+    """
+    assigned: np.ndarray = np.arange(pulses) * epochs // pulses
+    return assigned
+
+
+def average_pulses(seen: Sequence[tuple[Hits, Photons]], pulses: int) -> tuple[Hits, Photons]:
+    """Average what the pulses of a frame see over the epochs at which they are cast.
+
+    The rays of all epochs are joined, each with its weight times the share of the pulses at its epoch. So they cover the
+    focal plane once, and everything that is summed over them is a mean over the pulses. The photons remember their epoch,
+    because a detector sees one pulse at a time.
+
+    Parameters
+    ----------
+    seen : hits of each epoch and the light that they send, in order of time. A single pair is returned as it is.
+    pulses : number of pulses of the frame.
+
+    Returns
+    -------
+    hits and photons of the mean pulse.
+    """
+    if len(seen) == 1:
+        return seen[0]
+    pulse_epoch = assign_pulses(pulses, len(seen))
+    shares = np.bincount(pulse_epoch, minlength=len(seen)) / pulses
+    hits, first = _join_hits([of for of, _ in seen], shares)
+    return hits, _join_photons([light for _, light in seen], shares, pulse_epoch, first)
+
+
+def _join_hits(hits: Sequence[Hits], shares: np.ndarray) -> tuple[Hits, list[np.ndarray]]:
+    """Join the hits of all epochs, ordered by ray.
+
+    Parameters
+    ----------
+    hits : of each epoch.
+    shares : (epoch) share of the pulses.
+
+    Returns
+    -------
+    The hits, and for each epoch the new numbers of its hits.
+    """
+    rays, ray_number = _join_rays([one.rays for one in hits], shares)
+    ray = np.concatenate([number[one.ray] for number, one in zip(ray_number, hits, strict=True)])
+    order = np.argsort(ray, kind="stable")
+    joined = {name: np.concatenate([getattr(one, name) for one in hits])[order] for name in _OF_HITS}
+    weight = np.concatenate([one.weight * share for one, share in zip(hits, shares, strict=True)])[order]
+    sunlight = None
+    if all(one.sunlight_per_sr is not None for one in hits):
+        sunlight = np.concatenate([one.sunlight_per_sr for one in hits])[order]
+    return Hits(rays=rays, ray=ray[order], weight=weight, sunlight_per_sr=sunlight, **joined), _split_numbers(
+        order, hits
+    )
+
+
+def _join_rays(rays: Sequence[Rays], shares: np.ndarray) -> tuple[Rays, list[np.ndarray]]:
+    """Join the rays of all epochs, ordered by pixel; return them, and for each epoch the new numbers of its rays.
+
+    Parameters
+    ----------
+    rays : of each epoch.
+    shares : (epoch) share of the pulses.
+    """
+    pixel = np.concatenate([one.pixel for one in rays])
+    order = np.argsort(pixel, kind="stable")
+    direction = np.concatenate([one.direction for one in rays])[order]
+    weight = np.concatenate([one.weight * share for one, share in zip(rays, shares, strict=True)])[order]
+    return Rays(rays[0].shape, direction, pixel[order], weight), _split_numbers(order, rays)
+
+
+def _split_numbers(order: np.ndarray, of: Sequence[Hits] | Sequence[Rays]) -> list[np.ndarray]:
+    """Return, for each epoch, the places to which an order puts its rows."""
+    place = np.empty(len(order), np.int32)
+    place[order] = np.arange(len(order), dtype=np.int32)
+    return np.split(place, np.cumsum([len(one.pixel) for one in of])[:-1])
+
+
+def _join_photons(
+    photons: Sequence[Photons], shares: np.ndarray, pulse_epoch: np.ndarray, hit_number: Sequence[np.ndarray]
+) -> Photons:
+    """Join the light of all epochs, ordered by pixel and then by epoch, in clusters of their own.
+
+    Parameters
+    ----------
+    photons : of each epoch.
+    shares : (epoch) share of the pulses.
+    pulse_epoch : (pulse) epoch of each pulse.
+    hit_number : (epoch) of (hit), new numbers of the hits.
+    """
+    order = np.argsort(np.concatenate([one.pixel for one in photons]), kind="stable")
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(one, name) for one in photons])[order] for name in _OF_RETURNS
+    }
+    share = np.repeat(shares, [len(one.pixel) for one in photons])[order]
+    joined["photons"] = joined["photons"] * share
+    joined["hit"] = np.concatenate([new[one.hit] for new, one in zip(hit_number, photons, strict=True)])[order]
+    joined["epoch"] = np.repeat(np.arange(len(photons), dtype=np.int32), [len(one.pixel) for one in photons])[order]
+    cluster, cluster_pixel = find_clusters(
+        packed(joined["pixel"]), packed(joined["delay_s"]), packed(joined["depth_spread_s"]), photons[0].pulse_fwhm_s
+    )
+    return replace(
+        photons[0],
+        **joined,
+        cluster=cluster,
+        cluster_pixel=cluster_pixel,
+        filled_fraction=_average([one.filled_fraction for one in photons], shares),
+        background_photons_per_s=_average([one.background_photons_per_s for one in photons], shares),
+        pulse_epoch=pulse_epoch,
+    )
+
+
+def _average(images: Sequence[np.ndarray | None], shares: np.ndarray) -> np.ndarray | None:
+    """Return the mean of images (row, col), weighted; None where there are none."""
+    known = [image * share for image, share in zip(images, shares, strict=True) if image is not None]
+    return np.sum(known, axis=0) if known else None
