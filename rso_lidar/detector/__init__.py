@@ -4,6 +4,7 @@ from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.analysis.user_detector import check_traits
 from rso_lidar.detector.bench.prediction import predict
+from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
 from rso_lidar.detector.detect import (
     AnyDetector,
     DescribedDetector,
@@ -32,9 +33,10 @@ from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.focal_plane import Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.settings.readout import LowGain, Readout
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.settings.trigger import Trigger
+from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
 from rso_lidar.public_names import limit_dir
 
 __all__ = [
@@ -53,6 +55,7 @@ __all__ = [
     "GeigerArray",
     "Gsfl",
     "LaserPulse",
+    "LowGain",
     "Maps",
     "Prediction",
     "Ranging",
@@ -61,6 +64,8 @@ __all__ = [
     "Speckle",
     "Timing",
     "Trigger",
+    "WalkCurve",
+    "ZeroCrossing",
     "advise",
     "array_load",
     "check_size",
@@ -78,6 +83,7 @@ __all__ = [
     "list_neglected_effects",
     "noise_growth",
     "predict",
+    "simulate_walk_curve",
 ]
 
 __dir__ = limit_dir(__name__)

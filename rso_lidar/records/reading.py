@@ -28,6 +28,13 @@ class Waveforms(Record):
     clipped: np.ndarray | None = array(
         "trace sample", "?", "1", "where the converter clipped, in any of the pulses averaged", optional=True
     )
+    zero_crossing_s: np.ndarray | None = array(
+        "trace",
+        "f8",
+        "s",
+        "when the bipolar pulse of a zero-crossing discriminator crossed zero, since emission; NaN where it never armed",
+        optional=True,
+    )
     base_per_s: np.ndarray | None = array(
         "trace",
         "f8",

@@ -27,6 +27,15 @@ _ROWS_AT_ONCE = 1024  # a block fits in the cache, and a frame has blocks for se
 
 
 @dataclass(frozen=True, eq=False)
+class Still:
+    """Signal and shot noise of rows before an amplifier adds noise of its own; arrays (row, step), gain (row)."""
+
+    mean: np.ndarray  # behind the amplifier, at the gain of rest [electrons]
+    excess: np.ndarray  # electrons over their mean, before the amplifier
+    gain: np.ndarray  # of the row's pixel, factor of both
+
+
+@dataclass(frozen=True, eq=False)
 class Analog:
     """The amplifier's output about the returns, with what led to it; arrays (row, step), rates per step."""
 
@@ -37,6 +46,7 @@ class Analog:
     amplitude: np.ndarray  # electrons above the baseline, after the amplifier
     transfer: np.ndarray  # what light is multiplied by, transformed along time, to be the mean of amplitude
     gain: np.ndarray | None = None  # relative to the nominal gain: bias droop, gain of the pixels
+    still: Still | None = None  # kept for a timing channel
 
     def mean(self, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return the amplitude (row, step) [electrons] of some rows without noise."""
@@ -167,7 +177,8 @@ def simulate_analog(
         electrons = gain * primaries
     if gsfl.saturation is not None:
         amplitude = limit_amplitude(gsfl.saturation, amplitude, plan.step_s)
-    return Analog(rows, light, primaries, electrons, amplitude, filters.amplified, relative)
+    still = None if gsfl.zero_crossing is None or noise is None else Still(quiet, excess, pixel_gain)
+    return Analog(rows, light, primaries, electrons, amplitude, filters.amplified, relative, still)
 
 
 @lru_cache(maxsize=16)

@@ -9,6 +9,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.ranging.bipolar_pulse import crossing_lead_s
 from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.location import locate, locate_all
 from rso_lidar.detector.ranging.matched_filter import Matched
@@ -48,8 +49,9 @@ def measure(
     jitter_s = _draw_normal(waveforms.pixel, n_pixels, rng) * (gsfl.timing.pixel_jitter_ns * units.NS / flashes)
     jitter_s += rng.standard_normal() * (gsfl.timing.frame_jitter_ns * units.NS / flashes)
     samples = waveforms.samples_counts - np.float32(waveforms.baseline_counts)
-    clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
-    if waveforms.clipped is not None:
+    if waveforms.clipped is None:
+        clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
+    else:
         clipped = waveforms.clipped.copy()
     unknown = gsfl.maps.unknown_fraction if gsfl.maps is not None else 1.0
     if unknown < 1.0:
@@ -57,6 +59,10 @@ def measure(
     found_s, amplitude = _locate_returns(gsfl, waveforms, pulse, samples, clipped, threads)
     if gsfl.ranging.walk_correction:
         found_s = correct_walk(found_s, amplitude, _tabulate_walk(gsfl, pulse))
+    if waveforms.zero_crossing_s is not None and gsfl.zero_crossing is not None:
+        lead_s = crossing_lead_s(pulse, gsfl.zero_crossing.differentiator_s)
+        timed_s = (waveforms.zero_crossing_s - lead_s - waveforms.start_s)[:, None]
+        found_s = np.where(np.isfinite(timed_s), timed_s, found_s)
     delay_s = waveforms.start_s[:, None] + found_s + (jitter_s + unknown * camera.t0_s[waveforms.pixel])[:, None]
     if unknown < 1.0:
         gain = 1.0 + (camera.gain[waveforms.pixel] - 1.0) * (1.0 - unknown)
@@ -72,7 +78,7 @@ def measure(
         waveforms.shape,
         waveforms.pixel,
         range_m,
-        amplitude,
+        amplitude / gsfl.readout.counts_per_intensity,
         clipped,
         returns=gsfl.returns,
         max_returns=gsfl.max_returns,
@@ -109,7 +115,10 @@ def _is_on_rail(rail_electrons: float, gsfl: Gsfl, waveforms: Waveforms, camera:
     camera : the pixels.
     """
     rail = waveforms.baseline_counts + rail_electrons / gsfl.readout.electrons_per_count
-    held: np.ndarray = waveforms.samples_counts > rail + camera.offset_counts[waveforms.pixel, None] - 1.0
+    low, within = gsfl.readout.low_gain, 1.0
+    if low is not None and rail > gsfl.readout.full_scale_counts:
+        within = low.ratio * (1.0 + 3.0 * low.noise_counts)
+    held: np.ndarray = waveforms.samples_counts > rail + camera.offset_counts[waveforms.pixel, None] - within
     return held
 
 
@@ -217,5 +226,5 @@ def _tabulate_walk(gsfl: Gsfl, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
         sigma_counts=gsfl.noise_counts,
         pole_s=gsfl.amplifier.pole_s,
         threshold_counts=gsfl.trigger.threshold_electrons / per_count,
-        full_scale_counts=gsfl.full_scale_counts,
+        full_scale_counts=int(gsfl.readout.clip_counts),
     )

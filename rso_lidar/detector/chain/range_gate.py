@@ -9,7 +9,7 @@ from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.stages.sampling import store_samples
+from rso_lidar.detector.stages.sampling import merge_low_gain, store_samples
 from rso_lidar.detector.stages.time_axis import place_gate_rows
 from rso_lidar.records import Photons, Taps, Waveforms
 
@@ -50,7 +50,20 @@ def store_gate(
         counts = store_samples(
             gsfl.readout, amplitude, rows.pixel, first, plan.steps_per_sample, n_samples, camera.offset_counts
         )
-        clipped |= counts >= gsfl.readout.full_scale_counts
+        if gsfl.readout.low_gain is None:
+            clipped |= counts >= gsfl.readout.full_scale_counts
+        else:
+            clipped |= merge_low_gain(
+                gsfl.readout,
+                amplitude,
+                rows,
+                rows.pixel,
+                first,
+                plan.steps_per_sample,
+                camera.offset_counts,
+                counts,
+                rng,
+            )
         total += counts
     alive = np.flatnonzero(~camera.dead)
     base = base_rate_per_s(gsfl.quantum_efficiency, camera, photons)[alive]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -21,9 +22,10 @@ def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Sampl
     pulse_fwhm_s : length of the pulse [s].
     earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light.
     """
-    return make_plan(
-        gsfl.readout, gsfl.amplifier, pulse_fwhm_s, steps_per_sample=gsfl.steps_per_sample, earliest_s=earliest_s
-    )
+    steps = gsfl.steps_per_sample
+    if gsfl.zero_crossing is not None:  # noise between steps half a pole apart is known from the steps to 2 % rms
+        steps = max(steps, math.ceil(2.0 * gsfl.readout.sample_s / gsfl.amplifier.pole_s))
+    return make_plan(gsfl.readout, gsfl.amplifier, pulse_fwhm_s, steps_per_sample=steps, earliest_s=earliest_s)
 
 
 def shape_pulse(gsfl: Gsfl, photons: Photons) -> Pulse:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.chain.analog import Analog, base_rate_per_s, simulate_analog
+from rso_lidar.detector.chain.bipolar_channel import time_crossings
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
@@ -24,7 +25,7 @@ from rso_lidar.detector.stages.comparator import (
 )
 from rso_lidar.detector.stages.false_triggers import Armed, draw_false_traces, draw_first_false
 from rso_lidar.detector.stages.nonuniformity import CameraPixels
-from rso_lidar.detector.stages.sampling import convert, store_samples
+from rso_lidar.detector.stages.sampling import convert, merge_low_gain, store_samples
 from rso_lidar.detector.stages.time_axis import Rows, place_rows
 from rso_lidar.records import Photons, Taps, Waveforms
 
@@ -81,6 +82,11 @@ def store_traces(
     offset = camera.offset_counts
     first = sample * per_sample - rows.start[row]
     counts = store_samples(gsfl.readout, made.amplitude, row, first, per_sample, gsfl.readout.samples, offset[pixel])
+    clipped = crossing_s = None
+    if gsfl.readout.low_gain is not None:
+        clipped = merge_low_gain(gsfl.readout, made.amplitude, rows, row, first, per_sample, offset[pixel], counts, rng)
+    if gsfl.zero_crossing is not None:
+        crossing_s = time_crossings(gsfl, made, row, latch_step - rows.start[row], plan.step_s, rng, threads)
     latch_s = latch_step * plan.step_s
     n_steps = gsfl.readout.samples * per_sample
     tapped = (
@@ -105,6 +111,10 @@ def store_traces(
             added = level, own, between
             tapped = [_merge(one, other, order) for one, other in zip(tapped, added, strict=True)]
         counts = _merge(counts, convert(gsfl.readout, noise, offset[noisy, None]), order)
+        if clipped is not None:
+            clipped = _merge(clipped, np.zeros(noise.shape, bool), order)
+        if crossing_s is not None:
+            crossing_s = _merge(crossing_s, np.full(len(noisy), np.nan), order)
         pixel, sample = _merge(pixel, noisy, order), _merge(sample, noise_sample, order)
         latch_s = _merge(latch_s, false_s, order)
     waveforms = Waveforms(
@@ -115,6 +125,8 @@ def store_traces(
         start_s=sample * gsfl.readout.sample_s,
         latch_s=latch_s,
         samples_counts=counts,
+        clipped=clipped,
+        zero_crossing_s=crossing_s,
     )
     if not with_taps:
         return waveforms, None

@@ -22,7 +22,7 @@ def tabulate_walk(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tabulate the walk of an algorithm with pulses without noise, each at 32 phases of the sampling.
 
-    Heights go from just above the threshold to 200 times it, clipped at the rail.
+    Heights go from just above the threshold to 200 times it, or half as much again as clips, and are clipped at the rail.
 
     Parameters
     ----------
@@ -38,7 +38,8 @@ def tabulate_walk(
     Fitted amplitudes [counts], ascending, and the mean bias of the delay at each [s].
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
-    truth = np.geomspace(1.02, 200.0, 64) * threshold_counts
+    most = max(200.0, 1.5 * full_scale_counts / threshold_counts)
+    truth = np.geomspace(1.02, most, 64) * threshold_counts
     place = matched.half + 4 + (np.arange(32) + 0.5) / 32
     samples = truth[:, None, None].astype(np.float32) * matched.curve(2 * matched.half + 10, place)
     samples = np.minimum(samples, np.float32(full_scale_counts)).reshape(-1, samples.shape[-1])

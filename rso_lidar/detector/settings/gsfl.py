@@ -20,6 +20,7 @@ from rso_lidar.detector.settings.presets import PRESETS
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.settings.trigger import Trigger
+from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
 from rso_lidar.part import Fraction, NotNegative, Part, Positive, Whole
 
 _PRESET = (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons"))
@@ -94,6 +95,13 @@ class Gsfl(Part):
     readout: Readout = Field(default=Readout(), description="Stored samples and their converter.")
     ranging: Ranging = Field(default=Ranging(), description="Estimate of the range from the samples.")
     timing: Timing = Field(default=Timing(), description="Timing jitter of pixels and flashes.")
+    zero_crossing: ZeroCrossing | None = Field(
+        default=None,
+        description=(
+            "Timing channel that takes the range from the zero crossing of a bipolar pulse. If omitted, the range comes "
+            "from the samples."
+        ),
+    )
     gate: Gate | None = Field(
         default=None, description="Range gate that replaces the trigger. If omitted, pixels trigger themselves."
     )
@@ -143,6 +151,7 @@ class Gsfl(Part):
                 f"saturation.rail_electrons ({self.saturation.rail_electrons:g}) is below trigger.threshold_electrons "
                 f"({self.trigger.threshold_electrons:g}), which no signal could reach; raise the rail"
             )
+        self._check_zero_crossing()
         false = self.false_alarms_per_s * (self.armed_to_m - self.armed_from_m) / units.RANGE_PER_DELAY_M_S
         if self.gate is None and false > 1.0:
             raise ValueError(
@@ -152,6 +161,31 @@ class Gsfl(Part):
                 "lower the noise, or arm a shorter window"
             )
         return self
+
+    def _check_zero_crossing(self) -> None:
+        """Refuse a timing channel that could never fire, or beside settings that it cannot serve."""
+        timed = self.zero_crossing
+        if timed is None:
+            return
+        if self.gate is not None:
+            raise ValueError(
+                "zero_crossing times pixels that trigger themselves, and a gate has no trigger; leave one out"
+            )
+        if self.returns != "first" or self.max_returns > 1:
+            raise ValueError(
+                "zero_crossing times the first return of a pixel alone; leave out returns and max_returns, or zero_crossing"
+            )
+        if timed.rail_electrons <= timed.arming_electrons:
+            raise ValueError(
+                f"zero_crossing.rail_electrons ({timed.rail_electrons:g}) is not above zero_crossing.arming_electrons "
+                f"({timed.arming_electrons:g}), which no pulse could reach; raise the rail"
+            )
+        if timed.arming_electrons < 3.0 * timed.noise_electrons:
+            raise ValueError(
+                f"zero_crossing.arming_electrons ({timed.arming_electrons:g}) is below 3 times "
+                f"zero_crossing.noise_electrons ({timed.noise_electrons:g}): noise would arm the channel before the pulse; "
+                "raise it"
+            )
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed; another preset brings its own constants, unless they were set."""
@@ -213,8 +247,8 @@ class Gsfl(Part):
 
     @property
     def full_scale_counts(self) -> int:
-        """Greatest amplitude that the converter can report above its baseline [counts]."""
-        return int(self.readout.full_scale_counts - self.readout.baseline_counts)
+        """Greatest amplitude above the baseline that can be reported, in the unit of `intensity_counts`."""
+        return int(self.readout.clip_counts / self.readout.counts_per_intensity)
 
     @property
     def window_m(self) -> float:
@@ -240,7 +274,7 @@ class Gsfl(Part):
     @property
     def saturation_photons(self) -> float:
         """Photons of a return whose amplitude clips, in a pulse as long as the amplifier's integration time."""
-        return self.full_scale_counts * self.readout.electrons_per_count / self.electrons_per_photon
+        return int(self.readout.clip_counts) * self.readout.electrons_per_count / self.electrons_per_photon
 
     @cached_property
     def traits(self) -> DetectorTraits:
@@ -288,7 +322,8 @@ class Gsfl(Part):
         ----------
         photons : (return) photons.
         """
-        linear = photons * (self.electrons_per_photon / self.readout.electrons_per_count)
+        per_count = self.readout.electrons_per_count * self.readout.counts_per_intensity
+        linear = photons * (self.electrons_per_photon / per_count)
         clipped: np.ndarray = np.minimum(linear, self.full_scale_counts)
         return clipped
 

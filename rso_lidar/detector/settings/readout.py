@@ -1,11 +1,38 @@
 """Settings of a pixel's readout: a few analog cells about the latch, and the converter behind them."""
 
+import math
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.part import Flag, NotNegative, Part, Positive, Whole
+from rso_lidar.part import Flag, NotNegative, Number, Part, Positive, Whole
+
+MOST_INTENSITY_COUNTS = 65_535  # of a reading's 16 bits
+
+
+class LowGain(Part):
+    """A second channel behind the amplifier, of lower gain, sampled at the same instants as the first.
+
+    A sample comes from this channel where the first one clips, multiplied by `ratio`: samples are on one linear scale. It
+    has its own converter and its own noise. A pulse is saturated where both channels clip. All figures are assumed; the
+    two gains of calorimeter readouts are 10 to 100 apart.
+    """
+
+    ratio: Annotated[Number, Field(ge=2.0, le=4096.0)] = Field(
+        default=64.0, description="Gain of the first channel over the gain of this one. Default: assumed."
+    )
+    adc_bits: Annotated[Whole, Field(ge=4, le=16)] = Field(
+        default=12,
+        description="Resolution of this channel's converter [bits]. Default: assumed, that of the first channel.",
+    )
+    noise_counts: NotNegative = Field(
+        default=0.5,
+        description=(
+            "Rms noise of a sample that this channel adds [counts], of its own converter, white from sample to sample. "
+            "Default: assumed."
+        ),
+    )
 
 
 class Readout(Part):
@@ -51,6 +78,10 @@ class Readout(Part):
     quantised: Flag = Field(
         default=True, description="Whether samples are rounded to whole counts. Default: a converter is digital."
     )
+    low_gain: LowGain | None = Field(
+        default=None,
+        description="Second channel of lower gain for samples that clip in the first. If omitted, there is one channel.",
+    )
 
     @model_validator(mode="after")
     def _room_after_the_latch(self) -> Self:
@@ -64,6 +95,17 @@ class Readout(Part):
                 f"baseline_counts ({self.baseline_counts:g}) takes more than half of the {self.full_scale_counts} counts; "
                 "lower it"
             )
+        low = self.low_gain
+        if low is not None and self.baseline_counts > 0.5 * (2**low.adc_bits - 1):
+            raise ValueError(
+                f"baseline_counts ({self.baseline_counts:g}) takes more than half of the {2**low.adc_bits - 1} counts of "
+                "low_gain; lower it, or raise low_gain.adc_bits"
+            )
+        if low is not None and self.clip_counts <= self.full_scale_counts - self.baseline_counts:
+            raise ValueError(
+                f"low_gain clips at {self.clip_counts:g} counts of the first channel, which itself reaches "
+                f"{self.full_scale_counts - self.baseline_counts:g}; raise low_gain.ratio or low_gain.adc_bits"
+            )
         return self
 
     @property
@@ -75,6 +117,18 @@ class Readout(Part):
     def full_scale_counts(self) -> int:
         """Greatest count that the converter gives."""
         return int(2**self.adc_bits) - 1
+
+    @property
+    def clip_counts(self) -> float:
+        """Amplitude above the baseline at which samples clip, in both channels if there are two [counts]."""
+        if self.low_gain is None:
+            return self.full_scale_counts - self.baseline_counts
+        return (float(2**self.low_gain.adc_bits) - 1.0 - self.baseline_counts) * self.low_gain.ratio
+
+    @property
+    def counts_per_intensity(self) -> int:
+        """Counts of the first channel in one of `intensity_counts`: the least power of two for which 16 bits suffice."""
+        return int(2 ** max(0, math.ceil(math.log2(self.clip_counts / MOST_INTENSITY_COUNTS))))
 
     @property
     def window_m(self) -> float:

@@ -1,9 +1,18 @@
-"""Sampling and conversion: some steps of each row become counts."""
+"""Sampling and conversion: some steps of each row become counts, of one channel or of two with different gains."""
 
 import numpy as np
 
 from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.stages.alias_tables import (
+    NORMAL_PER_SIGMA,
+    NORMAL_ZERO,
+    AliasTable,
+    build_normal_table,
+    draw_from_table,
+)
+from rso_lidar.detector.stages.time_axis import Rows
 from rso_lidar.kernels import kernel, packed
+from rso_lidar.philox import draw_key, fill_row
 
 
 def store_samples(
@@ -99,3 +108,117 @@ def convert(readout: Readout, amplitude: np.ndarray, offset_counts: np.ndarray |
     np.clip(counts, 0.0, float(readout.full_scale_counts), out=counts)
     result: np.ndarray = counts.astype(np.float32, copy=False)
     return result
+
+
+def merge_low_gain(
+    readout: Readout,
+    amplitude: np.ndarray,
+    rows: Rows,
+    row: np.ndarray,
+    first: np.ndarray,
+    per_sample: int,
+    offset_counts: np.ndarray,
+    counts: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Replace clipped samples by those of the low-gain channel, on the scale of the first; return which clip in both.
+
+    A pixel's offset is taken as that of its input, common to both channels.
+
+    Parameters
+    ----------
+    readout : the converters, with `low_gain`.
+    amplitude : (row, step) [electrons].
+    rows : stretches of time of the rows.
+    row, first : (trace) row and step of the first sample.
+    per_sample : steps from sample to sample.
+    offset_counts : (trace) offset of the pixel.
+    counts : (trace, sample) of the first channel, changed in place.
+    rng : random generator.
+
+    Returns
+    -------
+    (trace, sample) bool, whether both channels clip.
+    """
+    low = readout.low_gain
+    assert low is not None
+    clipped = np.zeros(counts.shape, bool)
+    merge_rows(
+        packed(amplitude, np.float32),
+        packed(row, np.int64),
+        packed(first, np.int64),
+        int(per_sample),
+        (draw_key(rng), packed(rows.pixel[row], np.int64), packed(rows.start[row] + first, np.int64)),
+        build_normal_table(),
+        np.float32(readout.full_scale_counts),
+        np.float32(1.0 / (readout.electrons_per_count * low.ratio)),
+        (offset_counts / low.ratio + readout.baseline_counts).astype(np.float32),
+        np.float32(low.noise_counts),
+        np.float32(2**low.adc_bits - 1),
+        np.float32(low.ratio),
+        np.float32(readout.baseline_counts),
+        bool(readout.quantised),
+        counts,
+        clipped,
+    )
+    return clipped
+
+
+@kernel
+def merge_rows(
+    amplitude: np.ndarray,
+    row: np.ndarray,
+    first: np.ndarray,
+    per_sample: int,
+    address: tuple[np.ndarray, np.ndarray, np.ndarray],
+    table: AliasTable,
+    full_scale: np.float32,
+    counts_per_electron: np.float32,
+    offset_counts: np.ndarray,
+    noise_counts: np.float32,
+    low_full_scale: np.float32,
+    ratio: np.float32,
+    baseline: np.float32,
+    quantised: bool,
+    counts: np.ndarray,
+    clipped: np.ndarray,
+) -> None:
+    """Replace the clipped samples of each trace.
+
+    Parameters
+    ----------
+    amplitude : (row, step) [electrons].
+    row, first : (trace) row and step of the first sample.
+    per_sample : steps from sample to sample.
+    address : key, pixel (trace) and first step since emission (trace) of the random words.
+    table : of a normal number.
+    full_scale, low_full_scale : greatest counts of both converters.
+    counts_per_electron : scale of the low-gain converter.
+    offset_counts : (trace) baseline and offset there [its counts].
+    noise_counts : rms noise there [its counts].
+    ratio : counts of the first channel in one of the other.
+    baseline : of both channels [counts].
+    quantised : whether counts are whole.
+    counts : (trace, sample) of the first channel, changed in place.
+    clipped : (trace, sample), written where both channels clip.
+    """
+    key, pixel, start = address
+    columns_log2, cells, first_value = table
+    n = counts.shape[1]
+    words = np.empty(-(-n // 4) * 4, np.uint32)
+    for trace in range(len(counts)):
+        drawn = False
+        for sample in range(n):
+            if counts[trace, sample] < full_scale:
+                continue
+            if not drawn:
+                fill_row(key, start[trace], pixel[trace], 0, words)
+                drawn = True
+            normal = draw_from_table(words[sample], columns_log2, cells, 0, first_value[0]) - NORMAL_ZERO
+            noise = noise_counts * np.float32(normal) / np.float32(NORMAL_PER_SIGMA)
+            electrons = amplitude[row[trace], first[trace] + sample * per_sample]
+            level = electrons * counts_per_electron + offset_counts[trace] + noise
+            if quantised:
+                level = np.rint(level)
+            clipped[trace, sample] = level >= low_full_scale
+            counts[trace, sample] = (min(max(level, np.float32(0.0)), low_full_scale) - baseline) * ratio + baseline
