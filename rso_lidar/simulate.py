@@ -202,7 +202,7 @@ def flash(
     surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)
     receiver = lidar.receiver
     laser, late_s = lidar.laser.fire(rng)
-    seen = []
+    seen, strayed = [], []
     for at in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
         extent = scene.extent(surfaces, at)
         rays = optics.pixel_rays(receiver, laser, extent)
@@ -217,13 +217,20 @@ def flash(
         )
         photons = optics.collect(hits, laser, receiver, late_s)
         seen.append((hits, photons))
+        if receiver.has_stray_light:
+            moon_m = scenario.moon_position_m(at.time_s)
+            sky = optics.see_sky(laser, receiver, at, moon_m, has_earth=not scenario.is_local)
+            hidden = None if sky is None else scene.find_hidden(sky.direction, surfaces, at)
+            strayed.append((hits, optics.add_stray_light(photons, hits, laser, receiver, sky, hidden)))
     hits, photons = optics.average_pulses(seen, lidar.detector.traits.pulses)
+    labels = scene.label(hits, photons, lidar.max_returns)  # of what is really there: without stray light
+    if strayed:
+        _, photons = optics.average_pulses(strayed, lidar.detector.traits.pulses)
     taps = None
     if "taps" in keep:
         reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)
     else:
         reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
-    labels = scene.label(hits, photons, lidar.max_returns)
     made: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "photons": photons}
     made |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:

@@ -31,6 +31,7 @@ SUN_GM_M3_S2 = 1.327_124_400_42e20
 MOON_GM_M3_S2 = 4.902_800_066e12
 
 # IAU working group on cartographic coordinates (2015): mean radius.
+MOON_RADIUS_M = 1_737_400.0
 
 # IAU 2012 resolution B2, exact.
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0

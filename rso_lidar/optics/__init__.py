@@ -2,31 +2,39 @@
 
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.lens.distortion import BrownConrady, ZemaxDistortion
+from rso_lidar.optics.lens.internal_reflections import Ghost
 from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
+from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
 from rso_lidar.optics.oversampling import oversample
 from rso_lidar.optics.rays.pixel_rays import pixel_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import read_files
 from rso_lidar.optics.returns.exposure import average_pulses
 from rso_lidar.optics.returns.radiometry import collect
+from rso_lidar.optics.stray.glare import add_stray_light, see_sky
 from rso_lidar.public_names import limit_dir
 
 __all__ = [
     "AiryPsf",
+    "Baffle",
     "BrownConrady",
     "FieldDependentPsf",
     "FieldPsf",
     "GaussianPsf",
+    "Ghost",
+    "Glare",
     "GridPsf",
     "Laser",
     "Receiver",
     "ZemaxDistortion",
     "ZemaxPsf",
+    "add_stray_light",
     "average_pulses",
     "collect",
     "oversample",
     "pixel_rays",
     "read_files",
+    "see_sky",
 ]
 
 __dir__ = limit_dir(__name__)

@@ -9,7 +9,9 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.optics.lens.distortion import Distortion
+from rso_lidar.optics.lens.internal_reflections import Ghost
 from rso_lidar.optics.lens.psf import Psf
+from rso_lidar.optics.lens.surface_scatter import Glare
 from rso_lidar.part import Count, Part, Positive, Whole
 
 FieldOfView = Annotated[Positive, Field(lt=180)]
@@ -25,7 +27,7 @@ class Receiver(Part):
 
     `psf` spreads light over pixels and `distortion` bends the image; without them the lens is perfect.
     `filter_width_nm` is the width of the spectral filter about the laser's line. With a filter, sunlight on the targets
-    reaches the detector.
+    reaches the detector. `ghosts` and `glare` are stray light, off by default.
     """
 
     fov_deg: FieldOfView | None = Field(
@@ -81,6 +83,16 @@ class Receiver(Part):
             "adds background."
         ),
     )
+    ghosts: tuple[Ghost, ...] = Field(
+        default=(), max_length=16, description="Ghost images of the lens. Default: a choice, none."
+    )
+    glare: Glare | None = Field(
+        default=None,
+        description=(
+            "Sun, lit Earth and Moon in the field of view, and their light that the lens scatters. If omitted, only light "
+            "of targets is imaged. Needs `filter_width_nm`."
+        ),
+    )
 
     @model_validator(mode="after")
     def _check_pairs(self) -> Self:
@@ -95,7 +107,42 @@ class Receiver(Part):
             raise ValueError(
                 f"rays_per_pixel is a k x k grid: give a square number, {near} instead of {self.rays_per_pixel}"
             )
+        self._check_stray_light()
         return self
+
+    def _check_stray_light(self) -> None:
+        """Refuse ghosts that never land on the focal plane, glare without a filter, and a baffle in the field's way."""
+        for number, ghost in enumerate(self.ghosts):
+            reach = ghost.defocus_um / self.pixel_pitch_um
+            if reach > 2 * max(self.shape):
+                raise ValueError(
+                    f"ghosts.{number}.defocus_um is a disc of {reach:.3g} pixels in radius, over twice the focal plane; "
+                    "reduce it"
+                )
+            shift = ghost.shift_pixels(self.shape)
+            if any(abs(by) >= n + reach + 1 for by, n in zip(shift, self.shape, strict=True)):
+                raise ValueError(
+                    f"ghosts.{number} lies {max(abs(by) for by in shift):.4g} pixels away, beside the focal plane of "
+                    f"{self.n_rows} x {self.n_cols} pixels; correct its place or leave it out"
+                )
+        if self.glare is None:
+            return
+        if self.filter_width_nm is None:
+            raise ValueError("glare needs filter_width_nm, which says how much of the Sun's spectrum passes; give it")
+        baffle = self.glare.baffle
+        if baffle is not None:
+            slope = math.hypot(*self.field_edge)
+            least_mm = self.aperture_m / units.MM + 2.0 * slope * baffle.length_mm
+            if baffle.diameter_mm < least_mm * (1.0 - 1e-9):
+                raise ValueError(
+                    f"glare.baffle.diameter_mm ({baffle.diameter_mm:g}) cuts into the field of view: a baffle of "
+                    f"{baffle.length_mm:g} mm needs {least_mm:.4g} mm; widen or shorten it"
+                )
+
+    @property
+    def has_stray_light(self) -> bool:
+        """Whether ghosts or glare are simulated."""
+        return bool(self.ghosts) or self.glare is not None
 
     @cached_property
     def shape(self) -> tuple[int, int]:

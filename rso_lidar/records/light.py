@@ -1,4 +1,4 @@
-"""Light from the lens to the scene and back: extents, rays, hits and photons."""
+"""Light from the lens to the scene and back: extents, rays, hits, photons, and the bodies of the sky."""
 
 from __future__ import annotations
 
@@ -102,7 +102,11 @@ class Photons(Record):
         optional=True,
     )
     background_photons_per_s: np.ndarray | None = array(
-        "row col", "f8", "s-1", "sunlight on each pixel, after the optics; None without background", optional=True
+        "row col",
+        "f8",
+        "s-1",
+        "sunlight on each pixel, stray light included, after the optics; None without background",
+        optional=True,
     )
     epoch: np.ndarray | None = array(
         "return", "i4", "1", "epoch of the exposure at which it returns, rising in a pixel; None: at all", optional=True
@@ -142,6 +146,25 @@ class Photons(Record):
             }
             chosen["photons"] = chosen["photons"] * (pulses / count)
             yield from repeat(replace(self, **chosen, epoch=None, pulse_epoch=None), int(count))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sky(Record):
+    """Sun, lit Earth and Moon as the lens sees them, in the band of its filter, without what targets hide.
+
+    The sources are cut into elements, each with its direction and its light. `body` is 0 for the Sun, 1 for the Earth and 2
+    for the Moon.
+    """
+
+    image_photons_per_s: np.ndarray = array(
+        "row col", "f8", "s-1", "light of the bodies that each pixel sees, after a lens without blur"
+    )
+    direction: np.ndarray = array("element xyz", "f8", "1", "unit vector toward the element in lidar axes")
+    photons_per_s: np.ndarray = array(
+        "element", "f8", "s-1", "light of the element on a plane of the aperture's area across its direction"
+    )
+    radius_rad: np.ndarray = array("element", "f8", "rad", "radius of a disc of the element's solid angle")
+    body: np.ndarray = array("element", "i1", "1", "body of the element: 0 Sun, 1 Earth, 2 Moon")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,6 +3,7 @@
 from rso_lidar.public_names import limit_dir
 from rso_lidar.scene.casting.cast import cast
 from rso_lidar.scene.casting.extent import extent
+from rso_lidar.scene.casting.sky import find_hidden
 from rso_lidar.scene.labels import label
 from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength, Named, find_material
 from rso_lidar.scene.materials.crinkle import Crinkled
@@ -35,6 +36,7 @@ __all__ = [
     "cast",
     "complete",
     "extent",
+    "find_hidden",
     "find_material",
     "label",
     "load_mesh",

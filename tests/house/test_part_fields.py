@@ -15,7 +15,7 @@ UNITS = {  # how a name ends, and what its description says in brackets
     "mj": "mJ", "m_s": "m/s", "m_s2": "m/s²", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "mhz": "MHz", "kg": "kg",
     "kg_m2": "kg m²", "m2": "m²", "n": "N", "per_s": "1/s", "per_sr": "1/sr", "per_v": "1/V", "na": "nA", "nf": "nF",
     "ohm": "Ω", "counts": "counts", "photons": "photons", "electrons": "electrons", "rev_day": "rev/day",
-    "rev_day2": "rev/day²", "rev_day3": "rev/day³", "per_earth_radius": "1/R⊕", "fraction": None,
+    "rev_day2": "rev/day²", "rev_day3": "rev/day³", "pixels": "pixels", "per_earth_radius": "1/R⊕", "fraction": None,
 }  # fmt: skip
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none
@@ -34,6 +34,7 @@ NO_SUFFIX = {  # name: why it needs none
     "detection_efficiency": "a probability",
     "diffuse": "share of the light",
     "drag_coefficient": "a ratio",
+    "earth_albedo": "share of the light",
     "eccentricity": "a ratio of lengths",
     "electrons_per_count": "a ratio whose name says both units",
     "excess_noise_factor": "a ratio of variances",
@@ -53,6 +54,7 @@ NO_SUFFIX = {  # name: why it needs none
     "k1": "a coefficient of pure numbers",
     "k2": "a coefficient of pure numbers",
     "k3": "a coefficient of pure numbers",
+    "knee_sine": "the sine of an angle",
     "left_out": "numbers of facets",
     "loops": "a number of loops",
     "low": "in the unit of the field that it is of",
@@ -83,9 +85,11 @@ NO_SUFFIX = {  # name: why it needs none
     "scale": "a ratio of lengths",
     "seeds": "a number of seeds",
     "seed": "a number that only names a stream of noise",
+    "slope": "a power",
     "specular": "share of the light",
     "steps_per_sample": "a number of steps",
     "sun_direction": "a direction, of any length",
+    "surfaces": "a number of surfaces",
     "transmission": "share of the light",
     "up": "a direction, of any length",
     "up_axis": "a direction, of any length",

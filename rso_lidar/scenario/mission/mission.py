@@ -17,7 +17,7 @@ from rso_lidar.files import convert_path
 from rso_lidar.motion import Body, Ptu
 from rso_lidar.motion.bodies.order import sort_bodies
 from rso_lidar.optics import read_files
-from rso_lidar.orbit import Epochs
+from rso_lidar.orbit import Epochs, moon_position_m
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
@@ -263,6 +263,19 @@ class Mission(Part):
         """
         numbers = np.arange(self.time.n_frames) if frames is None else frames
         return Epochs(self.time.start_utc, self.time.seconds(numbers))
+
+    def moon_position_m(self, time_s: float) -> np.ndarray | None:
+        """Return the position of the Moon (xyz) in inertial axes [m]; None where there is none, or no glare of it.
+
+        Parameters
+        ----------
+        time_s : time [s since start_utc].
+        """
+        glare = self.lidar.receiver.glare
+        if self.is_local or glare is None or "moon" not in glare.sources:
+            return None
+        position_m: np.ndarray = moon_position_m(Epochs(self.time.start_utc, np.array([time_s])))[0]
+        return position_m
 
     def rng(self, frame: int, stage: int = 0) -> np.random.Generator:
         """Return the generator of one frame's noise: it depends on seed, frame and stage only.
