@@ -184,3 +184,26 @@ def test_closed_form_agrees_with_frames(validation, photons):
         unit="1",
     )
     assert reading.range_m.ravel()[near.ravel()].std() == pytest.approx(float(told.range_precision_m[0]), rel=0.25)
+
+
+@pytest.mark.parametrize("photons", [0.012, 0.02])
+def test_closed_form_counts_dark_counts_in_the_peak(validation, photons):
+    """A peak holds dark counts too: half of a threshold that noise has raised is noise."""
+    part = rl.GeigerArray(
+        dark_count_rate_hz=2e6, pulses=2000, gate_to_m=30.0, hold_off_ns=1000.0, detection_efficiency=1.0
+    )
+    light = returns(np.full(4000, 15.0), photons, pulse_fwhm_s=0.5e-9)
+    reading, _ = detect(light, part, rng())
+    near = np.abs(reading.range_m - 15.0) < 0.5
+    shape = bell(0.5e-9)
+    pulse = LaserPulse(shape["pulse_step_s"], shape["pulse_power_per_s"], 0.5e-9)
+    p = float(predict(part, pulse, np.array([photons]), 0.0).probability[0])
+    validation(
+        case=f"frames of 2000 pulses of {photons:g} photons that report above 8 dark counts",
+        source="binomial counts of light and noise in the peak",
+        expected=p,
+        got=near.mean(),
+        tolerance=4 * math.sqrt(p * (1 - p) / 4000)
+        + 0.08,  # the fullest of the windows that hold the pulse: + 0.3 sigma
+        unit="1",
+    )

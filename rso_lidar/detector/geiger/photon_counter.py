@@ -113,7 +113,8 @@ def predict_closed_form(
 ) -> Prediction:
     """Predict returns in the middle of the gate, in the dark.
 
-    The first avalanches of a return are taken as normal about their mean. A peak holds those within its window.
+    The first avalanches of a return are taken as normal about their mean. A peak holds those within its window, and the
+    dark counts that fall into it in the other pulses.
 
     Parameters
     ----------
@@ -133,8 +134,11 @@ def predict_closed_form(
     sigma_s = np.sqrt(variance_s2 + (array.jitter_ns * units.NS) ** 2 + array.bin_s**2 / 12.0)
     half = 0.5 * array.peak_s / sigma_s
     share = erf(half / math.sqrt(2.0))
-    fired = -np.expm1(-n) * share * _live_fraction(array, 0.0)
-    probability = np.where(n > 0.0, peak_probability(fired, array.pulses, array.dark_least_counts), 0.0)
+    live = _live_fraction(array, 0.0)
+    fired = -np.expm1(-n) * share * live
+    dark = -math.expm1(-array.dark_count_rate_hz * array.peak_s) * live
+    counted = 1.0 - (1.0 - fired) * (1.0 - dark)
+    probability = np.where(n > 0.0, peak_probability(counted, array.pulses, array.dark_least_counts), 0.0)
     cut = 2.0 * half * np.exp(-0.5 * half**2) / math.sqrt(2.0 * math.pi) / share  # variance that the window's ends take
     counts = np.maximum(array.pulses * fired, array.dark_least_counts)
     precision_s = np.hypot(sigma_s * np.sqrt((1.0 - cut) / counts), pulse.timing_jitter_ns * units.NS)
