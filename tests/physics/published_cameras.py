@@ -4,6 +4,8 @@ The numbers are facts that were read or computed for this comparison; no text or
 table says where its numbers stand, how they were read, and which parameters of the detector were free.
 """
 
+from functools import cache
+
 import numpy as np
 from scipy import optimize, signal
 
