@@ -30,7 +30,7 @@ from rso_lidar.detector.settings.algorithm import Ranging
 from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd
 from rso_lidar.detector.settings.empirical import Empirical
-from rso_lidar.detector.settings.focal_plane import Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
+from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.readout import LowGain, Readout
@@ -44,6 +44,7 @@ __all__ = [
     "AnyDetector",
     "Apd",
     "ArrayLoad",
+    "Bloom",
     "Crosstalk",
     "Defects",
     "DescribedDetector",

@@ -8,7 +8,15 @@ from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 
 _MOST_FALSE = 0.005  # of all pixels: 80 false triggers in a frame begin to hide a distant target
-_OPTIONAL = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a focal plane, off by default
+_OPTIONAL = (
+    "maps",
+    "defects",
+    "saturation",
+    "bloom",
+    "droop",
+    "crosstalk",
+    "speckle",
+)  # parts of a focal plane, off by default
 
 
 def describe_empirical(detector: Empirical) -> list[str]:

@@ -9,6 +9,7 @@ from rso_lidar.detector.chain.range_gate import store_gate
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.chain.traces import store_traces
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.stages.bloom import spill_charge
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
 
@@ -51,5 +52,7 @@ def _store(
     ----------
     gsfl, photons, rng, with_taps, threads : as for `run_chain`.
     """
+    if gsfl.bloom is not None:
+        photons = spill_charge(gsfl.bloom, photons, gsfl.electrons_per_photon)
     store = store_gate if gsfl.gate else store_traces
     return store(gsfl, photons, rng, with_taps=with_taps, threads=threads)

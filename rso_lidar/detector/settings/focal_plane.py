@@ -115,6 +115,31 @@ class Droop(Part):
     )
 
 
+class Bloom(Part):
+    """Charge above the full well of a pixel, of which its four neighbours collect a share; assumed.
+
+    Of the charge that one pulse makes beyond `full_well_electrons`, `spill_fraction` leaves the pixel, a quarter to each
+    side, and spills on where it overflows again. The law is that of blooming in imagers without a drain, assumed for an APD
+    whose junction is discharged by its own photocurrent. A junction of 0.24 pF (`Droop`) that loses 1 V has passed 1.5
+    million electrons, which is the default of the full well.
+    """
+
+    full_well_electrons: Positive = Field(
+        default=1.5e6,
+        description=(
+            "Charge after the APD that a pixel can hold of one pulse [electrons]. Default: assumed, 1 V across the junction "
+            "of 0.24 pF that a data sheet gives."
+        ),
+    )
+    spill_fraction: Annotated[Fraction, Field(lt=1)] = Field(
+        default=0.2,
+        description="Share of the charge above the full well that the neighbours collect. Default: assumed.",
+    )
+    delay_ns: NotNegative = Field(
+        default=0.0, description="How much later the neighbours collect it [ns]. Default: assumed."
+    )
+
+
 class Crosstalk(Part):
     """Electronic crosstalk between pixels that latch together (simultaneous ranging crosstalk, Opt. Eng. 60(8) 083101).
 

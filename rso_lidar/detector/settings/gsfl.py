@@ -13,7 +13,7 @@ from rso_lidar import units
 from rso_lidar.detector.settings.algorithm import Ranging
 from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd
-from rso_lidar.detector.settings.focal_plane import Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
+from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.noise import noise_rms, rice_rate
 from rso_lidar.detector.settings.presets import PRESETS
@@ -111,6 +111,9 @@ class Gsfl(Part):
     defects: Defects | None = Field(default=None, description="Dead and hot pixels. If omitted, there are none.")
     saturation: Saturation | None = Field(
         default=None, description="Amplifier saturation. If omitted, the amplifier is linear."
+    )
+    bloom: Bloom | None = Field(
+        default=None, description="Charge that full pixels spill to their neighbours. If omitted, there is none."
     )
     droop: Droop | None = Field(
         default=None,
@@ -341,7 +344,12 @@ class Gsfl(Part):
         ----------
         gain : gain of the APD over its gain at rest.
         """
-        apart: dict[str, Any] = {"droop": None, "crosstalk": None, "timing": self.timing.replace(frame_jitter_ns=0.0)}
+        apart: dict[str, Any] = {
+            "bloom": None,
+            "droop": None,
+            "crosstalk": None,
+            "timing": self.timing.replace(frame_jitter_ns=0.0),
+        }
         if gain != 1.0:
             apart["apd"] = self.apd.replace(gain=max(self.apd.gain * gain, 1.0))
         return self.replace(**apart)
