@@ -90,7 +90,12 @@ def _fly(
     threads, workers : number of threads, or of processes.
     keep : names of records to keep.
     """
-    _ = scenario.surfaces, scenario.source, scenario.instrument  # computed once, before workers share them
+    _ = (
+        scenario.surfaces,
+        scenario.source,
+        scenario.instrument,
+        scenario.exposure,
+    )  # computed once, before workers share them
     with scenario.locate_errors():
         world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
         course = motion.Course(scenario.bodies, scenario.epochs(numbers), commanded=controller is not None, **world)
@@ -110,6 +115,8 @@ def _fly(
         for row, k in enumerate(numbers.tolist()):
             truth = aim.at(course.at(row, command), command, scenario.rng(k, POINTING))
             lidar = scenario.instrument.at(truth.time_s, command)
+            if scenario.exposure:
+                truth = scenario.exposure.follow(truth, course, aim, row, lidar)
             made.append(begin(truth, scenario.rng(k, DETECTION), bands, lidar=lidar, index=k, keep=keep))
             if len(made) <= ahead:
                 continue
@@ -200,8 +207,8 @@ def flash(
     """
     require_scenario(scenario, "flash")
     surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)
-    receiver = lidar.receiver
-    laser, late_s = lidar.laser.fire(rng)
+    receiver, pulses = lidar.receiver, lidar.detector.traits.pulses
+    laser, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
     seen, strayed = [], []
     for at in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
         extent = scene.extent(surfaces, at)
@@ -222,10 +229,10 @@ def flash(
             sky = optics.see_sky(laser, receiver, at, moon_m, has_earth=not scenario.is_local)
             hidden = None if sky is None else scene.find_hidden(sky.direction, surfaces, at)
             strayed.append((hits, optics.add_stray_light(photons, hits, laser, receiver, sky, hidden)))
-    hits, photons = optics.average_pulses(seen, lidar.detector.traits.pulses)
+    hits, photons = optics.average_pulses(seen, pulses, jitter)
     labels = scene.label(hits, photons, lidar.max_returns)  # of what is really there: without stray light
     if strayed:
-        _, photons = optics.average_pulses(strayed, lidar.detector.traits.pulses)
+        _, photons = optics.average_pulses(strayed, pulses, jitter)
     taps = None
     if "taps" in keep:
         reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)

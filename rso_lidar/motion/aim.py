@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
@@ -195,7 +196,9 @@ class Aim:
             self._demand = make_demand(
                 ptu, bodies, start_utc, end_s, local=local, sun_direction=sun_direction, flights=flights
             )
-            self._state = start(ptu, self._demand)
+            self._state = self._before = start(ptu, self._demand)
+            self._command: Command | None = None
+            self._off_rad = np.zeros(2)  # jitter and misalignment at the last flash
 
     def at(self, course: Truth, command: Command | None, rng: np.random.Generator) -> Truth:
         """Step the PTU to the next flash, and add the axes of PTU and lidar to its truth.
@@ -213,11 +216,39 @@ class Aim:
         pointing: PtuAngles | None = None
         actual_rad = rate_rad_s = np.zeros(2)
         if self._ptu is not None:
+            self._before, self._command = self._state, command
             self._state = step(self._ptu, self._state, self._demand, until_s=course.time_s, command=command)
             pointing = sense(self._ptu, self._state, rng)
             actual_rad, rate_rad_s = pointing.actual_rad, pointing.rate_rad_s
+            self._off_rad = actual_rad - np.array(self._state.angle_rad)
         poses = add_lidar(course.poses, self._ptu, actual_rad, rate_rad_s, self._mount)
         return Truth(course.time_s, poses, course.states, course.sun_direction, pointing, course.sunlit)
+
+    def during(self, course: Truth) -> Truth:
+        """Step the PTU through instants about the flash of the last call of `at`, under the same command and jitter.
+
+        If the last of them is after the flash, the next flash goes on from there, and its command holds from there on.
+
+        Parameters
+        ----------
+        course : truth of the bodies at these instants, ascending (time), all after the flash before.
+
+        Returns
+        -------
+        the same truths with the axes of PTU and lidar.
+        """
+        angles = rates = np.zeros((len(course.time_s), 2))
+        if self._ptu is not None:
+            state, rows = self._before, []
+            for time_s in course.time_s.tolist():
+                state = step(self._ptu, state, self._demand, max(time_s, state.time_s), self._command)
+                rows.append((*state.angle_rad, *state.rate_rad_s))
+            angles, rates = np.hsplit(np.array(rows), 2)
+            angles = angles + self._off_rad
+            if state.time_s > self._state.time_s:
+                self._state = state
+        poses = add_lidar(course.poses, self._ptu, angles, rates, self._mount)
+        return replace(course, poses=poses)
 
 
 def add_lidar(

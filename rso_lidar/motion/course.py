@@ -15,6 +15,9 @@ from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.records import Command, Truth
 
+_BLOCK = 4096  # instants in one evaluation of an exposure; bounds memory
+_MOST_BLOCKS = 4
+
 
 class Course:
     """Truth of the bodies at each flash, without PTU and lidar.
@@ -44,6 +47,7 @@ class Course:
         self.flights = _make_flights(bodies) if commanded else {}
         _check_slews(bodies, self.flights)
         self._whole = None if self.flights else self._at(epochs)
+        self._blocks: dict[tuple[int, bytes], Truth] = {}
         self._since_s = 0.0
 
     def at(self, row: int, command: Command | None) -> Truth:
@@ -78,6 +82,38 @@ class Course:
             return self._at(self._epochs.at(row)).at(0)
         with suppress_warnings():  # the first flash has given all warnings
             return self._at(self._epochs.at(row)).at(0)
+
+    def during(self, row: int, offsets_s: np.ndarray) -> Truth:
+        """Return the truth at instants about the flash of the last call of `at`, under the same command.
+
+        Without commands it is computed for a block of flashes in one batch.
+
+        Parameters
+        ----------
+        row : number of the flash.
+        offsets_s : (time) instants after the flash, ascending; negative ones are before it [s].
+
+        Returns
+        -------
+        batch of truths, without PTU and lidar.
+        """
+        self._since_s = max(self._since_s, float(self._epochs.time_s[row] + offsets_s[-1]))
+        if self._whole is None:
+            return self._near(slice(row, row + 1), offsets_s)
+        rows = max(1, _BLOCK // len(offsets_s))
+        key = row // rows, offsets_s.tobytes()
+        if key not in self._blocks:
+            while len(self._blocks) >= _MOST_BLOCKS:
+                del self._blocks[next(iter(self._blocks))]
+            self._blocks[key] = self._near(slice(key[0] * rows, (key[0] + 1) * rows), offsets_s)
+        first = (row % rows) * len(offsets_s)
+        return self._blocks[key].some(slice(first, first + len(offsets_s)))
+
+    def _near(self, rows: slice, offsets_s: np.ndarray) -> Truth:
+        """Compute the truth at instants about some flashes, flash by flash."""
+        time_s = np.add.outer(self._epochs.time_s[rows], offsets_s).ravel()
+        with suppress_warnings():  # the flashes themselves have given all warnings
+            return self._at(Epochs(self._epochs.start_utc, time_s))
 
     def _at(self, epochs: Epochs) -> Truth:
         return truth(self._bodies, epochs, local=self._local, sun_direction=self._sun, flights=self.flights)

@@ -9,7 +9,7 @@ from rso_lidar.optics.oversampling import oversample
 from rso_lidar.optics.rays.pixel_rays import pixel_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import read_files
-from rso_lidar.optics.returns.exposure import average_pulses
+from rso_lidar.optics.returns.pulse_average import average_pulses
 from rso_lidar.optics.returns.radiometry import collect
 from rso_lidar.optics.stray.glare import add_stray_light, see_sky
 from rso_lidar.public_names import limit_dir

@@ -20,7 +20,7 @@ _MOST_TAPS = 4096  # to each side of a measured pulse
 
 
 class Laser(Part):
-    """Pulsed laser that lights the scene along the lidar's boresight, one pulse for each frame.
+    """Pulsed laser that lights the scene along the lidar's boresight: one pulse for each frame, or those of its detector.
 
     `divergence_deg` is a full angle: edge to edge of a square or circular footprint, the 1/e² width of a Gaussian one.
     A ``pattern`` measured in `pattern_file` (an image or a table of numbers) fills the square of that angle. The
@@ -31,6 +31,9 @@ class Laser(Part):
     pulse comes from `pulse_file` (columns time_ns, power), which also sets its width. `offset_m` is the position of the
     laser relative to the lens, in lidar axes. `energy_jitter_fraction` and `timing_jitter_ns` are 1 sigma from pulse to
     pulse, unknown to the receiver.
+
+    Where the detector takes several pulses for a frame, `pulse_rate_hz` spreads them over time, and targets, follower and
+    PTU move from one to the next. Without it they are all sent at the time of the frame.
     """
 
     wavelength_nm: Positive = Field(
@@ -97,6 +100,14 @@ class Laser(Part):
         description="Jitter of the emission time, 1 sigma, unknown to the receiver [ns]. Default: a choice.",
     )
 
+    pulse_rate_hz: Positive | None = Field(
+        default=None,
+        description=(
+            "Pulses a second within a frame, for a detector that takes several [Hz]. If omitted, all pulses of a frame are "
+            "sent at its time, and nothing moves between them. Default: a choice."
+        ),
+    )
+
     @model_validator(mode="after")
     def _check_files(self) -> Self:
         for what, needs, name in (
@@ -158,6 +169,27 @@ class Laser(Part):
         energy, late = rng.standard_normal(2)
         factor = max(1.0 + self.energy_jitter_fraction * energy, 1e-3)
         return self.replace(energy_mj=self.energy_mj * factor), float(late) * self.timing_jitter_ns * units.NS
+
+    def fire_pulses(self, rng: np.random.Generator, pulses: int) -> "tuple[Laser, float, np.ndarray | None]":
+        """Draw energy and timing of the pulses of one frame, each by itself.
+
+        Parameters
+        ----------
+        rng : source of the random numbers; not used without jitter.
+        pulses : number of pulses.
+
+        Returns
+        -------
+        The laser with the mean energy of these pulses, how late they left on average [s], and for each pulse (2, pulse) its
+        energy over the mean and its delay beyond the mean [s]. That is None for one pulse, and without jitter.
+        """
+        if pulses == 1 or (self.energy_jitter_fraction == 0.0 and self.timing_jitter_ns == 0.0):
+            return *self.fire(rng), None
+        energy, late = rng.standard_normal((2, pulses))
+        energy = np.maximum(1.0 + self.energy_jitter_fraction * energy, 1e-3)
+        late_s = late * (self.timing_jitter_ns * units.NS)
+        mean, mean_s = float(energy.mean()), float(late_s.mean())
+        return self.replace(energy_mj=self.energy_mj * mean), mean_s, np.stack([energy / mean, late_s - mean_s])
 
     @property
     def divergence_rad(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import repeat
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +70,8 @@ class Photons(Record):
     relative to the receiver's clock.
 
     Where a frame has several pulses and the scene moves between them, `epoch` and `pulse_epoch` tell which returns belong
-    to which pulses. `photons`, `filled_fraction` and the background are then means over the pulses.
+    to which pulses. `photons`, `filled_fraction` and the background are then means over the pulses. Where each pulse has
+    its own energy and delay, they are `pulse_energy_fraction` and `pulse_late_s`.
     """
 
     shape: tuple[int, int]
@@ -115,6 +116,13 @@ class Photons(Record):
         "pulse", "i4", "1", "epoch of the exposure of each pulse, never falling; None: one for all", optional=True
     )
 
+    pulse_energy_fraction: np.ndarray | None = array(
+        "pulse", "f8", "1", "energy of each pulse over their mean; None: all alike", optional=True
+    )
+    pulse_late_s: np.ndarray | None = array(
+        "pulse", "f8", "s", "delay of each pulse beyond late_s; None: none", optional=True
+    )
+
     def split_pulses(self, pulses: int) -> Iterator[Photons]:
         """Yield the light of each pulse of the frame.
 
@@ -130,22 +138,48 @@ class Photons(Record):
         ------
         RecordError : if the light is of another number of pulses.
         """
-        if self.epoch is None or self.pulse_epoch is None:
-            yield from repeat(self, pulses)
-            return
-        if len(self.pulse_epoch) != pulses:
-            raise RecordError(
-                f"Photons.pulse_epoch: is of {len(self.pulse_epoch)} pulses and the detector takes {pulses}; match them"
-            )
-        for number, count in zip(*np.unique(self.pulse_epoch, return_counts=True), strict=True):
-            of = self.epoch == number
-            chosen = {
-                name: getattr(self, name)[of]
-                for name, spec in specs(Photons).items()
-                if spec.dims == ("return",) and name != "epoch"
-            }
-            chosen["photons"] = chosen["photons"] * (pulses / count)
-            yield from repeat(replace(self, **chosen, epoch=None, pulse_epoch=None), int(count))
+        epoch, energy, late_s = self.list_pulses(pulses)
+        jitters = self.pulse_energy_fraction is not None
+        last = -1
+        for k in range(pulses):
+            if epoch[k] != last:
+                mean, last = self._select_epoch(epoch, epoch[k]), epoch[k]
+            light = mean
+            if jitters:
+                light = replace(mean, photons=mean.photons * energy[k], late_s=self.late_s + float(late_s[k]))
+            yield light
+
+    def list_pulses(self, pulses: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return epoch, energy over the mean, and delay beyond `late_s` [s] of each pulse of the frame (pulse).
+
+        Parameters
+        ----------
+        pulses : number of pulses of the frame.
+
+        Raises
+        ------
+        RecordError : if the light is of another number of pulses.
+        """
+        for values in (self.pulse_epoch, self.pulse_energy_fraction, self.pulse_late_s):
+            if values is not None and len(values) != pulses:
+                raise RecordError(
+                    f"Photons: is light of {len(values)} pulses and the detector takes {pulses}; match them"
+                )
+        epoch = np.zeros(pulses, np.int32) if self.pulse_epoch is None else self.pulse_epoch
+        energy = np.ones(pulses) if self.pulse_energy_fraction is None else self.pulse_energy_fraction
+        late_s = np.zeros(pulses) if self.pulse_late_s is None else self.pulse_late_s
+        return epoch, energy, late_s
+
+    def _select_epoch(self, pulse_epoch: np.ndarray, number: int) -> Photons:
+        """Return the light of a pulse at one epoch of the exposure."""
+        one: dict[str, Any] = dict.fromkeys(("epoch", "pulse_epoch", "pulse_energy_fraction", "pulse_late_s"))
+        if self.epoch is None:
+            return self if self.pulse_late_s is None else replace(self, **one)
+        of = self.epoch == number
+        returns = [name for name, spec in specs(Photons).items() if spec.dims == ("return",) and name != "epoch"]
+        chosen = {name: getattr(self, name)[of] for name in returns}
+        chosen["photons"] = chosen["photons"] * (len(pulse_epoch) / np.count_nonzero(pulse_epoch == number))
+        return replace(self, **one, **chosen)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

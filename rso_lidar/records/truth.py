@@ -104,6 +104,22 @@ class Truth:
             return (self,)
         return tuple(self.exposure.at(epoch) for epoch in range(len(self.exposure.time_s)))
 
+    def some(self, epochs: slice) -> Truth:
+        """Return the truth at some epochs of a batch.
+
+        Parameters
+        ----------
+        epochs : the epochs.
+        """
+        return Truth(
+            self.time_s[epochs],
+            self.poses.at(epochs),
+            {name: state[epochs] for name, state in self.states.items()},
+            self.sun_direction[epochs],
+            None,
+            {name: share[epochs] for name, share in self.sunlit.items()},
+        )
+
     def at(self, epoch: int) -> Truth:
         """Return the truth at one epoch of a batch.
 

@@ -139,10 +139,9 @@ def predict_gsfl(
             known_m = np.minimum(seen.precision_m(photons[of]), widest_m)  # a report is from within the pulse
             precision_m[of] += weight * known_m
             snr[of] += weight * seen.snr(photons[of])
-    own_ns = math.hypot(gsfl.timing.pixel_jitter_ns, gsfl.timing.frame_jitter_ns)
+    jitter_ns = math.hypot(gsfl.timing.pixel_jitter_ns, gsfl.timing.frame_jitter_ns, pulse.timing_jitter_ns)
     saturated = gsfl.counts(photons) >= gsfl.full_scale_counts
-    own_ns /= math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # of a frame's pulses the laser's is the same
-    jitter_ns = math.hypot(own_ns, pulse.timing_jitter_ns)
+    jitter_ns /= math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # each pulse of a frame has its own
     return Prediction(probability, np.hypot(precision_m, jitter_ns * _RANGE_PER_NS), snr, saturated)
 
 

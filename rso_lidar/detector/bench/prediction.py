@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -63,7 +64,7 @@ def _predict_by_trial(detector: AnyDetector, pulse: LaserPulse, photons: np.ndar
     found = run_trial(detector, light, np.random.Generator(np.random.Philox(_SEED)))
     level = np.flatnonzero(found.detected) // n
     precision_m, snr = np.full(levels, np.inf), np.zeros(levels)
-    jitter_m = pulse.timing_jitter_ns * units.NS * units.RANGE_PER_DELAY_M_S
+    jitter_m = pulse.timing_jitter_ns / math.sqrt(traits.pulses) * units.NS * units.RANGE_PER_DELAY_M_S
     for k in np.unique(level):
         errors_m, counts = found.range_error_m[level == k], found.intensity_counts[level == k].astype(float)
         if len(errors_m) > 1:

@@ -25,8 +25,8 @@ class Surroundings:
     ----------
     gain : of the APD under the array's current, relative to rest.
     together_fraction : scalar or (pixel), share of the array that latches with a pixel; see `array_load`.
-    energy_jitter_fraction : of the laser, 1 sigma.
-    timing_jitter_s : of the laser, 1 sigma [s].
+    energy_jitter_fraction : of the laser from pulse to pulse, 1 sigma.
+    timing_jitter_s : of the laser from pulse to pulse, 1 sigma [s].
     """
 
     gain: float = 1.0
@@ -167,12 +167,15 @@ def run_trial(
     """
     if true_m is None:
         true_m = photons.delay_s * units.RANGE_PER_DELAY_M_S
+    averaged = math.sqrt(detector.traits.pulses)  # over the pulses of a frame
     if around.energy_jitter_fraction > 0.0:
-        factor = 1.0 + around.energy_jitter_fraction * rng.standard_normal(photons.shape[0] * photons.shape[1])
+        factor = 1.0 + around.energy_jitter_fraction / averaged * rng.standard_normal(
+            photons.shape[0] * photons.shape[1]
+        )
         photons = replace(photons, photons=photons.photons * np.maximum(factor, 1e-3)[photons.pixel])
     reading, _ = detect(photons, isolate(detector, around.gain), rng)
     error = reading.range_m.ravel().astype(float) - true_m
-    common_s = math.hypot(frame_jitter_s(detector), around.timing_jitter_s)
+    common_s = math.hypot(frame_jitter_s(detector), around.timing_jitter_s / averaged)
     if common_s > 0.0:
         error += common_s * units.RANGE_PER_DELAY_M_S * rng.standard_normal(len(error))
     if np.any(around.together_fraction):

@@ -64,16 +64,20 @@ def count_photons(
     energy /= energy[-1]
     summed = np.concatenate([[0.0], np.cumsum(0.5 * (energy[1:] + energy[:-1]))]) * step_s
     delay_s, counts, total = np.empty(n_pixels), np.empty(n_pixels, np.int64), np.empty(n_pixels, np.int64)
+    pulse_epoch, pulse_energy, pulse_late_s = photons.list_pulses(array.pulses)
+    pulses_at = np.bincount(pulse_epoch)
+    epoch = np.zeros(len(photons.pixel), np.int64) if photons.epoch is None else photons.epoch
+    place = photons.pixel * np.int64(len(pulses_at)) + epoch
     given = (
         draw_key(rng),
-        array.pulses,
+        (packed(pulse_epoch, np.int64), packed(pulse_energy, np.float64), packed(pulse_late_s, np.float64)),
         (array.opens_s, array.gate_s, array.bin_s, array.hold_off_s, array.jitter_ns * 1e-9),
         (array.afterpulse_probability, array.afterpulse_time_ns * 1e-9),
         (array.n_bins, array.peak_bins),
         packed(noise_per_s, np.float64),
-        packed(np.searchsorted(photons.pixel, np.arange(n_pixels + 1)), np.int64),
+        packed(np.searchsorted(place, np.arange(n_pixels * len(pulses_at) + 1)), np.int64),
         packed(photons.delay_s + photons.late_s, np.float64),
-        packed(photons.photons * array.detection_efficiency, np.float64),
+        packed(photons.photons * (array.pulses / pulses_at)[epoch] * array.detection_efficiency, np.float64),
         packed(photons.depth_spread_s, np.float64),
         (-(len(photons.pulse_power_per_s) // 2 + 0.5) * step_s, step_s),
         packed(energy, np.float64),
@@ -92,7 +96,7 @@ def _count(
     first: int,
     end: int,
     key: np.ndarray,
-    pulses: int,
+    pulses: tuple[np.ndarray, np.ndarray, np.ndarray],
     times: tuple[float, float, float, float, float],
     afterpulse: tuple[float, float],
     bins: tuple[int, int],
@@ -113,12 +117,12 @@ def _count(
     ----------
     first, end : first pixel of the band, and the one after its last.
     key : (2) uint32 of the frame.
-    pulses : of the frame.
+    pulses : (pulse) epoch of the exposure, energy over the mean, and delay beyond the mean [s], of each.
     times : opening of the gate, its length, bin, hold-off and jitter [s].
     afterpulse : probability, and mean time after the hold-off [s].
     bins : of the histogram and of a peak.
     noise_per_s : (pixel) rate of avalanches not due to the laser [1/s].
-    start : (pixel + 1) first return of each pixel.
+    start : (pixel, epoch, and 1 more) first return of each pixel at each epoch.
     delay_s, primaries, depth_s : (return) delay, mean avalanches, and time over which its surface stretches it.
     pulse : first edge of the pulse's taps and their step [s].
     energy, summed : (edge) share of the pulse's energy before each edge of its taps, and its integral [s].
@@ -127,18 +131,35 @@ def _count(
     """
     opens_s, gate_s, bin_s, hold_off_s, jitter_s = times
     n_bins, peak_bins = bins
+    pulse_epoch, pulse_energy, pulse_late_s = pulses
+    n_epochs, latest_s = np.max(pulse_epoch) + 1, np.max(np.abs(pulse_late_s))
     histogram, touched = np.zeros(n_bins, np.int64), np.empty(n_bins, np.int64)
-    integral = np.zeros(int(gate_s / step_s) + 3)
+    light = np.zeros(int((gate_s + 2.0 * latest_s) / step_s) + 3)
+    integral = np.zeros(len(light))
     for pixel in range(first, end):
         rate = noise_per_s[pixel]
-        some = slice(start[pixel], start[pixel + 1])
-        from_s, n = _integrate(
-            delay_s[some] - opens_s, primaries[some], depth_s[some], pulse, energy, summed, step_s, gate_s, integral
-        )
-        for k in range(n):
-            integral[k] += rate * (from_s + k * step_s)
         n_touched, total = 0, 0
-        for number in range(pulses):
+        n, light_s = 0, 0.0
+        for number in range(len(pulse_epoch)):
+            is_first = number == 0 or pulse_epoch[number] != pulse_epoch[number - 1]
+            if is_first:
+                row = pixel * n_epochs + pulse_epoch[number]
+                some = slice(start[row], start[row + 1])
+                light_s, n = _integrate(
+                    delay_s[some] - opens_s,
+                    primaries[some],
+                    depth_s[some],
+                    pulse,
+                    energy,
+                    summed,
+                    step_s,
+                    (-latest_s, gate_s + latest_s),
+                    light,
+                )
+            from_s = light_s + pulse_late_s[number]
+            if is_first or latest_s > 0.0 or pulse_energy[number] != pulse_energy[number - 1]:
+                for k in range(n):
+                    integral[k] = pulse_energy[number] * light[k] + rate * (from_s + k * step_s)
             alive_s, step = 0.0, 0
             waiting_s = math.inf  # until an afterpulse
             while alive_s < gate_s:
@@ -182,7 +203,7 @@ def _integrate(
     energy: np.ndarray,
     summed: np.ndarray,
     step_s: float,
-    gate_s: float,
+    window_s: tuple[float, float],
     integral: np.ndarray,
 ) -> Any:
     """Write the integral of the laser's rate over the time in which a pixel's returns come.
@@ -191,7 +212,7 @@ def _integrate(
     ----------
     delay_s, primaries, depth_s : (return) delays after the opening [s], mean avalanches, and stretch [s].
     pulse, energy, summed : the pulse, as for `_count`.
-    step_s, gate_s : step of the integral, length of the gate [s].
+    step_s, window_s : step of the integral; begin and end of the gate, widened by the jitter of emission [s].
     integral : (step) written.
 
     Returns
@@ -205,7 +226,7 @@ def _integrate(
             edge_s = delay_s[k] + pulse[0] - 0.5 * depth_s[k]
             first_s = min(first_s, edge_s)
             last_s = max(last_s, edge_s + length_s + depth_s[k])
-    first_s, last_s = max(first_s, 0.0), min(last_s, gate_s)
+    first_s, last_s = max(first_s, window_s[0]), min(last_s, window_s[1])
     if last_s <= first_s:
         return 0.0, 0
     n = min(math.ceil((last_s - first_s) / step_s) + 1, len(integral))

@@ -131,7 +131,8 @@ def predict_closed_form(
 
     n = array.detection_efficiency * photons.ravel()
     _, variance_s2 = first_photon_moments(n, depth_s.ravel(), pulse.step_s, pulse.power_per_s)
-    sigma_s = np.sqrt(variance_s2 + (array.jitter_ns * units.NS) ** 2 + array.bin_s**2 / 12.0)
+    jitter_s = math.hypot(array.jitter_ns, pulse.timing_jitter_ns) * units.NS
+    sigma_s = np.sqrt(variance_s2 + jitter_s**2 + array.bin_s**2 / 12.0)
     half = 0.5 * array.peak_s / sigma_s
     share = erf(half / math.sqrt(2.0))
     live = _live_fraction(array, 0.0)
@@ -141,7 +142,7 @@ def predict_closed_form(
     probability = np.where(n > 0.0, peak_probability(counted, array.pulses, array.dark_least_counts), 0.0)
     cut = 2.0 * half * np.exp(-0.5 * half**2) / math.sqrt(2.0 * math.pi) / share  # variance that the window's ends take
     counts = np.maximum(array.pulses * fired, array.dark_least_counts)
-    precision_s = np.hypot(sigma_s * np.sqrt((1.0 - cut) / counts), pulse.timing_jitter_ns * units.NS)
+    precision_s = sigma_s * np.sqrt((1.0 - cut) / counts)
     noise = array.pulses * (fired * (1.0 - fired) + array.dark_count_rate_hz * array.peak_s)
     snr = array.pulses * fired / np.sqrt(np.maximum(noise, 1e-12))
     found = (

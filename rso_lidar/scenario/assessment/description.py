@@ -17,6 +17,7 @@ from rso_lidar.part import kind_of
 from rso_lidar.scenario.assessment.advice import advise
 from rso_lidar.scenario.assessment.environment import describe_environment
 from rso_lidar.scenario.assessment.multiple_returns import describe_separations
+from rso_lidar.scenario.assessment.smear import describe_exposure
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, preview_mission
 from rso_lidar.scenario.preview.monte_carlo import try_pixels
@@ -138,6 +139,7 @@ def _describe_instrument(mission: Mission, preview: Preview) -> list[str]:
         f"aperture {receiver.aperture_m / units.MM:.1f} mm, transmission {receiver.transmission:g}, "
         f"{receiver.rays_per_pixel} rays per pixel",
         *_describe_optional_optics(mission),
+        *describe_exposure(mission, preview),
         *_describe_detector(mission),
     ]
 

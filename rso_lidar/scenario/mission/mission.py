@@ -19,6 +19,7 @@ from rso_lidar.motion.bodies.order import sort_bodies
 from rso_lidar.optics import read_files
 from rso_lidar.orbit import Epochs, moon_position_m
 from rso_lidar.part import Part, Text, Whole, python_objects
+from rso_lidar.scenario.mission.exposure import Exposure
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_toml
@@ -129,6 +130,13 @@ class Mission(Part):
         if self.constraints is not None:
             sun = not self.is_local or self.world.sun_direction is not None
             self.constraints.check(self.target, local=self.is_local, sun=sun)
+        if self.lidar.exposure_s * self.time.frame_rate_hz >= 1.0:
+            raise ValueError(
+                f"lidar.laser.pulse_rate_hz: {self.lidar.detector.traits.pulses} pulses at "
+                f"{self.lidar.laser.pulse_rate_hz:g} Hz take {self.lidar.exposure_s:.3g} s, and frames follow each other "
+                f"after {1.0 / self.time.frame_rate_hz:.3g} s; raise it, or lower the pulses of the detector or "
+                "time.frame_rate_hz"
+            )
         tracked = None if self.ptu is None else self.ptu.point.tracked_name
         if tracked is not None:
             known = [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]
@@ -251,18 +259,25 @@ class Mission(Part):
 
     @property
     def span(self) -> tuple[datetime.datetime, float]:
-        """Start in UTC, and time of the last frame [s since start_utc]."""
-        return self.time.start_utc, (self.time.n_frames - 1) / self.time.frame_rate_hz
+        """Start in UTC, and time of the last pulse of the last frame [s since start_utc]."""
+        return self.time.start_utc, (self.time.n_frames - 1) / self.time.frame_rate_hz + self.lidar.exposure_s
+
+    @cached_property
+    def exposure(self) -> Exposure | None:
+        """Pulses of a frame, between which targets, follower and PTU move; None where all are sent at once."""
+        if self.lidar.exposure_s == 0.0:
+            return None
+        return Exposure(self.lidar.detector.traits.pulses, self.lidar.exposure_s, self.surfaces)
 
     def epochs(self, frames: np.ndarray | None = None) -> Epochs:
-        """Return the epochs of frames.
+        """Return the epochs of frames: of their only pulse, or the middle of their exposure, which begins at `time.seconds`.
 
         Parameters
         ----------
         frames : indices of frames (time); by default all.
         """
         numbers = np.arange(self.time.n_frames) if frames is None else frames
-        return Epochs(self.time.start_utc, self.time.seconds(numbers))
+        return Epochs(self.time.start_utc, self.time.seconds(numbers) + 0.5 * self.lidar.exposure_s)
 
     def moon_position_m(self, time_s: float) -> np.ndarray | None:
         """Return the position of the Moon (xyz) in inertial axes [m]; None where there is none, or no glare of it.

@@ -27,6 +27,7 @@ _SETTINGS = (
     "focal_length_m",
     "aperture_m",
 )
+_EXPOSURE = "exposure_s"  # recorded where the pulses of a frame are spread over time
 # Keys of which exactly one may be given: a user's choice replaces the preset's.
 _ALTERNATIVES = ({"fov_deg", "focal_length_mm"}, {"f_number", "aperture_mm"})
 
@@ -78,7 +79,7 @@ class Lidar(Part):
     def _has_traits(self) -> Self:
         check_traits(self.detector)
         for name in self.detector.traits.settings:
-            if name in _SETTINGS:
+            if name in (*_SETTINGS, _EXPOSURE):
                 raise ValueError(f"detector: '{name}' among its settings is one of the lidar's; rename it")
         return self
 
@@ -104,6 +105,12 @@ class Lidar(Part):
     def changes_lens(self) -> bool:
         """Whether the schedule changes the focal length, and so the pixels' lines of sight."""
         return self.schedule is not None and self.schedule.focal_length_mm is not None
+
+    @property
+    def exposure_s(self) -> float:
+        """Time from the first to the last pulse of a frame [s]."""
+        rate_hz = self.laser.pulse_rate_hz
+        return 0.0 if rate_hz is None else (self.detector.traits.pulses - 1) / rate_hz
 
     @property
     def max_returns(self) -> int:
@@ -161,7 +168,8 @@ class Lidar(Part):
             self.receiver.focal_length_m,
             self.receiver.aperture_m,
         )
-        return {**dict(zip(_SETTINGS, values, strict=True)), **self.detector.traits.settings}
+        exposure = {_EXPOSURE: self.exposure_s} if self.exposure_s > 0.0 else {}
+        return {**dict(zip(_SETTINGS, values, strict=True)), **exposure, **self.detector.traits.settings}
 
 
 def _merge_tables(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -58,6 +58,36 @@ def test_the_kernel_draws_what_its_oracle_draws(name):
     assert total.sum() > 100
 
 
+def moving_light():
+    """Return light whose returns come at three epochs, of three, four and five pulses."""
+    photons = light()
+    epoch = np.random.default_rng(3).integers(0, 3, len(photons.pixel))
+    order = np.lexsort((epoch, photons.pixel))
+    names = ("delay_s", "photons", "depth_spread_s")
+    chosen = {name: getattr(photons, name)[order] for name in names}
+    return replace(photons, **chosen, epoch=epoch[order], pulse_epoch=np.repeat([0, 1, 2], [3, 4, 5]))
+
+
+def jittering_light():
+    """Return the same light, with an energy and a delay of each pulse."""
+    rng = np.random.default_rng(4)
+    jitter = {"pulse_energy_fraction": rng.uniform(0.5, 1.5, 12), "pulse_late_s": rng.uniform(-2e-9, 2e-9, 12)}
+    return replace(moving_light(), **jitter)
+
+
+@pytest.mark.parametrize("make", [moving_light, jittering_light])
+@pytest.mark.parametrize("name", ["everything", "no noise"])
+def test_each_pulse_counts_its_own_light(name, make):
+    array, photons = ARRAYS[name], make()
+    got = count_photons(array, photons, np.random.default_rng(8))
+    delay_s, counts, total = reference.count_photons(array, photons, draw_key(np.random.default_rng(8)))
+    np.testing.assert_array_equal(got.total_counts, total)
+    np.testing.assert_array_equal(got.counts, counts)
+    np.testing.assert_allclose(got.delay_s, delay_s, rtol=1e-13)
+    still = count_photons(array, light(), np.random.default_rng(8))
+    assert np.any(got.total_counts != still.total_counts)
+
+
 def test_the_light_of_a_gate_is_what_comes_while_it_is_open():
     """The oracle's own integral: all photons of a return inside, half of one that the gate cuts in its middle."""
     inside, cut = (returns([range_m], 2.0) for range_m in (50.0, 80.0))

@@ -19,14 +19,14 @@ def count_photons(array, photons, key):
 
 
 def _count_pixel(array, photons, key, pixel, rate):
-    at_s, arrived = integrate_light(array, photons, pixel)
-    # Between the laser's first and last light the integral of the rate is linear from step to step; elsewhere it is noise.
-    end_s = max(array.gate_s, at_s[-1]) + 1.0
-    knots_s = np.concatenate([[0.0], at_s, [end_s]])
-    integral = np.concatenate([[0.0], arrived, arrived[-1:]]) + rate * knots_s
-    rising = np.concatenate([[True], np.diff(integral) > 0.0])
     times_s = []
-    for pulse in range(array.pulses):
+    for pulse, light in enumerate(photons.split_pulses(array.pulses)):
+        at_s, arrived = integrate_light(array, light, pixel)
+        # Between the laser's first and last light the integral is linear from step to step; elsewhere it is noise.
+        end_s = max(array.gate_s, at_s[-1]) + 1.0
+        knots_s = np.concatenate([[0.0], at_s, [end_s]])
+        integral = np.concatenate([[0.0], arrived, arrived[-1:]]) + rate * knots_s
+        rising = np.concatenate([[True], np.diff(integral) > 0.0])
         alive_s, step, waiting_s = 0.0, 0, np.inf
         while alive_s < array.gate_s:
             words = (philox.blocks(key, step, pulse, pixel, _STAGE).astype(float) + 0.5) / 2.0**32

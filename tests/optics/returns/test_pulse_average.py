@@ -7,9 +7,9 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import optics
-from rso_lidar.optics.returns.exposure import assign_pulses, average_pulses
-from rso_lidar.records import Hits, Rays
 from rso_lidar.errors import RecordError
+from rso_lidar.optics.returns.pulse_average import assign_pulses, average_pulses
+from rso_lidar.records import Hits, Rays
 
 LASER = rl.Laser(divergence_deg=2.0)
 LENS = rl.Receiver(fov_deg=2.0, n_rows=2, n_cols=2, aperture_mm=50.0)
@@ -73,7 +73,7 @@ def test_each_pulse_sees_its_own_light():
         assert made.epoch is None and made.pixel.tolist() == given.pixel.tolist()
         np.testing.assert_allclose(made.photons, given.photons, rtol=1e-14)
         assert np.array_equal(made.delay_s, given.delay_s)
-    with pytest.raises(RecordError, match="is of 3 pulses and the detector takes 5"):
+    with pytest.raises(RecordError, match="is light of 3 pulses and the detector takes 5"):
         list(light.split_pulses(5))
     assert [one is seen[0][1] for one in seen[0][1].split_pulses(2)] == [True, True]
 

@@ -31,7 +31,9 @@ def assign_pulses(pulses: int, epochs: int) -> np.ndarray:
     return assigned
 
 
-def average_pulses(seen: Sequence[tuple[Hits, Photons]], pulses: int) -> tuple[Hits, Photons]:
+def average_pulses(
+    seen: Sequence[tuple[Hits, Photons]], pulses: int, jitter: np.ndarray | None = None
+) -> tuple[Hits, Photons]:
     """Average what the pulses of a frame see over the epochs at which they are cast.
 
     The rays of all epochs are joined, each with its weight times the share of the pulses at its epoch. So they cover the
@@ -40,15 +42,27 @@ def average_pulses(seen: Sequence[tuple[Hits, Photons]], pulses: int) -> tuple[H
 
     Parameters
     ----------
-    seen : hits of each epoch and the light that they send, in order of time. A single pair is returned as it is.
+    seen : hits of each epoch and the light that they send, in order of time.
     pulses : number of pulses of the frame.
+    jitter : (2, pulse) energy of each pulse over their mean, and its delay beyond their mean [s]; None for none.
 
     Returns
     -------
-    hits and photons of the mean pulse.
+    hits and photons of the mean pulse: those of a single epoch without jitter as they are.
     """
-    if len(seen) == 1:
-        return seen[0]
+    hits, photons = seen[0] if len(seen) == 1 else _average_epochs(seen, pulses)
+    if jitter is not None:
+        photons = replace(photons, pulse_energy_fraction=jitter[0], pulse_late_s=jitter[1])
+    return hits, photons
+
+
+def _average_epochs(seen: Sequence[tuple[Hits, Photons]], pulses: int) -> tuple[Hits, Photons]:
+    """Average what the pulses of a frame see over several epochs.
+
+    Parameters
+    ----------
+    seen, pulses : as for `average_pulses`.
+    """
     pulse_epoch = assign_pulses(pulses, len(seen))
     shares = np.bincount(pulse_epoch, minlength=len(seen)) / pulses
     hits, first = _join_hits([of for of, _ in seen], shares)
