@@ -14,6 +14,7 @@ import numpy as np
 from rso_lidar import detector, motion, optics, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.first_start import compile_ahead
+from rso_lidar.philox import draw_key
 from rso_lidar.processes import Processes
 from rso_lidar.records import Command, Frame, Labels, Observation, Reading, Record, Truth
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
@@ -222,7 +223,10 @@ def flash(
             sun=receiver.filter_width_nm is not None,
             aperture_m=receiver.aperture_m,
         )
-        photons = optics.collect(hits, laser, receiver, late_s)
+        bounces = None
+        if lidar.bounces > 1:
+            bounces = scene.bounce(hits, surfaces, at, draw_key(rng), threads, laser_from_m=laser.offset)
+        photons = optics.collect(hits, laser, receiver, late_s, bounces)
         seen.append((hits, photons))
         if receiver.has_stray_light:
             moon_m = scenario.moon_position_m(at.time_s)

@@ -1,12 +1,14 @@
 """Targets and where rays meet them: meshes, materials, surfaces, casting and labels."""
 
 from rso_lidar.public_names import limit_dir
+from rso_lidar.scene.bounces.bounce import bounce
 from rso_lidar.scene.casting.cast import cast
 from rso_lidar.scene.casting.extent import extent
 from rso_lidar.scene.casting.sky import find_hidden
 from rso_lidar.scene.labels import label
 from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength, Named, find_material
 from rso_lidar.scene.materials.crinkle import Crinkled
+from rso_lidar.scene.materials.lobe import Lobe
 from rso_lidar.scene.materials.measured_brdf import TableBrdf
 from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
 from rso_lidar.scene.materials.phong import Lambertian, Phong
@@ -23,6 +25,7 @@ __all__ = [
     "Ggx",
     "Hinged",
     "Lambertian",
+    "Lobe",
     "Material",
     "Mesh",
     "Named",
@@ -32,6 +35,7 @@ __all__ = [
     "Scatterer",
     "Surface",
     "TableBrdf",
+    "bounce",
     "build_surface",
     "cast",
     "complete",

@@ -58,6 +58,7 @@ NO_SUFFIX = {  # name: why it needs none
     "left_out": "numbers of facets",
     "loops": "a number of loops",
     "low": "in the unit of the field that it is of",
+    "bounces": "a number of surfaces",
     "max_returns": "a number of returns",
     "min_rays_per_target": "a number of rays",
     "n_cols": "a number of pixels",

@@ -25,6 +25,15 @@ def plate(width_m, height_m=None, n=1):
     return np.stack([np.stack([a, b, c], axis=-2), np.stack([a, c, d], axis=-2)], axis=2).reshape(-1, 3, 3)
 
 
+def corner(size_m=3.0):
+    """Return two square plates at right angles, symmetric about the boresight, their edge farthest."""
+    one = plate(size_m)
+    one[..., 0] -= 0.5 * size_m
+    x, y, z = np.moveaxis(one, -1, 0)
+    turned = np.stack([(x - z) / np.sqrt(2.0), y, (x + z) / np.sqrt(2.0)], axis=-1)
+    return np.concatenate([turned, turned * np.array([-1.0, 1.0, 1.0])])
+
+
 def box(x_m, y_m, z_m):
     """Return the triangles of a box about the origin."""
     faces = []
@@ -79,16 +88,24 @@ def truth_of(inertial_from_lidar=None, **lidar_from_target):
     return Truth(0.0, PoseTree(parents, links), {}, np.full(3, np.nan))
 
 
-def see(surfaces, truth, receiver=PAPER_RECEIVER, laser=PAPER_LASER, threads=1) -> SimpleNamespace:
-    """Return rays, hits, photons and labels of one flash, and photons pixel by pixel (row, col) in float64."""
+def see(surfaces, truth, receiver=PAPER_RECEIVER, laser=PAPER_LASER, threads=1, paths=None, key=(16, 2)):
+    """Return rays, hits, photons and labels of one flash, and photons pixel by pixel (row, col) in float64.
+
+    With a number of `paths`, drawn by a `key`, light meets up to two surfaces.
+    """
     surfaces = [surfaces] if isinstance(surfaces, Surface) else surfaces
     rays = optics.pixel_rays(receiver, laser, scene.extent(surfaces, truth))
-    hits = scene.cast(rays, surfaces, truth, threads)
-    photons = optics.collect(hits, laser, receiver)
+    hits = scene.cast(rays, surfaces, truth, threads, laser_from_m=laser.offset)
+    bounces = None
+    if paths is not None:
+        words = np.array(key, np.uint32)
+        bounces = scene.bounce(hits, surfaces, truth, words, threads, laser_from_m=laser.offset, n_paths=paths)
+    photons = optics.collect(hits, laser, receiver, bounces=bounces)
     n_pixels = receiver.n_rows * receiver.n_cols
     return SimpleNamespace(
         rays=rays,
         hits=hits,
+        bounces=bounces,
         photons=photons,
         labels=scene.label(hits, photons),
         by_pixel=np.bincount(photons.pixel, photons.photons, n_pixels).reshape(receiver.shape),
@@ -96,6 +113,6 @@ def see(surfaces, truth, receiver=PAPER_RECEIVER, laser=PAPER_LASER, threads=1) 
     )
 
 
-def look(triangles, lidar_from_target, receiver=PAPER_RECEIVER, laser=PAPER_LASER, material=None):
+def look(triangles, lidar_from_target, receiver=PAPER_RECEIVER, laser=PAPER_LASER, material=None, **paths):
     """Return what `see` does, of one target."""
-    return see(surface("target", triangles, material), truth_of(target=lidar_from_target), receiver, laser)
+    return see(surface("target", triangles, material), truth_of(target=lidar_from_target), receiver, laser, **paths)

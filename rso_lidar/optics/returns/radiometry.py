@@ -9,16 +9,19 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import Light, blur_light, blur_sunlight
+from rso_lidar.optics.returns.bounced import add_bounced_light
 from rso_lidar.optics.returns.clusters import find_clusters
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
-from rso_lidar.records import Hits, Photons
+from rso_lidar.records import Bounces, Hits, Photons
 
 SQUARE, CIRCLE, GAUSSIAN = range(3)  # footprints with a formula
 FOOTPRINTS = {"square": SQUARE, "as_printed": SQUARE, "circle": CIRCLE, "gaussian": GAUSSIAN}
 _LEAST_COSINE = 1e-3  # nearer to edge-on the depth spread only has to stay finite
 
 
-def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -> Photons:
+def collect(
+    hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0, bounces: Bounces | None = None
+) -> Photons:
     """Collect the photons that each lit hit sends back to its pixel.
 
     N = b · w · (p/f)² · ρ · cos α · A · cos θ · η / R². Here b is photons per unit area of the tangent plane. w is the
@@ -35,19 +38,23 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -
     laser : the laser of this pulse.
     receiver : the lens and the focal plane.
     late_s : how late the pulse left, against the receiver's clock [s].
+    bounces : paths from these hits to second points (None: light that meets two surfaces is left out).
 
     Returns
     -------
-    Expected photons, one return for each lit hit, or more behind a lens with a point spread function.
+    Expected photons: one return for each lit hit, up to two for each path, or more behind a lens with a point spread
+    function.
     """
     has_formula = laser.offset is None and laser.footprint in FOOTPRINTS
     light, is_lit = (_light_of_beam if has_formula else _light_of_any_laser)(hits, laser, receiver)
-    filled, background = None, _sunlight(hits, light, laser, receiver)
+    filled, background, direct = None, _sunlight(hits, light, laser, receiver), light.photons
     if laser.offset is not None or receiver.filter_width_nm is not None:  # then some rays meet unlit surfaces
         light = light if is_lit.all() else light.only(np.flatnonzero(is_lit))
         n_pixels = receiver.n_rows * receiver.n_cols
         filled = np.bincount(light.pixel, hits.weight[light.hit], n_pixels).reshape(receiver.shape)
     pulse_fwhm_s, (step_s, power) = laser.pulse_fwhm_s, laser.pulse
+    if bounces is not None:
+        light = add_bounced_light(light, direct, hits, bounces, laser, receiver)
     if receiver.psf is not None:
         light = blur_light(hits, light, receiver, laser.wavelength_m, pulse_fwhm_s)
     cluster, cluster_pixel = find_clusters(

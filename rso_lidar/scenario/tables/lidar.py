@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -13,7 +13,7 @@ from rso_lidar.detector import AnyDetector, Gsfl, check_traits
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.part import Part, Text
+from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Command
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scenario.tables.schedule import Schedule, read_command
@@ -54,6 +54,14 @@ class Lidar(Part):
     laser: Laser = Field(default=Laser(), description="Laser.")
     receiver: Receiver = Field(description="Lens and focal plane.")
     detector: AnyDetector = Field(default_factory=Gsfl, description="Detector: photons to range and intensity.")
+    bounces: Annotated[Whole, Field(ge=1, le=2)] = Field(
+        default=1,
+        description=(
+            "Number of surfaces that light may meet on its way: 1 lights each surface by the laser alone; 2 adds paths "
+            "from the laser by two surfaces to the lens, with their own delay (docs/physics.md). `check` estimates what "
+            "the second bounce adds."
+        ),
+    )
     schedule: Schedule | None = Field(
         default=None, description="Planned changes of the instrument's settings. If omitted, the settings are constant."
     )

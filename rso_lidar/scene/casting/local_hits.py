@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -50,6 +50,13 @@ class LocalHits:
     def surface(self) -> Surface:
         """The surface that is hit."""
         return self.surfaces[self.number]
+
+    def only(self, some: np.ndarray) -> LocalHits:
+        """Return a selection of the hits."""
+        vectors = ("point", "to_viewer", "facing", "base", "normal")
+        numbers = ("facet", "base_cos_out", "cos_out", "slope")
+        chosen = {name: getattr(self, name)[:, some] for name in vectors}
+        return replace(self, **chosen, **{name: getattr(self, name)[some] for name in numbers})
 
     @cached_property
     def crinkled(self) -> np.ndarray:

@@ -11,6 +11,7 @@ from pydantic import Field, Strict, model_validator
 
 from rso_lidar import units
 from rso_lidar.part import Fraction, NotNegative, Positive, Whole
+from rso_lidar.scene.materials.lobe import Lobe
 from rso_lidar.scene.materials.scatterer import MaterialPart, check_energy, complete_cosines, phong_per_sr
 
 _Tilt = Annotated[float, Strict(), Field(gt=0, le=30)]
@@ -60,6 +61,11 @@ class Crinkled(MaterialPart):
     def is_narrow(self) -> bool:
         """Whether the lobe of a cell may change over the Sun's disc."""
         return self.specular > 0.0
+
+    @property
+    def lobe(self) -> Lobe | None:
+        """The specular lobe of a cell."""
+        return Lobe(self.specular / (self.diffuse + self.specular), self.exponent) if self.specular > 0.0 else None
 
     def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
         """Tilt normals of a surface to those of its cells. Each cell has one tilt."""

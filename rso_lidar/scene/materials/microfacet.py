@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.part import Fraction
+from rso_lidar.scene.materials.lobe import Lobe
 from rso_lidar.scene.materials.scatterer import MaterialPart, check_energy, complete_cosines, half_vector_cosines
 from rso_lidar.units import DEG
 
@@ -80,6 +81,12 @@ class Ggx(MaterialPart):
     def is_narrow(self) -> bool:
         """Whether the lobe changes over the Sun's disc."""
         return self.roughness < _NARROW_ROUGHNESS
+
+    @property
+    def lobe(self) -> Lobe | None:
+        """The lobe of the mirror facets."""
+        total = self.diffuse + self.specular
+        return Lobe(self.specular / total, roughness=self.roughness) if self.specular > 0.0 else None
 
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None

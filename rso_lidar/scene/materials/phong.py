@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.part import Fraction, NotNegative
+from rso_lidar.scene.materials.lobe import Lobe
 from rso_lidar.scene.materials.scatterer import MaterialPart, check_energy, complete_cosines, phong_per_sr
 
 _NARROW_EXPONENT = 100.0  # broader lobes hardly change over the Sun's disc: 0.5 % at the peak
@@ -62,6 +63,11 @@ class Phong(MaterialPart):
     def is_narrow(self) -> bool:
         """Whether the lobe changes over the Sun's disc."""
         return self.specular > 0.0 and self.exponent > _NARROW_EXPONENT
+
+    @property
+    def lobe(self) -> Lobe | None:
+        """The specular lobe."""
+        return Lobe(self.specular / (self.diffuse + self.specular), self.exponent) if self.specular > 0.0 else None
 
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None

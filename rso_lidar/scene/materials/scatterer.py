@@ -22,6 +22,7 @@ from rso_lidar.part import (
     show_value,
     to_real_array,
 )
+from rso_lidar.scene.materials.lobe import Lobe, check_lobe
 
 # Angular radius of the Sun from 1 au, 0.2665 degree: 6.8e-5 sr.
 SUN_RADIUS_RAD = math.asin(units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M)
@@ -69,6 +70,11 @@ class Scatterer(ABC):
     def lambertian_per_sr(self) -> float:
         """BRDF [1/sr] of a material that looks the same from everywhere; NaN for all others."""
         return math.nan
+
+    @property
+    def lobe(self) -> Lobe | None:
+        """Lobe about the mirror direction, from which second bounces are drawn; None draws them by the cosine."""
+        return None
 
     @property
     def rms_slope(self) -> float:
@@ -190,6 +196,8 @@ class _Completed(Scatterer):
             if not (0.0 <= value <= GREATEST or (other and math.isnan(value))):
                 cure = f"make it a number from 0 to {GREATEST:g}{other}"
                 raise ScenarioError(f"{name_object(material)}: {name} is {show_value(value)}; {cure}")
+        if why := check_lobe(getattr(material, "lobe", None)):
+            raise ScenarioError(f"{name_object(material)}: lobe {why}")
 
     def __getattribute__(self, name: str) -> Any:
         """Return the object's own member, where it has one."""

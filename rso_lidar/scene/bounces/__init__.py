@@ -1,0 +1,1 @@
+"""Light from surface to surface: paths of the laser's light that meet two surfaces before the lens."""

@@ -1,0 +1,249 @@
+"""Second bounces: paths from the hits of a flash to further points of the surfaces, with the light that takes them.
+
+The laser and the lens are in one place, or nearly. Light therefore takes a path between two points both ways. Each path
+begins at a hit, in a direction drawn from the lobe of its material or by the cosine. It ends where that ray first meets a
+surface. From there a shadow ray goes to the laser, and another to the lens where the two are apart. Inward light comes from
+the laser by the path's end and leaves from the hit; this is path tracing. Outward light comes by the hit and leaves from
+the path's end; this is light tracing. The same light is found in two ways: from either of its two points. Multiple
+importance sampling by the balance heuristic weighs the two (Veach and Guibas, "Optimally combining sampling techniques for
+Monte Carlo rendering", SIGGRAPH 1995), so that a narrow lobe at either point adds little noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rso_lidar.kernels import packed
+from rso_lidar.parallel import run_in_threads
+from rso_lidar.pose import rotate_vectors
+from rso_lidar.records import Bounces, Hits, Truth
+from rso_lidar.scene.bounces.openings import find_openings
+from rso_lidar.scene.bounces.path_starts import number_facets, start_paths
+from rso_lidar.scene.bounces.scattering import LEAST_COSINE, find_lobes, localize_points, scatter_per_sr
+from rso_lidar.scene.bounces.segments import find_segments
+from rso_lidar.scene.casting.first_hits import split_by_surface
+from rso_lidar.scene.casting.local_hits import LocalHits, dot, rotate
+from rso_lidar.scene.casting.shadows import find_shadowed
+from rso_lidar.scene.materials.lobe import direction_density, draw_directions
+from rso_lidar.scene.surfaces.surface import Surface
+
+HITS_PER_PATH = 3.0  # a path takes some ten times as long as a ray of the cast
+FEWEST_PATHS = 4096  # of a flash, as `Receiver.min_rays_per_target` for a small target
+_BAND_PATHS = 8192
+
+
+def bounce(
+    hits: Hits,
+    surfaces: Sequence[Surface],
+    truth: Truth,
+    key: np.ndarray,
+    threads: int | None = None,
+    *,
+    laser_from_m: ArrayLike | None = None,
+    n_paths: int | None = None,
+) -> Bounces:
+    """Draw paths of light from the hits of a flash to second points of the surfaces.
+
+    Parameters
+    ----------
+    hits : first facets that rays meet.
+    surfaces : the surfaces of all targets, each in its own axes.
+    truth : where the surfaces are.
+    key : (2) uint32, key of the frame's random words (`philox.draw_key`).
+    threads : number of threads (None: one for each core). The result is the same to the bit.
+
+    Other Parameters
+    ----------------
+    laser_from_m : (xyz), position of the laser in lidar axes [m]; None or zeros is in the lens.
+    n_paths : number of paths that begin (None: a third of the hits, at least 4096).
+
+    Returns
+    -------
+    The paths that join two points which light can take; those that meet nothing, or nothing lit, are left out.
+    """
+    surfaces = tuple(surfaces)
+    laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
+    number, facet = number_facets(hits, surfaces)
+    direction = hits.rays.direction[hits.ray]
+    wanted = max(int(len(number) / HITS_PER_PATH), FEWEST_PATHS) if n_paths is None else n_paths
+    hit, uniform, share = start_paths(hits, _can_send(surfaces, truth, number, facet, direction), key, wanted)
+    paths = _Paths(hits, surfaces, truth, laser, number[hit], facet[hit], direction[hit], hit, uniform)
+    bands = [np.arange(a, min(a + _BAND_PATHS, len(hit))) for a in range(0, len(hit), _BAND_PATHS)]
+    run_in_threads(threads, paths.follow, bands)
+    return paths.collect(share)
+
+
+def _can_send(
+    surfaces: tuple[Surface, ...], truth: Truth, number: np.ndarray, facet: np.ndarray, direction: np.ndarray
+) -> np.ndarray:
+    """Return whether a path from each hit (hit) can meet another surface.
+
+    Parameters
+    ----------
+    surfaces, truth : the surfaces, and where they are.
+    number, facet : (hit) numbers of the surface and of its facet.
+    direction : (hit, xyz) of the rays, in lidar axes.
+    """
+    can = np.zeros(len(number), bool)
+    for k, on in split_by_surface(number, len(surfaces)):
+        openings = find_openings(surfaces, k, truth)
+        if openings.any():
+            along = rotate(truth.poses.place(surfaces[k].name, "lidar"), direction[on].T)
+            is_back = dot(surfaces[k].planes[:3, facet[on]], along) > 0.0
+            can[on] = np.where(is_back, openings[1, facet[on]], openings[0, facet[on]])
+    return can
+
+
+class _Paths:
+    """The paths of one flash while they are followed, band by band; each band fills its own entries of the results."""
+
+    def __init__(
+        self,
+        hits: Hits,
+        surfaces: tuple[Surface, ...],
+        truth: Truth,
+        laser_from_m: np.ndarray,
+        number: np.ndarray,
+        facet: np.ndarray,
+        direction: np.ndarray,
+        hit: np.ndarray,
+        uniform: np.ndarray,
+    ) -> None:
+        """Prepare the paths.
+
+        Parameters
+        ----------
+        hits, surfaces, truth, laser_from_m : as for `bounce`.
+        number, facet, direction : (path) of the hit where each path begins.
+        hit, uniform : as `start_paths` returns them.
+        """
+        self.hits, self.surfaces, self.truth, self.laser_from_m = hits, surfaces, truth, laser_from_m
+        self.number, self.facet, self.direction, self.hit, self.uniform = number, facet, direction, hit, uniform
+        n = len(hit)
+        self.end = np.zeros((n, 3))
+        self.range_m, self.between_m = np.zeros(n), np.zeros(n)
+        self.inward, self.outward, self.reverse = np.zeros(n), np.zeros(n), np.zeros(n)
+
+    def follow(self, band: np.ndarray) -> None:
+        """Follow the paths numbered `band`."""
+        for k, on in split_by_surface(self.number[band], len(self.surfaces)):
+            self._leave(k, band[on])
+
+    def _leave(self, k: int, path: np.ndarray) -> None:
+        """Follow paths from one surface to where they end.
+
+        Parameters
+        ----------
+        k : number of the surface.
+        path : the paths.
+        """
+        range_m = self.hits.range_m[self.hit[path]]
+        starts = localize_points(self.surfaces, k, self.truth, self.direction[path], self.facet[path], range_m)
+        lobes = find_lobes(starts)
+        about = packed(lobes), packed(starts.base), packed(starts.normal), packed(starts.to_viewer)
+        toward = draw_directions(packed(self.uniform[:, path]), *about)
+        density = direction_density(toward, *about)
+        begins = (dot(starts.facing, toward) > 0.0) & (density > 0.0)
+        segments = find_segments(starts, toward, begins)
+        arrived = np.flatnonzero(segments.number >= 0)
+        place, turn = self.truth.poses.place("lidar", self.surfaces[k].name)
+        for end, of in split_by_surface(segments.number[arrived], len(self.surfaces)):
+            on = arrived[of]
+            there = starts.point[:, on] + segments.length_m[on] * toward[:, on]
+            there = place[:, None] + rotate((place, turn), there)
+            away_m = np.sqrt(dot(there, there))
+            direction = (there / away_m).T
+            ends = localize_points(self.surfaces, end, self.truth, direction, segments.facet[on], away_m)
+            self.end[path[on]], self.range_m[path[on]] = direction, away_m
+            self.between_m[path[on]] = segments.length_m[on]
+            self._join(path[on], starts.only(on), ends, toward[:, on], density[on], range_m[on])
+
+    def _join(
+        self,
+        path: np.ndarray,
+        starts: LocalHits,
+        ends: LocalHits,
+        toward: np.ndarray,
+        density: np.ndarray,
+        range_m: np.ndarray,
+    ) -> None:
+        """Compute the light of paths between two surfaces.
+
+        Parameters
+        ----------
+        path : the paths.
+        starts, ends : their two points.
+        toward : (xyz, path) direction from the start to the end, in the axes of the surface where they start.
+        density : (path) with which it was drawn [1/sr].
+        range_m : (path) range of the start [m].
+        """
+        back = -rotate(self.truth.poses.place(ends.surface.name, starts.surface.name), toward)
+        end_range_m = self.range_m[path]
+        start_leaving, end_leaving = dot(starts.facing, toward), dot(ends.facing, back)
+        start_seen, end_seen = dot(starts.facing, starts.to_viewer), dot(ends.facing, ends.to_viewer)
+        beside = bool(self.laser_from_m.any())
+        start_laser, end_laser = starts.to_viewer, ends.to_viewer
+        end_laser_m = end_range_m
+        if beside:
+            start_laser, _ = self._to_laser(starts)
+            end_laser, end_laser_m = self._to_laser(ends)
+        out_of_start = scatter_per_sr(starts, toward, starts.to_viewer)
+        out_of_end = scatter_per_sr(ends, back, ends.to_viewer)
+        into_start = scatter_per_sr(starts, start_laser, toward) if beside else out_of_start
+        into_end = scatter_per_sr(ends, end_laser, back) if beside else out_of_end
+        inward = out_of_start * _cosine(starts.base, toward) * into_end * _cosine(ends.base, end_laser) / density
+        # Interpolated normals change the cosine of the light that comes in, not that of the area it leaves (Veach 1996).
+        lit = _cosine(starts.base, start_laser) * start_leaving / np.maximum(start_seen, LEAST_COSINE)
+        left = _cosine(ends.base, back) * end_seen / np.maximum(end_leaving, LEAST_COSINE)
+        outward = into_start * lit * out_of_end * left / density
+        if beside:
+            outward[self.hits.cos_incidence[self.hit[path]] <= 0.0] = 0.0
+        hidden = np.zeros(len(path), bool)
+        hidden[find_shadowed(ends, (outward > 0.0) | (inward > 0.0), ends.to_viewer, end_range_m)] = True
+        outward[hidden] = 0.0
+        if beside:
+            inward[find_shadowed(ends, inward > 0.0, end_laser, end_laser_m)] = 0.0
+        else:
+            inward[hidden] = 0.0
+        lobes = find_lobes(ends)
+        about = packed(lobes), packed(ends.base), packed(ends.normal), packed(ends.to_viewer)
+        reverse = direction_density(packed(back), *about) * start_leaving * end_seen * range_m**2
+        forward = density * end_leaving * start_seen * end_range_m**2
+        is_seen = ~hidden & (forward > 0.0) & (reverse > 0.0)
+        self.inward[path], self.outward[path] = inward, outward
+        self.reverse[path] = np.where(is_seen, reverse / np.where(forward > 0.0, forward, 1.0), 0.0)
+
+    def _to_laser(self, points: LocalHits) -> tuple[np.ndarray, np.ndarray]:
+        """Return the unit vectors (xyz, path) to the laser, in the surface's axes, and its distance (path) [m]."""
+        origin, turn = points.target_from_lidar
+        away = (origin + rotate_vectors(turn, self.laser_from_m))[:, None] - points.point
+        distance_m = np.sqrt(dot(away, away))
+        return away / distance_m, distance_m
+
+    def collect(self, share: float) -> Bounces:
+        """Return the paths with light.
+
+        Parameters
+        ----------
+        share : of a pixel's area for which each path stands.
+        """
+        lit = np.flatnonzero((self.inward > 0.0) | (self.outward > 0.0))
+        return Bounces(
+            pixel_share=share,
+            hit=self.hit[lit],
+            direction=self.end[lit],
+            range_m=self.range_m[lit],
+            between_m=self.between_m[lit],
+            inward_per_sr=self.inward[lit],
+            outward_per_sr=self.outward[lit],
+            reverse_density=self.reverse[lit],
+        )
+
+
+def _cosine(normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the cosines (path) of the angles between vectors (xyz, path), at least 0."""
+    cosine: np.ndarray = np.clip(dot(normal, direction), 0.0, 1.0)
+    return cosine
