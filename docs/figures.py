@@ -753,6 +753,62 @@ def models() -> Any:
     return figure
 
 
+def published() -> Any:
+    """Return four published measurements with what the detectors make of them (calibration.md)."""
+    sys.path.insert(0, str(FOLDER.parents[1]))
+    from tests.physics import published_cameras as known
+
+    figure = new_figure(
+        9.6,
+        8.0,
+        "Published cameras and the simulated detectors",
+        "dots: published; lines: simulated; sources in calibration.md",
+    )
+    (walk, counts), (sigma, reach) = figure.subplots(2, 2)
+    range_m, zones = known.tmf_deviations(known.TMF_ITERATIONS)
+    for (zone, (photons, measured_m, _)), colour in zip(zones.items(), PARTS, strict=False):
+        walk.plot(photons, 1e3 * measured_m, "o", color=colour, ms=3.5, label=f"zone {zone}")
+        root = 1.0 / np.sqrt(photons)
+        far = range_m > 0.095
+        counts.plot(range_m, root, "o", color=colour, ms=3.5)
+        counts.plot(range_m, np.polyval(np.polyfit(range_m[far], root[far], 1), range_m), "-", color=colour, lw=1.0)
+    level, _, walk_m = known.tmf_walk()
+    walk.plot(level, 1e3 * walk_m, color=hex_colour(INK), lw=1.4, label="simulated")
+    style_axes(walk, "TMF8820: range walk", x="Photons of a zone in an iteration", y="Range minus a straight line [mm]")
+    key(walk)
+    style_axes(
+        counts, "TMF8820: light; lines 1 / (R + d)² beyond 0.1 m", x="Range R [m]", y="1 / √photons of an iteration"
+    )
+    n = known.MIT_DETECTIONS
+    sigma.plot(n, known.MIT_SIGMA_PS, "o", color=BLUE, ms=5, label="measured (quartiles)")
+    for gaussian, colour, label in (
+        (False, hex_colour(INK), "simulated, measured response"),
+        (True, ORANGE, "authors' Gaussian"),
+    ):
+        sigma.plot(n, [known.mit_sigma_ps(int(k), gaussian)[0] for k in n], "-", color=colour, lw=1.3, label=label)
+    sigma.set(xscale="log", yscale="log")
+    sigma.minorticks_off()
+    sigma.set_xticks(n, [f"{k}" for k in n])
+    sigma.set_yticks([50, 100, 200, 400], ["50", "100", "200", "400"])
+    style_axes(sigma, "A scanned SPAD: precision", x="Detections in the gate", y="Time, 1 sigma [ps]")
+    key(sigma)
+    simulated_m = known.vl53_reaches_m()
+    for place, (case, measured_m) in enumerate(known.VL53_REACH_M.items()):
+        free = case in known.VL53_FREE
+        reach.plot(
+            simulated_m[case], place, "|", color=hex_colour(INK), ms=14, mew=1.6, label=None if place else "simulated"
+        )
+        face = "none" if free else BLUE
+        label = {0: "published, used to set signal and sunlight", 1: "published"}.get(place)
+        reach.plot(measured_m, place, "o", color=BLUE, mfc=face, ms=6, label=label)
+    names = [f"{zones}, {target}, {'5 klux' if lit else 'dark'}" for zones, target, lit in known.VL53_REACH_M]
+    reach.set_yticks(range(len(names)), names, fontsize=8)
+    reach.set(xlim=(0.0, 3.3), ylim=(len(names) - 0.5, -0.5))
+    style_axes(reach, "VL53L5CX: reach", x="Range of 90 % detection [m]")
+    key(reach, "center right", bbox_to_anchor=(1.0, 0.7))
+    return figure
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "counts": counts,
     "detection": detection,
@@ -768,6 +824,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "relative_models": relative_models,
     "link_budget": link_budget,
     "models": models,
+    "published": published,
 }
 
 

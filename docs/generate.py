@@ -24,6 +24,8 @@ import rso_lidar as rl
 from rso_lidar import part, records
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
+from rso_lidar.shapes.materials import MATERIALS
+from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.merits import MERITS
@@ -73,6 +75,7 @@ def pages() -> dict[Path, str]:
         "studies.md": {"merits": merits(), "study keys": study_keys()},
         "glossary.md": {"classes": classes()},
         "architecture.md": {"floors": floors(), "rooms": rooms()},
+        "calibration.md": {"measured": measured_materials()},
         "models.md": {"models": shipped_models(), "sources": model_sources(), "materials": shipped_materials()},
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
@@ -482,6 +485,18 @@ def shipped_models() -> str:
             )
         )
     return _table(("model", "what it is", "class, shape, size class", "size [m]", "turns [deg/s]", "facets"), rows)
+
+
+def measured_materials() -> str:
+    """Return measured reflectances of materials, and how far the presets are from them."""
+    lines = ["| preset | light | measured | preset | difference | what was measured | source |"]
+    lines += ["| --- | --- | ---: | ---: | ---: | --- | --- |"]
+    for one in MEASUREMENTS:
+        light = "solar" if one.wavelength_nm == SOLAR else f"{one.wavelength_nm:.0f} nm"
+        preset = total_reflectance(MATERIALS[one.material], one.wavelength_nm)
+        values = f"{one.reflectance:.2f} ± {one.uncertainty:.2g} | {preset:.2f} | {preset - one.reflectance:+.2f}"
+        lines.append(f"| `{one.material}` | {light} | {values} | {one.sample} | {one.source} |")
+    return "\n".join(lines)
 
 
 def shipped_materials() -> str:

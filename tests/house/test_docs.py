@@ -65,6 +65,7 @@ def test_generated_pages_are_up_to_date(generator):
     pages = generator["pages"]()
     assert {page.name for page in pages} == {
         "architecture.md",
+        "calibration.md",
         "glossary.md",
         "scenario.md",
         "records.md",
@@ -170,7 +171,8 @@ def test_every_picture_is_shown_and_every_figure_drawn():
     figures = set(runpy.run_path(str(DOCS / "figures.py"), run_name="figures")["FIGURES"])
     assert {file.stem for file in PICTURES} == figures | {"tdrs_approach", "growth"}
     told = "".join(
-        (DOCS / page).read_text(encoding="utf-8") for page in ("instrument.md", "orbits.md", "studies.md", "models.md")
+        (DOCS / page).read_text(encoding="utf-8")
+        for page in ("instrument.md", "orbits.md", "studies.md", "models.md", "calibration.md")
     )
     assert {name for name in figures if f"](pictures/{name}.png)" in told} == figures
 

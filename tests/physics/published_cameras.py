@@ -165,7 +165,7 @@ def mit_sigma_ps(detections, gaussian):
 
 # --------------------------------------------------------------- VL53L5CX: reach over reflectance, sunlight and zone size
 #
-# STMicroelectronics, VL53L5CX data sheet DS13754 rev. 2 (August 2021), pages 19 to 23, read as text: 3 x 3 cases of 90 %
+# STMicroelectronics, VL53L5CX data sheet DS13754 rev. 2 (August 2021), pages 19 to 23, read as text: eight cases of 90 %
 # detection in tables 20 and 21, autonomous mode, integration time 5 ms, inner zones, typical. White is 88 % and grey
 # 17 %, "measured 13 % in IR at 940 nm" (page 20); 5 klux is 2 W/m2 on the target at 940 nm. Tables step by 100 mm.
 
