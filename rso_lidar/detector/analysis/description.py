@@ -37,6 +37,10 @@ def describe_gsfl(gsfl: Gsfl, n_pixels: int) -> list[str]:
         f"{gsfl.ranging.algorithm}"
     ]
     parts = [name for name in _OPTIONAL if getattr(gsfl, name) is not None]
+    if readout.low_gain is not None:
+        parts.append(f"two gains, {readout.low_gain.ratio:g} : 1, up to {gsfl.saturation_photons:,.0f} photons")
+    if gsfl.zero_crossing is not None:
+        parts.append(f"zero crossing of a bipolar pulse, armed at {gsfl.zero_crossing.arming_electrons:.0f} electrons")
     if gsfl.returns != "first" or gsfl.max_returns > 1:
         parts.append(f"returns: {gsfl.returns} of up to {gsfl.max_returns}")
     if parts:
@@ -59,9 +63,17 @@ def describe_gsfl(gsfl: Gsfl, n_pixels: int) -> list[str]:
 
 def advise_gsfl(gsfl: Gsfl, pulse_fwhm_s: float) -> list[str]:
     """List what is allowed and doubtful about the full chain with a pulse of this length [s]."""
-    if gsfl.gate is not None:
-        return []
     lines = []
+    low, rail = gsfl.readout.low_gain, gsfl.saturation
+    if low is not None and rail is not None:
+        reached = rail.rail_electrons / gsfl.readout.electrons_per_count
+        if reached < gsfl.readout.full_scale_counts - gsfl.readout.baseline_counts:
+            lines.append(
+                f"the amplifier clips at {rail.rail_electrons:.0f} electrons, before the first channel does, and the second "
+                "is never needed; raise lidar.detector.saturation.rail_electrons or leave out readout.low_gain"
+            )
+    if gsfl.gate is not None:
+        return lines
     share = false_trigger_fraction(gsfl)
     if share > _MOST_FALSE:
         lines.append(
@@ -111,6 +123,8 @@ def describe_window_gsfl(gsfl: Gsfl) -> str:
 def list_neglected_gsfl(gsfl: Gsfl) -> list[str]:
     """List the settings of the full chain that its closed form does not count."""
     dropped = [name for name in _OPTIONAL if getattr(gsfl, name) is not None]
+    if gsfl.zero_crossing is not None:
+        dropped.append("zero_crossing (precision is the matched filter's)")
     if gsfl.ranging.algorithm != "matched_filter":
         dropped.append(f"{gsfl.ranging.algorithm} (precision is the matched filter's)")
     return dropped

@@ -53,10 +53,13 @@ def measure(
         clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
     else:
         clipped = waveforms.clipped.copy()
+    railed = None
+    if gsfl.saturation is not None:
+        railed = clipped | _is_on_rail(gsfl.saturation.rail_electrons, gsfl, waveforms, camera)
     unknown = gsfl.maps.unknown_fraction if gsfl.maps is not None else 1.0
     if unknown < 1.0:
         samples = samples - ((1.0 - unknown) * camera.offset_counts[waveforms.pixel, None]).astype(np.float32)
-    found_s, amplitude = _locate_returns(gsfl, waveforms, pulse, samples, clipped, threads)
+    found_s, amplitude = _locate_returns(gsfl, waveforms, pulse, samples, clipped, railed, threads)
     if gsfl.ranging.walk_correction:
         found_s = correct_walk(found_s, amplitude, _tabulate_walk(gsfl, pulse))
     if waveforms.zero_crossing_s is not None and gsfl.zero_crossing is not None:
@@ -72,14 +75,12 @@ def measure(
     if gsfl.crosstalk is not None and not gsfl.gate:
         share = latch_share(waveforms.latch_s, waveforms.latch_s, waveforms.sample_s, n_pixels)
         range_m = range_m + draw_shift_m(gsfl.crosstalk, share, rng)[:, None]
-    if gsfl.saturation is not None:
-        clipped = clipped | _is_on_rail(gsfl.saturation.rail_electrons, gsfl, waveforms, camera)
     return report_returns(
         waveforms.shape,
         waveforms.pixel,
         range_m,
         amplitude / gsfl.readout.counts_per_intensity,
-        clipped,
+        clipped if railed is None else railed,
         returns=gsfl.returns,
         max_returns=gsfl.max_returns,
         full_scale_counts=gsfl.full_scale_counts,
@@ -123,7 +124,13 @@ def _is_on_rail(rail_electrons: float, gsfl: Gsfl, waveforms: Waveforms, camera:
 
 
 def _locate_returns(
-    gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, samples: np.ndarray, clipped: np.ndarray, threads: int | None
+    gsfl: Gsfl,
+    waveforms: Waveforms,
+    pulse: Pulse,
+    samples: np.ndarray,
+    clipped: np.ndarray,
+    railed: np.ndarray | None,
+    threads: int | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return delays since the first sample [s] and amplitudes [counts] of the returns (trace, return), near to far.
 
@@ -133,7 +140,8 @@ def _locate_returns(
     waveforms : what it stored.
     pulse : shape of a return.
     samples : (trace, sample) [counts] above the baseline, calibrated.
-    clipped : (trace, sample) whether a sample is at the rail.
+    clipped : (trace, sample) whether a sample is at the converter's rail.
+    railed : (trace, sample) whether it is there or at the amplifier's rail; None where the amplifier does not saturate.
     threads : number of threads (None: one for each core).
     """
     per_count = gsfl.readout.electrons_per_count
@@ -142,13 +150,17 @@ def _locate_returns(
         "sample_s": waveforms.sample_s,
         "sigma_counts": gsfl.noise_counts,
         "pole_s": gsfl.amplifier.pole_s,
+        "recovery_s": gsfl.saturation.recovery_ns * units.NS if gsfl.saturation is not None else 0.0,
     }
     if gsfl.gate is None and gsfl.max_returns == 1 and gsfl.returns == "first":
         start = np.full(len(samples), gsfl.readout.pretrigger_samples)
 
         def locate_some(block: slice) -> tuple[np.ndarray, np.ndarray]:
             some, mask = samples[block], _where_any(clipped[block])
-            return locate(some, start[block], pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=mask)
+            held = None if railed is None else railed[block]
+            return locate(
+                some, start[block], pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=mask, railed=held
+            )
 
         blocks = [slice(k, k + _TRACES_AT_ONCE) for k in range(0, max(len(samples), 1), _TRACES_AT_ONCE)]
         found = zip(*run_in_threads(threads, locate_some, blocks), strict=True)
@@ -159,7 +171,14 @@ def _locate_returns(
         least = _solve_gate_thresholds(gsfl, waveforms, pulse, known["sigma_counts"])
     lowest = float(least.min(initial=np.inf)) if len(least) else threshold
     delay_s, amplitude = locate_all(
-        samples, pulse, gsfl.ranging, **known, threshold_counts=lowest, most=_LOOKED_FOR, clipped=_where_any(clipped)
+        samples,
+        pulse,
+        gsfl.ranging,
+        **known,
+        threshold_counts=lowest,
+        most=_LOOKED_FOR,
+        clipped=_where_any(clipped),
+        railed=railed,
     )
     low = amplitude < least[:, None]
     delay_s, amplitude = np.where(low, np.nan, delay_s), np.where(low, 0.0, amplitude)
@@ -174,7 +193,10 @@ def _locate_returns(
     none = np.flatnonzero(~np.isfinite(delay_s).any(axis=1))
     start = np.full(len(none), gsfl.readout.pretrigger_samples)
     mask = _where_any(clipped[none])
-    latched = locate(samples[none], start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=mask)
+    held = None if railed is None else railed[none]
+    latched = locate(
+        samples[none], start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=mask, railed=held
+    )
     delay_s[none, 0], amplitude[none, 0] = latched
     return _sort_by_range(delay_s, amplitude)
 

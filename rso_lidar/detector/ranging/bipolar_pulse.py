@@ -99,7 +99,7 @@ def find_zero_crossings(settings: ZeroCrossing, bipolar: np.ndarray, earliest: n
     ----------
     settings : arming level, rail and recovery.
     bipolar : (row, step) [electrons].
-    earliest : (row) crossings before this place do not count [steps].
+    earliest : (row) the channel is off before this place [steps].
     step_s : length of a step [s].
     """
     crossing = np.empty(len(bipolar))
@@ -134,7 +134,7 @@ def cross_zero(
     Parameters
     ----------
     bipolar : (row, step) input x of the amplifier [electrons].
-    earliest : (row) [steps].
+    earliest : (row) the channel is off before [steps].
     arming, rail : levels [electrons].
     recovery : τ of the stored charge [steps].
     weights : (piece, 4) of the steps around at the end of each piece of a step.
@@ -146,7 +146,7 @@ def cross_zero(
     for row in range(bipolar.shape[0]):
         x, armed, charge = bipolar[row], False, 0.0
         crossing[row] = np.nan
-        for step in range(1, n - 2):
+        for step in range(max(1, int(earliest[row])), n - 2):
             low, high = min(x[step], x[step + 1]), max(x[step], x[step + 1])
             armed = armed or high >= arming
             if not armed or (charge == 0.0 and low > 0.0 and high <= rail):

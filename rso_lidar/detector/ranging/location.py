@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector.ranging.clipped_pulse import locate_clipped_pulses
 from rso_lidar.detector.ranging.fitting import fit_all_pulses, fit_first_pulses
 from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.peaks import locate_vertices, raise_to_highest
@@ -29,6 +30,8 @@ def locate(
     pole_s: float,
     threshold_counts: float,
     clipped: np.ndarray | None = None,
+    railed: np.ndarray | None = None,
+    recovery_s: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Locate one pulse in each trace.
 
@@ -41,7 +44,11 @@ def locate(
     sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
     sigma_counts : rms of the noise [counts].
     threshold_counts : level of the algorithm leading_edge [counts].
-    clipped : (trace, sample) samples at the rail. The fit leaves them out where 3 others are in the pulse.
+    clipped : (trace, sample) samples at the converter's rail. The fit leaves them out where 3 others are in the pulse; else the edges of
+        the pulse give its place.
+    railed : (trace, sample) samples at the rail of the converter or of an amplifier that saturates; None without the latter.
+        Then the edges give the place of any pulse that reaches it.
+    recovery_s : time constant of the amplifier's recovery, 0 without [s].
 
     Returns
     -------
@@ -53,6 +60,8 @@ def locate(
     peak, place, height = fit_first_pulses(samples, start, 0.5 * threshold_counts, matched, clipped)
     if ranging.algorithm != "matched_filter":
         place = _place(samples, peak, matched, ranging, threshold_counts) + matched.lead
+    elif (held := clipped if railed is None else railed) is not None:
+        place = locate_clipped_pulses(samples, held, peak, place, matched, sigma_counts, recovery_s)
     return (place - matched.lead) * sample_s, height
 
 
@@ -143,6 +152,8 @@ def locate_all(
     threshold_counts: float,
     most: int,
     clipped: np.ndarray | None = None,
+    railed: np.ndarray | None = None,
+    recovery_s: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Locate all pulses in each trace.
 
@@ -159,6 +170,9 @@ def locate_all(
     threshold_counts : least height of a pulse [counts].
     most : greatest number of pulses in a trace.
     clipped : (trace, sample) samples at the rail.
+    railed : (trace, sample) samples at the rail of the converter or of an amplifier that saturates; None without the latter.
+        Then the edges give the place of any pulse that reaches it.
+    recovery_s : time constant of the amplifier's recovery, 0 without [s].
 
     Returns
     -------
@@ -179,6 +193,14 @@ def locate_all(
             if clipped is None:
                 peak = raise_to_highest(alone, peak)
             found[rows, slot] = _place(alone, peak, matched, ranging, threshold_counts)
+    elif (held := clipped if railed is None else railed) is not None:
+        for slot in range(slots):
+            rows = np.flatnonzero(alive[:, slot] & np.isfinite(place[:, slot]))
+            peak = np.clip(np.rint(place[rows, slot]), 0, samples.shape[1] - 1).astype(np.intp)
+            by_edges = locate_clipped_pulses(
+                samples[rows], held[rows], peak, place[rows, slot], matched, sigma_counts, recovery_s
+            )
+            found[rows, slot] = by_edges - matched.lead
     alive &= np.isfinite(found)
     found = np.where(alive, found, np.nan)
     order = np.argsort(found, axis=1)

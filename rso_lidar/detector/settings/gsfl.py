@@ -23,6 +23,8 @@ from rso_lidar.detector.settings.trigger import Trigger
 from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
 from rso_lidar.part import Fraction, NotNegative, Part, Positive, Whole
 
+_SPOILT = 30.0  # times the saturation: from there on, the samples that do not clip no longer give the range
+_EDGES = 6.5  # pulses behind the latch that hold both edges of a return up to 1e8 times the saturation
 _PRESET = (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons"))
 
 
@@ -279,6 +281,29 @@ class Gsfl(Part):
         """Photons of a return whose amplitude clips, in a pulse as long as the amplifier's integration time."""
         return int(self.readout.clip_counts) * self.readout.electrons_per_count / self.electrons_per_photon
 
+    @property
+    def clipped_range_photons(self) -> float:
+        """Photons of a return from which its range is no better than decimetres, because too little of it is stored.
+
+        The edges of a clipped pulse give its place where both are stored. The last one lies up to some 50 ns behind the latch.
+        """
+        stored_s = (self.readout.samples - self.readout.pretrigger_samples) * self.readout.sample_s
+        if self.zero_crossing is not None or self.gate is not None or stored_s > _EDGES * self.amplifier.integration_s:
+            return math.inf
+        return _SPOILT * self.saturation_photons
+
+    @property
+    def strong_return_cure(self) -> str:
+        """Settings of this detector that help with returns that clip, in words; empty where all are in use."""
+        cures = []
+        if self.readout.low_gain is None:
+            cures.append("add lidar.detector.readout.low_gain for their intensity")
+        if math.isfinite(self.clipped_range_photons):
+            cures.append(
+                "add lidar.detector.zero_crossing or store more lidar.detector.readout.samples for their range"
+            )
+        return ", or ".join(cures)
+
     @cached_property
     def traits(self) -> DetectorTraits:
         """Facts that a scenario reads about this detector."""
@@ -292,6 +317,8 @@ class Gsfl(Part):
             returns=self.returns,
             stored_behind_m=self.stored_behind_m,
             saturation_photons=self.saturation_photons,
+            clipped_range_photons=self.clipped_range_photons,
+            strong_return_cure=self.strong_return_cure,
             settings=gated,
             has_waveforms=True,
             has_taps=True,

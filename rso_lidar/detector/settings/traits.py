@@ -24,6 +24,8 @@ class DetectorTraits:
     returns : which return of a pixel is reported as its range and intensity.
     stored_behind_m : depth behind the first return in which others are still seen [m].
     saturation_photons : photons of a return from which the intensity no longer rises.
+    clipped_range_photons : photons of a return from which clipping spoils the range, not only the intensity.
+    strong_return_cure : what a user may change in the detector for returns that clip, for advice; empty without a cure.
     settings : values in force that every frame records, by name, in SI, such as ``gate_delay_s``.
     has_waveforms : whether `detect` returns Waveforms.
     has_taps : whether the signals between its stages can be kept.
@@ -42,6 +44,8 @@ class DetectorTraits:
     returns: Literal["first", "strongest", "last"] = "first"
     stored_behind_m: float = math.inf
     saturation_photons: float = math.inf
+    clipped_range_photons: float = math.inf
+    strong_return_cure: str = ""
     settings: Mapping[str, float] = field(default_factory=dict, hash=False)
     has_waveforms: bool = False
     has_taps: bool = False
@@ -63,6 +67,7 @@ class DetectorTraits:
             ("threshold_photons", 0.0),
             ("stored_behind_m", 0.0),
             ("saturation_photons", 0.0),
+            ("clipped_range_photons", 0.0),
             ("clock_s", 0.0),
         ):
             value = getattr(self, name)
@@ -77,7 +82,14 @@ class DetectorTraits:
             value = getattr(self, name)
             if not isinstance(value, Integral) or isinstance(value, bool) or value < 1:
                 raise ScenarioError(f"DetectorTraits.{name}: {value!r:.40} is not a whole number from 1; correct it")
-        for name, kind in (("has_waveforms", bool), ("has_taps", bool), ("is_gated", bool), ("window_keys", str)):
+        kinds = {
+            "has_waveforms": bool,
+            "has_taps": bool,
+            "is_gated": bool,
+            "window_keys": str,
+            "strong_return_cure": str,
+        }
+        for name, kind in kinds.items():
             if not isinstance(getattr(self, name), kind):
                 what = "True or False" if kind is bool else "a text"
                 raise ScenarioError(f"DetectorTraits.{name}: {getattr(self, name)!r:.40} is not {what}; correct it")

@@ -20,8 +20,8 @@ class ZeroCrossing(Part):
     the input x and τᵣ = `recovery_ns`, and the output stays on the rail until q is spent. The falling half of the bipolar
     pulse discharges it, so the delay has a limit, about τᵣ, however strong the pulse is.
 
-    The channel arms where the bipolar pulse passes `arming_electrons` and fires at the zero crossing that follows. The
-    pixel's own trigger decides whether there is a return. It takes the first crossing from `hold_ns` before its latch on.
+    The pixel's own trigger decides whether there is a return. From `hold_ns` before its latch on, the channel arms where the
+    bipolar pulse is above `arming_electrons`, and fires at the zero crossing that follows (a delay line makes that causal).
     A pixel whose channel never arms, such as one that noise triggers, reports the range of its samples.
     """
 
@@ -57,7 +57,7 @@ class ZeroCrossing(Part):
     hold_ns: NotNegative = Field(
         default=5.0,
         description=(
-            "Time before the pixel's latch from which on a crossing counts [ns]: weak pulses latch near their peak. "
+            "Time before the pixel's latch from which on the channel can arm [ns]: weak pulses latch near their peak. "
             "Default: assumed."
         ),
     )

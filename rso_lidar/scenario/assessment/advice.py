@@ -248,11 +248,18 @@ def _advise_on_brightness(mission: Mission, preview: Preview) -> list[str]:
             continue
         (returns,) = casts = cast_attitudes(mission, preview, number, row, most=1)
         photons = float(np.median(returns.photons)) if returns.pixel.size else 0.0
-        if photons >= mission.lidar.detector.traits.saturation_photons:
-            lines.append(
-                f"target {geometry.name}: at {nearest_m:.0f} m half of its pixels or more clip the converter "
-                f"({photons:,.0f} photons in the median pixel); lower lidar.laser.energy_mj or the aperture"
+        traits = mission.lidar.detector.traits
+        most = float(returns.photons.max(initial=0.0))
+        if photons >= traits.saturation_photons or most >= traits.clipped_range_photons:
+            spoilt = int((returns.photons >= traits.clipped_range_photons).sum())
+            what = (
+                f"half of its pixels or more clip the converter ({photons:,.0f} photons in the median pixel)"
+                if photons >= traits.saturation_photons
+                else f"some of its pixels clip the converter ({most:,.0f} photons in the brightest)"
             )
+            error = f", and the range of {spoilt} is off by decimetres" if spoilt else ""
+            cures = ["lower lidar.laser.energy_mj or the aperture", *filter(None, [traits.strong_return_cure])]
+            lines.append(f"target {geometry.name}: at {nearest_m:.0f} m {what}{error}; {', or '.join(cures)}")
             continue
         armed = mission.instrument.at(time_s).detector.traits
         if not returns.pixel.size or not armed.sees_from_m < nearest_m < armed.sees_to_m:

@@ -41,6 +41,8 @@ def find_zero_crossings(settings, bipolar, earliest, step_s):
         place, value = refine(x)
         armed, charge, before = False, 0.0, 0.0
         for at, now in zip(place, value, strict=True):
+            if at < int(earliest[row]):  # the channel is off
+                continue
             armed = armed or now >= settings.arming_electrons
             output = now
             if recovery > 0.0 and (charge > 0.0 or now > settings.rail_electrons):

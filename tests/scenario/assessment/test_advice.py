@@ -153,3 +153,20 @@ def test_sunlight_that_makes_noise_is_told(advice):
     sun = 'world={axes="local", sun_direction=[-1, 0, 0]}'
     assert advice(sun, "lidar.receiver.filter_width_nm=10") == []
     only(advice(sun, "lidar.receiver.filter_width_nm=1000"), "sunlight", "filter_width_nm")
+
+
+class TestStrongReturns:
+    """A plate at 1000 m with 50 J: some 9 million photons, 90 times what the converter holds."""
+
+    def test_options_are_named(self, advice):
+        words = ("and the range of", "is off by decimetres", "readout.low_gain", "detector.zero_crossing", "samples")
+        only(advice("lidar.laser.energy_mj=50000"), *words)
+
+    def test_an_option_in_use_is_not(self, advice):
+        (line,) = advice("lidar.laser.energy_mj=50000", "lidar.detector.zero_crossing={}")
+        assert "readout.low_gain" in line and "zero_crossing" not in line and "decimetres" not in line
+        assert advice("lidar.laser.energy_mj=30000", "lidar.detector.readout.low_gain={}") == []
+
+    def test_an_amplifier_that_clips_before_the_first_channel(self, advice):
+        settings = ("lidar.detector.readout.low_gain={}", "lidar.detector.saturation={}")
+        only(advice(*settings), "the second is never needed", "saturation.rail_electrons")
