@@ -1,8 +1,8 @@
-"""`rso-lidar budget`: closed-form link budget of a pixel that the target fills."""
+"""`rso-lidar budget`: closed-form link budget of a pixel that the target fills, and how far a whole body is found."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -11,10 +11,11 @@ from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable
-from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scenario import Finding, Lidar, Scenario
 from rso_lidar.scenario.mission.validation import validate_toml
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.study import budget as worked_out
+from rso_lidar.study.budgets.finding_range import ATTITUDES, find_range
 from rso_lidar.study.budgets.range_budget import SUFFIXES
 
 
@@ -39,7 +40,10 @@ def budget(
         list[float] | None,
         typer.Option("--divergence-deg", metavar="DEG", help="Full angle of the beam; may be repeated."),
     ] = None,
-    probability: Annotated[float, typer.Option("--probability", help="Of detection, to solve for the range.")] = 0.95,
+    probability: Annotated[
+        float | None,
+        typer.Option("--probability", help="Of detection, to solve for the range (0.95; 0.9 with --find)."),
+    ] = None,
     target_m: Annotated[
         str | None,
         typer.Option("--target-m", metavar="A[,B,C]", help="Side of a square target, or three sides of a box (m)."),
@@ -47,23 +51,66 @@ def budget(
     facet_m2: Annotated[
         float | None, typer.Option("--facet-m2", metavar="M2", help="Area of a facet that may not fill a pixel (m2).")
     ] = None,
+    find: Annotated[
+        str | None,
+        typer.Option(
+            "--find",
+            metavar="BODY",
+            help="Instead, solve how far a whole body is found: a target, a model (cubesat_3u), or the path of a mesh.",
+        ),
+    ] = None,
+    pixels: Annotated[
+        int | None, typer.Option("--pixels", metavar="M", help="With --find: least pixels that report the body.")
+    ] = None,
+    flashes: Annotated[
+        str | None,
+        typer.Option("--flashes", metavar="K/N", help="With --find: they do so in K of N flashes, such as 2/3."),
+    ] = None,
+    attitudes: Annotated[
+        str | None,
+        typer.Option("--attitudes", metavar="N|run", help="With --find: number of attitudes, or those of the run."),
+    ] = None,
     settings: Settings = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png) or table (.csv).")] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Compute photons, detection and precision against range.
 
-    The values are in closed form, for a pixel filled by the target.
+    The values are in closed form, for a pixel filled by the target. With --find, solve how far a body is found.
     """
     if output is not None:
         output = check_writable(output, SUFFIXES, overwrite=overwrite)
+    of_pixel = {
+        "--material": material,
+        "--tilt-deg": tilt_deg,
+        "--divergence-deg": divergence_deg,
+        "--target-m": target_m,
+        "--facet-m2": facet_m2,
+    }
+    of_body = {"--pixels": pixels, "--flashes": flashes, "--attitudes": attitudes}
+    for name, given in (of_body if find is None else of_pixel).items():
+        if given is not None and given != []:
+            cure = "leave it out, or add --find" if find is None else "leave it out, or leave out --find"
+            raise ScenarioError(f"{name}: is for {'a whole body' if find is None else 'one pixel'}; {cure}")
+    if find is not None:
+        _find(
+            _load_camera(camera, tuple(settings or ())),
+            find,
+            probability=0.9 if probability is None else probability,
+            range_m=None if range_ is None else _parse_range_m(range_),
+            pixels=pixels,
+            flashes=flashes,
+            attitudes=attitudes,
+            output=output,
+        )
+        return
     made = worked_out(
         _load_camera(camera, tuple(settings or ())),
         range_m=None if range_ is None else _parse_range_m(range_),
         materials=material or None,
         tilt_deg=tilt_deg or 0.0,
         divergence_deg=divergence_deg or None,
-        probability=probability,
+        probability=0.95 if probability is None else probability,
         target_m=None if target_m is None else _parse_sides_m(target_m),
         facet_m2=facet_m2,
     )
@@ -73,6 +120,50 @@ def budget(
         made.save(output, overwrite=overwrite)
     echo(made.table())
     if output is not None:
+        echo(f"{output}")
+
+
+def _find(
+    camera: Lidar | Scenario | str,
+    body: str,
+    *,
+    probability: float,
+    range_m: tuple[float, float] | None,
+    pixels: int | None,
+    flashes: str | None,
+    attitudes: str | None,
+    output: Path | None,
+) -> None:
+    """Solve how far a body is found, and print and write the answer.
+
+    Parameters
+    ----------
+    camera, body, probability, range_m : as for `find_range`.
+    pixels, flashes, attitudes : as the user gave them.
+    output : picture or table, None for neither.
+    """
+    finding = camera.finding if isinstance(camera, Scenario) else Finding()
+    if pixels is not None:
+        if not 1 <= pixels <= 100_000:
+            raise ScenarioError(f"--pixels {pixels}: is not a number of pixels; give 1 to 100000")
+        finding = finding.replace(pixels=pixels)
+    if flashes is not None:
+        needed, of, every = flashes.partition("/")
+        if not of or not (needed.isascii() and every.isascii() and needed.isdigit() and every.isdigit()):
+            raise ScenarioError(f"--flashes {flashes}: is not k of n; write for example 2/3")
+        if not 1 <= int(needed) <= int(every) <= 1000:
+            raise ScenarioError(f"--flashes {flashes}: is not k of n; give 1 to n of at most 1000 flashes")
+        finding = finding.replace(needed=int(needed), flashes=int(every))
+    in_run, number = attitudes == "run", ATTITUDES
+    if attitudes is not None and not in_run:
+        if not (attitudes.isascii() and attitudes.isdigit()) or not 1 <= int(attitudes) <= 100_000:
+            raise ScenarioError(f"--attitudes {attitudes}: is not a number of attitudes; give 1 to 100000, or run")
+        number = int(attitudes)
+    chosen: dict[str, Any] = {"probability": probability, "range_m": range_m, "attitudes": number, "in_run": in_run}
+    made = find_range(camera, body, finding=finding, **chosen)
+    echo(made.table())
+    if output is not None:
+        made.save(output)
         echo(f"{output}")
 
 

@@ -45,7 +45,7 @@ def timeline(
     mirrored = any(
         one.is_retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials
     )
-    for line in _summarise(made, mirrored):
+    for line in _summarise(made, mirrored, scenario.finding.describe()):
         echo(line)
     echo(f"{output}")
 
@@ -53,8 +53,15 @@ def timeline(
 _LIKELY = 0.9  # probability of detection from which a frame counts in the summary
 
 
-def _summarise(made: Timeline, mirrored: bool) -> list[str]:
-    """Summarise the encounter in a few lines; `mirrored` says whether the target has retro-reflectors."""
+def _summarise(made: Timeline, mirrored: bool, finding: str) -> list[str]:
+    """Summarise the encounter in a few lines.
+
+    Parameters
+    ----------
+    made : the timeline.
+    mirrored : whether the target has retro-reflectors.
+    finding : when the target counts as found, in words.
+    """
     table = made.table
     time_s, range_m = table["time_s"], table["range_m"]
     nearest = find_first_least(range_m)
@@ -84,6 +91,12 @@ def _summarise(made: Timeline, mirrored: bool) -> list[str]:
         lines.append(f"detection     of the brightest pixel, with a probability of {_LIKELY:g} or more: {frames}")
     elif not likely.any():
         lines.append(f"detection     the brightest pixel never reaches a probability of {_LIKELY:g}")
+    found = table["found_probability"] >= _LIKELY
+    where = f", at {_format_span(range_m[found], ',.1f')} m" if found.any() and not found.all() else ""
+    lines.append(
+        f"found         the whole target ({finding}): with a probability of {_LIKELY:g} or more at {np.mean(found):.0%} of "
+        f"the frames{where}"
+    )
     return lines
 
 

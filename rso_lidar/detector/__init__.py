@@ -2,13 +2,12 @@
 
 from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
-from rso_lidar.detector.analysis.user_detector import check_traits
+from rso_lidar.detector.analysis.user_detector import Detector, check_traits
 from rso_lidar.detector.bench.prediction import predict
 from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
 from rso_lidar.detector.detect import (
     AnyDetector,
     DescribedDetector,
-    Detector,
     advise,
     array_load,
     check_size,
@@ -24,6 +23,7 @@ from rso_lidar.detector.detect import (
     isolate,
     list_neglected_effects,
     noise_growth,
+    report_probability,
 )
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.settings.algorithm import Ranging
@@ -84,6 +84,7 @@ __all__ = [
     "list_neglected_effects",
     "noise_growth",
     "predict",
+    "report_probability",
     "simulate_walk_curve",
 ]
 

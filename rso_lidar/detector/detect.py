@@ -9,7 +9,8 @@ either, and code outside this room does not depend on the kind of detector.
   A gated detector has ``with_gate_delay(delay_ns)`` as well.
 - `check_size`, `describe`, `advise`, `describe_window`, `describe_storage` and `list_neglected_effects` serve the checks and
   the texts of a scenario.
-- `false_alarm_probability`, `detection_probability`, `predict_closed_form` and `noise_growth` are closed forms.
+- `false_alarm_probability`, `detection_probability`, `predict_closed_form`, `report_probability` and `noise_growth` are
+  closed forms.
   `prediction.predict` runs a trial of pixels for a detector without a closed form.
 - `isolate`, `array_load`, `draw_crosstalk_m` and `frame_jitter_s` separate pixels from their array, for `trial.run_trial`.
 
@@ -37,22 +38,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from rso_lidar.detector.analysis import closed_form, description, noise_effects, simulation_size
+from rso_lidar.detector.analysis import closed_form, description, noise_effects, pixel_reports, simulation_size
 from rso_lidar.detector.analysis.array_load import ArrayLoad, simulate_array_load
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
-from rso_lidar.detector.analysis.user_detector import check_array_load, check_prediction, check_reading
+from rso_lidar.detector.analysis.user_detector import Detector, check_array_load, check_prediction, check_reading
 from rso_lidar.detector.chain.curves import detect_by_curves
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.geiger import photon_counter
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.part import (
     GREATEST,
     Seam,
@@ -64,29 +64,6 @@ from rso_lidar.part import (
     make_answer_error,
 )
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
-
-
-@runtime_checkable
-class Detector(Protocol):
-    """Protocol of user-defined detectors.
-
-    Parameters
-    ----------
-    traits : facts that the scenario needs: reach, threshold, number of returns.
-    """
-
-    traits: DetectorTraits
-
-    def detect(self, photons: Photons, rng: np.random.Generator) -> tuple[Reading, Waveforms | None]:
-        """Return the reading of one flash, and the stored samples; None for a detector without waveforms.
-
-        Parameters
-        ----------
-        photons : light on every pixel: a return for each sub-ray that hits, and `cluster`, which groups those of one pulse.
-        rng : generator of all noise.
-        """
-        ...
-
 
 DescribedDetector = Annotated[Gsfl | Empirical | GeigerArray, Field(discriminator="type")]
 AnyDetector = Annotated[Gsfl | Empirical | GeigerArray | Detector, Seam(DescribedDetector, Detector)]
@@ -104,6 +81,7 @@ _FUNCTIONS: dict[type, dict[str, Callable[..., Any]]] = {
         "list_neglected_effects": description.list_neglected_gsfl,
         "false_alarm_probability": noise_effects.false_alarms_of_gsfl,
         "predict_closed_form": closed_form.predict_gsfl,
+        "report_probability": pixel_reports.report_probability_gsfl,
         "noise_growth": noise_effects.noise_growth_gsfl,
         "isolate": Gsfl.alone,
         "array_load": simulate_array_load,
@@ -116,6 +94,7 @@ _FUNCTIONS: dict[type, dict[str, Callable[..., Any]]] = {
         "false_alarm_probability": noise_effects.false_alarms_of_empirical,
         "detection_probability": Empirical.detection_probability,
         "predict_closed_form": closed_form.predict_empirical,
+        "report_probability": pixel_reports.report_probability_empirical,
     },
     GeigerArray: photon_counter.FUNCTIONS,
 }
@@ -302,6 +281,21 @@ def predict_closed_form(
         given = (pulse._replace(power_per_s=lock_array(pulse.power_per_s)), photons, depth_s)
     check = partial(check_prediction, shape=photons.shape)
     found: Prediction | None = _call(detector, "predict_closed_form", *given, check=check)
+    return found
+
+
+def report_probability(detector: AnyDetector, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
+    """Return the probability (pixel) that a pixel reports one of some returns of a flash; None without a closed form.
+
+    Parameters
+    ----------
+    detector : the detector.
+    photons : light on every pixel.
+    mine : (return) whether a report of this return counts.
+    """
+    n_pixels = photons.shape[0] * photons.shape[1]
+    check = partial(check_values, shape=(n_pixels,), least=0.0, most=1.0)
+    found: np.ndarray | None = _call(detector, "report_probability", photons, mine, check=check)
     return found
 
 

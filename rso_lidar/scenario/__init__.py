@@ -4,6 +4,7 @@ from rso_lidar.public_names import limit_dir
 from rso_lidar.scenario.scenario import Scenario, require_scenario
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
+from rso_lidar.scenario.tables.finding import Finding
 from rso_lidar.scenario.tables.joints import Joint
 from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scenario.tables.schedule import Schedule
@@ -16,6 +17,7 @@ __all__ = [
     "Corridor",
     "CratersAndBoulders",
     "FacetMaterials",
+    "Finding",
     "Follower",
     "HeightField",
     "Joint",

@@ -1,6 +1,7 @@
 """Studies of scenarios and recordings: link budgets, encounters, timelines, trades, tracking and elevation maps."""
 
 from rso_lidar.public_names import limit_dir
+from rso_lidar.study.budgets.finding_range import FoundRange, find_range
 from rso_lidar.study.budgets.range_budget import Budget, budget
 from rso_lidar.study.budgets.range_curve import BudgetCurve
 from rso_lidar.study.elevation import (
@@ -34,6 +35,7 @@ __all__ = [
     "ElevationMap",
     "Encounter",
     "Encounters",
+    "FoundRange",
     "MapAgreement",
     "Study",
     "Timeline",
@@ -45,6 +47,7 @@ __all__ = [
     "compare_maps",
     "encounters",
     "find_hazards",
+    "find_range",
     "reach_m",
     "save",
     "scenario_text",

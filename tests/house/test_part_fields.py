@@ -19,6 +19,9 @@ UNITS = {  # how a name ends, and what its description says in brackets
 }  # fmt: skip
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none
+    "flashes": "a number of flashes",
+    "needed": "a number of flashes",
+    "pixels": "a number of pixels",
     "absolute_tolerance": "in the units of the state",
     "adc_bits": "a number of bits",
     "afterpulse_probability": "a probability",

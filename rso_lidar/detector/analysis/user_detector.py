@@ -1,9 +1,9 @@
-"""Checks of the traits of a user-defined detector, and of what its methods return."""
+"""The protocol of user-defined detectors, and checks of their traits and of what their methods return."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -13,6 +13,28 @@ from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import GREATEST, Part, check_values, make_answer_error, name_object, read_member
 from rso_lidar.records import Photons, Reading, Waveforms
+
+
+@runtime_checkable
+class Detector(Protocol):
+    """Protocol of user-defined detectors.
+
+    Parameters
+    ----------
+    traits : facts that the scenario needs: reach, threshold, number of returns.
+    """
+
+    traits: DetectorTraits
+
+    def detect(self, photons: Photons, rng: np.random.Generator) -> tuple[Reading, Waveforms | None]:
+        """Return the reading of one flash, and the stored samples; None for a detector without waveforms.
+
+        Parameters
+        ----------
+        photons : light on every pixel: a return for each sub-ray that hits, and `cluster`, which groups those of one pulse.
+        rng : generator of all noise.
+        """
+        ...
 
 
 def check_traits(detector: object) -> None:

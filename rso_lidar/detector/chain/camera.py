@@ -22,18 +22,26 @@ def build_camera(gsfl: Gsfl, n_pixels: int) -> CameraPixels:
 
 def mean_false_alarms_per_s(gsfl: Gsfl) -> float:
     """Return how often noise triggers an armed pixel in the dark, over a camera's spread of pixels [1/s]."""
-    return float(_false_alarms_per_s(gsfl).mean())
+    return float(_sample_false_alarms_per_s(gsfl).mean())
 
 
 def false_trigger_fraction(gsfl: Gsfl) -> float:
     """Return the share of a camera's pixels that noise triggers in the dark while they are armed."""
     armed_s = (gsfl.armed_to_m - gsfl.armed_from_m) / units.RANGE_PER_DELAY_M_S
-    return float(-np.expm1(-_false_alarms_per_s(gsfl) * armed_s).mean())
+    return float(-np.expm1(-_sample_false_alarms_per_s(gsfl) * armed_s).mean())
 
 
 @lru_cache(maxsize=16)
-def _false_alarms_per_s(gsfl: Gsfl) -> np.ndarray:
-    camera = build_camera(gsfl, _SAMPLED_PIXELS)
+def false_alarms_per_s(gsfl: Gsfl, n_pixels: int) -> np.ndarray:
+    """Return how often noise triggers each armed pixel (n_pixels) of a camera in the dark [1/s]; dead pixels as if alive."""
+    camera = build_camera(gsfl, n_pixels)
     threshold = gsfl.trigger.threshold_electrons * camera.threshold
-    rates: np.ndarray = rates_per_s(gsfl.apd, gsfl.amplifier, threshold, camera.dark_per_s)[~camera.dead]
+    rates: np.ndarray = rates_per_s(gsfl.apd, gsfl.amplifier, threshold, camera.dark_per_s)
+    rates.flags.writeable = False
+    return rates
+
+
+def _sample_false_alarms_per_s(gsfl: Gsfl) -> np.ndarray:
+    alive: np.ndarray = ~build_camera(gsfl, _SAMPLED_PIXELS).dead
+    rates: np.ndarray = false_alarms_per_s(gsfl, _SAMPLED_PIXELS)[alive]
     return rates

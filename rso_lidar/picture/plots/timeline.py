@@ -228,6 +228,7 @@ def _draw_detection(axes: Axes, table: Table) -> None:
     pixels = table["target_pixels"]
     share = np.where(pixels > 0.0, table["expected_returns"] / np.maximum(pixels, 1e-9), np.nan)
     axes.plot(table["time_s"], table["detection_probability"], color=RED, lw=1.2, label="of the best pixel")
+    axes.plot(table["time_s"], table["found_probability"], color=GREEN, lw=1.2, label="of the whole target")
     axes.plot(table["time_s"], share, color=BLUE, lw=1.2, label="mean over the target's pixels")
     style_axes(axes, y="Probability of\ndetection")
     axes.set_ylim(-0.04, 1.06)

@@ -22,8 +22,10 @@ from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, preview_mission
 from rso_lidar.scenario.preview.monte_carlo import try_pixels
 from rso_lidar.scenario.preview.returns import TargetReturns, cast_attitudes
+from rso_lidar.scenario.preview.whole_target import find_in_run
 from rso_lidar.ties import find_first_least
 
+_PLACES = 32  # attitudes and places in the pixel grid over which a target is found or not
 _FEWEST_REPORTS = 100  # the standard error of a noise from quartiles is then 12 % (1.17 / sqrt n)
 
 
@@ -222,7 +224,23 @@ def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[st
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {size} pixels across, fills {fill:.0%} of its "
             f"brightest pixel; {_format_photons(casts)}, P(detect) {probability}, range noise {noise}{shift} ({alike})"
         )
+        lines.append(f"  {'':<9} {_describe_finding(mission, preview, number, row)}")
     return lines
+
+
+def _describe_finding(mission: Mission, preview: Preview, number: int, row: int) -> str:
+    """Describe with which probability a target is found about one epoch.
+
+    Parameters
+    ----------
+    mission, preview : what is flown, and its preview.
+    number : of the target.
+    row : of the preview's epochs.
+    """
+    found = find_in_run(mission, preview, number, row, _PLACES)
+    spread = f", {found.min():.2f} to {found.max():.2f}" if np.ptp(found) > 0.01 else ""
+    places = f"{_PLACES} attitudes and places in the pixel grid{spread}"
+    return f"P(found) {found.mean():.3f}: {mission.finding.describe()} ({places})"
 
 
 def _format_photons(casts: Sequence[TargetReturns]) -> str:

@@ -24,6 +24,7 @@ from rso_lidar.scenario.mission.named_files import find_named_files, list_dynami
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
+from rso_lidar.scenario.tables.finding import Finding
 from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scenario.tables.target import Follower, Target
 from rso_lidar.scenario.tables.world import Time, World
@@ -53,6 +54,10 @@ class Mission(Part):
     constraints: Constraints | None = Field(
         default=None,
         description="Limits that `check` verifies: exclusion angles, keep-out spheres and approach corridors.",
+    )
+    finding: Finding = Field(
+        default=Finding(),
+        description="When a target counts as found, for `check`, `timeline`, `budget` and `trade`. A run does not use it.",
     )
     _folder: Path | None = PrivateAttr(default=None)
     _where: str = PrivateAttr(default="scenario")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,6 +15,8 @@ from rso_lidar.records import Hits, Photons, Truth
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.aspects import collect_attitudes
 from rso_lidar.scenario.preview.geometry import Preview
+from rso_lidar.scenario.tables.lidar import Lidar
+from rso_lidar.scene import Surface
 
 _MOST_RAYS = 4_000_000  # in all casts of one line of a description, so that a large, near target takes seconds
 _MOST_ATTITUDES = 48
@@ -68,11 +71,26 @@ def cast_target(mission: Mission, truth: Truth, number: int, finest: int | None 
     number : of the target.
     finest : greatest number of rays along a pixel's side (None: the receiver's number).
     """
-    lidar = mission.instrument.at(truth.time_s)
+    return cast_surfaces(mission.instrument.at(truth.time_s), mission.surfaces, truth, number, finest)
+
+
+def cast_surfaces(
+    lidar: Lidar, surfaces: Sequence[Surface], truth: Truth, number: int, finest: int | None = None
+) -> TargetReturns:
+    """Cast one flash onto some surfaces, as `cast_target` does onto all of a mission.
+
+    Parameters
+    ----------
+    lidar : the instrument that is in force.
+    surfaces : of the target, and of what may hide it.
+    truth : one epoch, with the lidar and the surfaces in it.
+    number : of the target.
+    finest : greatest number of rays along a pixel's side (None: the receiver's number).
+    """
     own = lidar.receiver.rays_per_side
     receiver = _reduce_rays(lidar.receiver, own if finest is None else max(min(own, finest), 1))
-    rays = optics.pixel_rays(receiver, lidar.laser, scene.extent(mission.surfaces, truth))
-    hits = scene.cast(rays, mission.surfaces, truth, 1, laser_from_m=lidar.laser.offset, aperture_m=receiver.aperture_m)
+    rays = optics.pixel_rays(receiver, lidar.laser, scene.extent(surfaces, truth))
+    hits = scene.cast(rays, surfaces, truth, 1, laser_from_m=lidar.laser.offset, aperture_m=receiver.aperture_m)
     light = optics.collect(hits, lidar.laser, receiver)
     mine = hits.target[light.hit] == number
     pixel = np.unique(light.pixel[mine])
@@ -103,8 +121,20 @@ def cast_attitudes(
     most : number of attitudes at most.
     """
     truths = collect_attitudes(mission, preview, number, row, most)
-    rays = _MOST_RAYS / len(truths) / max(_pixels_in_bounds(mission, truths[0]), 1.0)
-    return [cast_target(mission, truth, number, math.isqrt(int(rays))) for truth in truths]
+    finest = limit_fineness(mission, truths[0], len(truths))
+    return [cast_target(mission, truth, number, finest) for truth in truths]
+
+
+def limit_fineness(mission: Mission, truth: Truth, casts: int) -> int:
+    """Return the greatest number of rays along a pixel's side with which some casts take seconds.
+
+    Parameters
+    ----------
+    mission : what is flown.
+    truth : one epoch.
+    casts : number of casts.
+    """
+    return math.isqrt(int(_MOST_RAYS / casts / max(_pixels_in_bounds(mission, truth), 1.0)))
 
 
 def _pixels_in_bounds(mission: Mission, truth: Truth) -> float:

@@ -15,6 +15,7 @@ from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.preview.returns import cast_target
+from rso_lidar.scenario.preview.whole_target import FLASHES_ALONE, find_probability
 
 _MOST_RAYS = 40_000_000  # in all casts together; beyond this the grid within a pixel becomes coarser
 _LEVELS, _DECADES = 145, (0.0, 6.0)  # levels of photons at which a detector is tried
@@ -32,9 +33,10 @@ class DetectionOpportunity:
     median_photons: float  # of the pixels with light of the target
     detection_probability: float  # of the pixel that is found most easily
     expected_returns: float  # sum of the probabilities over all pixels
+    found_probability: float  # of the whole target: enough pixels report it, in enough flashes
 
 
-NO_OPPORTUNITY = DetectionOpportunity(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NO_OPPORTUNITY = DetectionOpportunity(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,8 @@ def _evaluate_flash(
     seen = cast_target(scenario, truth, target, finest)
     if not seen.pixel.size:
         return NO_OPPORTUNITY
-    detector = scenario.instrument.at(truth.time_s).detector
+    lidar = scenario.instrument.at(truth.time_s)
+    detector = lidar.detector
     light, range_m = seen.light, seen.hits.range_m[seen.light.hit]
     watched = seen.hits.target[light.hit] == target
     watched &= (range_m >= detector.traits.sees_from_m) & (range_m <= detector.traits.sees_to_m)
@@ -133,4 +136,5 @@ def _evaluate_flash(
         median_photons=float(np.median(seen.photons)),
         detection_probability=float(found.max()),
         expected_returns=float(found.sum()),
+        found_probability=find_probability(lidar, seen, scenario.finding, tried=FLASHES_ALONE),
     )

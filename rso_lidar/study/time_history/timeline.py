@@ -287,6 +287,7 @@ def _interpolate_opportunities(
         "median_photons": white,
         "detection_probability": np.ones_like(white),
         "expected_returns": box_pixels,
+        "found_probability": np.ones_like(white),
     }
     table = {}
     for name, per in scale.items():

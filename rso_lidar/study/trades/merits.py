@@ -15,6 +15,8 @@ from rso_lidar import units
 from rso_lidar.records import Frame
 from rso_lidar.records.viewing_geometry import compute_viewing_geometry
 from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.preview.returns import cast_target
+from rso_lidar.scenario.preview.whole_target import find_probability
 from rso_lidar.simulate import simulate
 from rso_lidar.study.time_history.open_loop import fly_open_loop
 from rso_lidar.study.time_history.timeline import in_field_fraction
@@ -92,6 +94,7 @@ class _CountedFrames(Sequence[Frame]):
 class Run:
     """One run of a scenario, evaluated for one target: the sums over its simulated frames, if any.
 
+    `frames` are the indices of the frames that a study selects, rendered or not.
     `tracker_error_m` (frame) is the length of the filter's position error [m], NaN before the first fix.
     """
 
@@ -99,6 +102,7 @@ class Run:
     number: int
     sums: RunSums
     tracker_error_m: np.ndarray
+    frames: np.ndarray
 
     @cached_property
     def truth(self) -> Any:
@@ -156,6 +160,17 @@ def _time_in_field_s(run: Run) -> float:
     return float(np.sum(whole)) / run.scenario.time.frame_rate_hz
 
 
+def _found_probability(run: Run) -> float:
+    truth = fly_open_loop(run.scenario, run.frames)[0]
+    found = []
+    for row in range(len(run.frames)):
+        there = truth.at(row)
+        seen = cast_target(run.scenario, there, run.number)
+        lidar = run.scenario.instrument.at(float(there.time_s))
+        found.append(find_probability(lidar, seen, run.scenario.finding, stream=int(run.frames[row])))
+    return float(np.mean(found))
+
+
 MERITS = {
     merit.name: merit
     for merit in (
@@ -174,6 +189,13 @@ MERITS = {
             "detection_fraction", "1", "more", "frames",
             "of all pixels on the target, the share that reports its range",
             lambda run: _ratio(run.sums.found, run.sums.pixels),
+            decimals=9,
+        ),
+        Merit(
+            "found_probability", "1", "more", "truth",
+            "probability that the whole target is found, as `finding` of the scenario says; from the light of the flashed "
+            "frames, mean of all",
+            _found_probability,
             decimals=9,
         ),
         Merit(
@@ -261,7 +283,7 @@ def evaluate(
         else:
             for _ in passing:
                 pass
-    run = Run(scenario, number, sums, error_m)
+    run = Run(scenario, number, sums, error_m, frames)
     return {name: MERITS[name].of(run) for name in names}
 
 

@@ -124,7 +124,7 @@ def test_what_differs_by_rounding_alone_is_equal():
 def _of_photons(photons):
     sums = RunSums(0, 1.0)
     sums.pixels, sums.photons = 1, photons
-    return Run(None, 0, sums, np.empty(0))
+    return Run(None, 0, sums, np.empty(0), np.empty(0, int))
 
 
 def test_names_end_in_their_units():

@@ -1,0 +1,234 @@
+"""Closed form of the reports of a whole flash: the probability of each pixel, from its returns of any depth.
+
+The light of a cluster is summed as the amplifier sums it. The highest sum, in photons of a return without depth, decides
+whether the cluster triggers. A pixel reports the cluster that triggers first, unless a false alarm comes before it. Clusters
+are farther apart than a pulse, so that their noise is taken as independent. Each pixel has its own threshold, that of its
+camera.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.analysis.closed_form import LaserPulse, predict_gsfl
+from rso_lidar.detector.analysis.description import list_neglected_gsfl
+from rso_lidar.detector.analysis.noise_effects import noise_growth_gsfl
+from rso_lidar.detector.chain.camera import build_camera, false_alarms_per_s
+from rso_lidar.detector.chain.timing import shape_pulse
+from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.errors import ScenarioError
+from rso_lidar.records import Photons
+
+_BINS = (
+    16  # of a pulse's length: light that is closer is summed without its delay, which changes the peak by 0.3 % at most
+)
+_REACH = 32  # bins to each side of the pulse's peak
+_LEVELS = np.array([0.25, 0.4, 0.55, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4, 1.6, 2.0, 2.5])  # photons over the threshold's
+_SURE_PHOTONS = 8.0  # times the threshold: a cluster this bright is detected, wherever its light is within it
+_NOISE_GROWTH = 1.02  # by sunlight, up to which the closed form in the dark holds
+_LEAST = 1e-9  # probability at which a curve ends
+
+
+def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
+    """Return the probability (pixel) that a pixel of the full chain reports one of some returns.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    photons : light on every pixel.
+    mine : (return) whether a report of this return counts.
+
+    Returns
+    -------
+    (pixel) probability, or None where a setting or the sunlight is not in the closed form.
+    """
+    neglected = [name for name in list_neglected_gsfl(gsfl) if not name.startswith(gsfl.ranging.algorithm)]
+    if neglected or _is_sunlit(gsfl, photons):
+        return None
+    n_pixels = photons.shape[0] * photons.shape[1]
+    shape = shape_pulse(gsfl, photons)
+    threshold_photons = gsfl.threshold_photons / shape.peak
+    signal = _sum_clusters(photons, shape, _SURE_PHOTONS * threshold_photons)
+    pixel = photons.cluster_pixel
+    rate = np.zeros(signal.shape)
+    try:
+        if gsfl.gate is None:
+            camera = build_camera(gsfl, n_pixels)
+            taps = photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), photons.pulse_fwhm_s
+            detected = _tabulate_curve(gsfl, threshold_photons, *taps).read(signal, camera.threshold[pixel])
+            rate = false_alarms_per_s(gsfl, n_pixels)[pixel]
+        else:
+            pulse = LaserPulse(photons.pulse_step_s, photons.pulse_power_per_s, photons.pulse_fwhm_s)
+            predicted = predict_gsfl(gsfl, pulse, signal, np.zeros(signal.shape), only_probability=True)
+            detected = predicted.probability * (1.0 - gsfl.gate.false_alarm_probability)
+    except ScenarioError:  # the amplifier is too fast for the closed form
+        return None
+    lists_several = gsfl.gate is not None and (gsfl.returns != "first" or gsfl.max_returns > 1)
+    return _combine(photons, mine, detected, rate, (gsfl.sees_from_m, gsfl.sees_to_m), lists_several=lists_several)
+
+
+def report_probability_empirical(empirical: Empirical, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
+    """Return the probability (pixel) that a pixel of the empirical detector reports one of some returns.
+
+    Parameters
+    ----------
+    empirical : the detector.
+    photons : light on every pixel.
+    mine : (return) whether a report of this return counts.
+    """
+    signal = np.bincount(photons.cluster, photons.photons, len(photons.cluster_pixel))
+    rate = np.full(signal.shape, empirical.false_alarms_per_s)
+    window = empirical.armed_from_m, empirical.armed_to_m
+    return _combine(photons, mine, empirical.detection_probability(signal), rate, window, lists_several=False)
+
+
+def _is_sunlit(gsfl: Gsfl, photons: Photons) -> bool:
+    """Return whether sunlight raises the noise of a lit pixel noticeably."""
+    if photons.background_photons_per_s is None or not photons.pixel.size:
+        return False
+    brightest = float(photons.background_photons_per_s.ravel()[photons.pixel].max())
+    return noise_growth_gsfl(gsfl, brightest) > _NOISE_GROWTH
+
+
+def _combine(
+    photons: Photons,
+    mine: np.ndarray,
+    detected: np.ndarray,
+    false_rate_per_s: np.ndarray,
+    window_m: tuple[float, float],
+    *,
+    lists_several: bool,
+) -> np.ndarray | None:
+    """Combine the clusters of each pixel to the probability that it reports one that counts.
+
+    Parameters
+    ----------
+    photons : light on every pixel.
+    mine : (return) whether a report of this return counts. A cluster counts where most of its light does.
+    detected : (cluster) probability that it triggers.
+    false_rate_per_s : (cluster) rate of false alarms of its pixel [1/s].
+    window_m : nearest and farthest range at which the pixels are armed [m].
+    lists_several : whether a pixel can report a farther cluster than the first that triggers. The probability of one that
+        counts is then not known in the presence of others (None).
+
+    Returns
+    -------
+    (pixel) probability.
+    """
+    n_pixels, n_clusters = photons.shape[0] * photons.shape[1], len(photons.cluster_pixel)
+    pixel = photons.cluster_pixel
+    light = np.bincount(photons.cluster, photons.photons, n_clusters)
+    own = np.bincount(photons.cluster[mine], photons.photons[mine], n_clusters)
+    summed_s = np.bincount(photons.cluster, photons.photons * photons.delay_s, n_clusters)
+    range_m = summed_s / np.where(light > 0.0, light, 1.0) * units.RANGE_PER_DELAY_M_S
+    counts = own > 0.5 * light
+    armed = (range_m >= window_m[0]) & (range_m <= window_m[1]) & (light > 0.0)
+    detected = np.where(armed, detected, 0.0)
+    quiet = np.exp(-false_rate_per_s * np.maximum(range_m - window_m[0], 0.0) / units.RANGE_PER_DELAY_M_S)
+    if lists_several and np.any((detected > _LEAST) & ~counts & np.isin(pixel, pixel[counts])):
+        return None
+    found, missed = np.zeros(n_pixels), np.ones(n_pixels)
+    first = np.searchsorted(pixel, pixel)  # of the clusters of the same pixel
+    rank = np.arange(n_clusters) - first
+    for place in range(int(rank.max(initial=-1)) + 1):
+        some = np.flatnonzero(rank == place)
+        at, one = pixel[some], detected[some]
+        found[at] += missed[at] * one * quiet[some] * counts[some]
+        missed[at] *= 1.0 - one
+    return np.clip(found, 0.0, 1.0)
+
+
+def _sum_clusters(photons: Photons, pulse: Pulse, sure_photons: float) -> np.ndarray:
+    """Return the photons (cluster) of a return without depth whose amplitude is as high as that of each cluster.
+
+    Parameters
+    ----------
+    photons : light on every pixel.
+    pulse : shape of one return behind the amplifier.
+    sure_photons : photons that are detected in any case; brighter clusters are only bounded from below.
+    """
+    n_clusters = len(photons.cluster_pixel)
+    signal = np.bincount(photons.cluster, photons.photons, n_clusters)
+    early_s, late_s = np.full(n_clusters, np.inf), np.full(n_clusters, -np.inf)
+    np.minimum.at(early_s, photons.cluster, photons.delay_s)
+    np.maximum.at(late_s, photons.cluster, photons.delay_s)
+    bin_s = photons.pulse_fwhm_s / _BINS
+    length = np.floor((late_s - early_s) / bin_s).astype(np.int64) + 1
+    least = signal / (1.0 + length / _BINS)
+    deep = (length > 1) & (least < sure_photons)
+    signal = np.where(deep | (length == 1), signal, least)
+    if not deep.any():
+        return signal
+    # All deep clusters in one row of bins, far enough apart that their pulses do not meet.
+    begin = np.cumsum(np.where(deep, length + 2 * _REACH, 0)) - np.where(deep, length + _REACH, 0)
+    of = deep[photons.cluster]
+    cluster = photons.cluster[of]
+    place = begin[cluster] + np.floor((photons.delay_s[of] - early_s[cluster]) / bin_s).astype(np.int64)
+    light = np.bincount(place, photons.photons[of], int((length[deep] + 2 * _REACH).sum()))
+    lag_s = np.arange(-_REACH, _REACH + 1) * bin_s
+    summed = np.convolve(light, pulse.amplitude(pulse.peak_s + lag_s) / pulse.peak, "same")
+    signal[deep] = np.maximum.reduceat(summed, begin[deep] - _REACH)
+    return signal
+
+
+class _TriggerCurve:
+    """Detection of a return without depth in a pixel, by its photons and the factor of its threshold.
+
+    At the peak the amplitude of u times the threshold's photons is normal about u, with the variance a + b u. The table
+    holds how far the normal number of the true probability is from that of (u − t) / √(a + b u), t the factor. The rest of
+    the pulse and the skewness of the avalanche make that difference, which t hardly changes.
+    """
+
+    def __init__(self, threshold_photons: float, still: float, shot: float, beside: np.ndarray) -> None:
+        """Keep the curve.
+
+        Parameters
+        ----------
+        threshold_photons : photons that reach the nominal threshold.
+        still, shot : a and b.
+        beside : (level) differences at `_LEVELS`.
+        """
+        self._photons, self._still, self._shot, self._beside = threshold_photons, still, shot, beside
+
+    def read(self, photons: np.ndarray, factor: np.ndarray) -> np.ndarray:
+        """Return the probability (return) of detection.
+
+        Parameters
+        ----------
+        photons, factor : (return) photons, and factor of the pixel's threshold.
+        """
+        from scipy.special import ndtr
+
+        u = photons / self._photons
+        normal = (u - factor) / np.sqrt(self._still + self._shot * u) + np.interp(u / factor, _LEVELS, self._beside)
+        found: np.ndarray = np.where(photons > 0.0, ndtr(normal), 0.0)
+        return found
+
+
+@lru_cache(maxsize=64)
+def _tabulate_curve(
+    gsfl: Gsfl, threshold_photons: float, step_s: float, power_per_s: bytes, fwhm_s: float
+) -> _TriggerCurve:
+    """Return the curve of a self-triggering camera.
+
+    Parameters
+    ----------
+    gsfl : the detector, without a gate.
+    threshold_photons : photons whose amplitude reaches the nominal threshold.
+    step_s, power_per_s : taps of the laser's pulse, the second as bytes.
+    fwhm_s : length of the pulse [s].
+    """
+    from scipy.special import ndtri
+
+    pulse = LaserPulse(step_s, np.frombuffer(power_per_s), fwhm_s)
+    exact = gsfl.replace(trigger=gsfl.trigger.replace(threshold_spread_fraction=0.0))
+    known = predict_gsfl(exact, pulse, threshold_photons * _LEVELS, np.zeros(_LEVELS.shape))
+    shot, still = np.polyfit(_LEVELS, (_LEVELS / known.snr) ** 2, 1)
+    still, shot = max(float(still), 1e-12), max(float(shot), 0.0)
+    normal = ndtri(np.clip(known.probability, _LEAST, 1.0 - _LEAST))
+    return _TriggerCurve(threshold_photons, still, shot, normal - (_LEVELS - 1.0) / np.sqrt(still + shot * _LEVELS))

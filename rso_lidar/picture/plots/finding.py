@@ -1,0 +1,68 @@
+"""The probability that a body is found, drawn against range."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar.picture.style.figures import log_ticks, new_figure, style_axes
+from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SHOWN = 0.002  # probabilities closer to 0 or 1 than this are not drawn at the ends
+
+
+def finding_figure(
+    range_m: np.ndarray,
+    found: np.ndarray,
+    worst_found: np.ndarray,
+    *,
+    title: str,
+    note: str,
+    probability: float,
+    max_range_m: float,
+    worst: str | None,
+    small_print: Sequence[str] = (),
+) -> Figure:
+    """Draw the probability that a body is found against range, with the range of the wanted probability marked.
+
+    Parameters
+    ----------
+    range_m : (range) [m].
+    found, worst_found : (range) probabilities over all attitudes, and in the worst one.
+    title, note, small_print : words about the figure.
+    probability, max_range_m : wanted probability, and the greatest range that has it [m], NaN where none has.
+    worst : description of the worst attitude, None without one.
+    """
+    figure = new_figure(8.4, 4.8, title, note, tuple(small_print))
+    axes = figure.subplots()
+    colour, other = PARTS[0], PARTS[1]
+    axes.plot(range_m, found, color=colour, lw=1.7, label="over all attitudes")
+    if worst is not None:
+        axes.plot(range_m, worst_found, color=other, lw=1.3, ls=(0, (5, 2)), label=f"worst attitude: {worst}")
+    axes.axhline(probability, color=hex_colour(LINE), lw=0.9, zorder=0)
+    if np.isfinite(max_range_m):
+        axes.plot([max_range_m], [probability], "o", color=colour, ms=6, mec="white", mew=0.8, zorder=5)
+        axes.annotate(
+            f"{max_range_m:,.0f} m",
+            (max_range_m, probability),
+            xytext=(8, 6),
+            textcoords="offset points",
+            fontsize=9,
+            color=hex_colour(INK),
+        )
+    axes.set_xscale("log")
+    style_axes(axes, "Probability that the body is found", note=f"marked: P = {probability:g}")
+    shown = np.flatnonzero((found > _SHOWN) & (worst_found < 1.0 - _SHOWN) | (found < 1.0 - _SHOWN) & (found > _SHOWN))
+    if shown.size > 1:
+        first, last = max(int(shown[0]) - 1, 0), min(int(shown[-1]) + 1, len(range_m) - 1)
+        axes.set_xlim(range_m[first], range_m[last])
+    axes.set_ylim(-0.02, 1.04)
+    log_ticks(axes.xaxis, *axes.get_xlim())
+    axes.set_xlabel("Range [m]", fontsize=9, color=hex_colour(QUIET))
+    axes.legend(fontsize=8.5, frameon=False, labelcolor=hex_colour(INK), loc="upper right")
+    return figure

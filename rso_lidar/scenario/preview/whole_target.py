@@ -1,0 +1,265 @@
+"""Whether a target is found: the probability that enough pixels report it, in enough of several flashes.
+
+A flash is a target in one attitude at one place in the pixel grid. Where the detector has a closed form for the light of
+its pixels, they are independent, and at least m of them report by Poisson's binomial law. Otherwise flashes are simulated
+through the whole detector. The n flashes of k-of-n have one attitude and place: they follow each other faster than the
+target turns. So k of n is computed for each attitude and place, and averaged over these afterwards.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector import detect, report_probability
+from rso_lidar.detector.analysis.finding import at_least, estimate_k_of_n, k_of_n
+from rso_lidar.pose import Link
+from rso_lidar.records import Photons, Reading, Truth
+from rso_lidar.scenario.mission.mission import Mission
+from rso_lidar.scenario.preview.aspects import build_truth, collect_attitudes, link_surfaces, rotation_between
+from rso_lidar.scenario.preview.geometry import Preview
+from rso_lidar.scenario.preview.orientations import spread_attitudes
+from rso_lidar.scenario.preview.returns import TargetReturns, cast_surfaces, limit_fineness
+from rso_lidar.scenario.tables.finding import Finding
+from rso_lidar.scenario.tables.lidar import Lidar
+from rso_lidar.scene import Surface
+
+_FLASHES = 8  # simulated for each of many attitudes and places, without a closed form; at least those of k of n
+FLASHES_ALONE = 256  # simulated for a single attitude and place: the standard error is at most 0.031
+_FIRST = 16  # of them after which no more are simulated if the target was found in all or in none
+_ENERGIES = 7  # nodes of the Gauss-Hermite rule over the energy of a pulse
+_NEAR_M = 5.0  # a report farther from the light of its pixel is a false alarm; a pulse length if that is more
+_SEED = 616  # random seed of the simulated flashes
+
+
+def find_probability(
+    lidar: Lidar, seen: TargetReturns, finding: Finding, *, stream: int = 0, tried: int = _FLASHES
+) -> float:
+    """Compute the probability that a target is found in one attitude at one place in the pixel grid.
+
+    Parameters
+    ----------
+    lidar : the instrument that is in force.
+    seen : the light of one flash.
+    finding : when the target counts as found.
+    stream : number of the stream of random numbers, for simulated flashes.
+    tried : number of flashes that are simulated without a closed form; fewer if the target is found in all or in none.
+    """
+    if seen.pixel.size < finding.pixels:
+        return 0.0
+    mine = seen.hits.target[seen.light.hit] == seen.number
+    one = _solve_flash(lidar, seen, mine, finding.pixels)
+    if one is not None:
+        return float(k_of_n(np.array(one), finding.needed, finding.flashes))
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(_SEED, spawn_key=(stream,))))
+    most, succeeded, made = max(tried, finding.flashes), 0, 0
+    while made < most:
+        succeeded += count_reports(lidar, seen, mine, rng) >= finding.pixels
+        made += 1
+        if made >= max(_FIRST, finding.flashes) and succeeded in (0, made):
+            break
+    return estimate_k_of_n(succeeded, made, finding.needed, finding.flashes)
+
+
+def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: int) -> float | None:
+    """Solve the probability that at least `pixels` pixels report in one flash; None without a closed form.
+
+    All pixels of a flash have the energy of one pulse in common. Its jitter is integrated over.
+
+    Parameters
+    ----------
+    lidar, seen : the instrument, and the light of the flash.
+    mine : (return) whether it comes from the target.
+    pixels : least number.
+    """
+    jitter = lidar.laser.energy_jitter_fraction
+    factors, weights = np.ones(1), np.ones(1)
+    if jitter > 0.0:
+        nodes, weights = np.polynomial.hermite_e.hermegauss(_ENERGIES)
+        factors, weights = np.maximum(1.0 + jitter * nodes, 1e-3), weights / weights.sum()
+    found = 0.0
+    for factor, weight in zip(factors.tolist(), weights.tolist(), strict=True):
+        light = seen.light if factor == 1.0 else replace(seen.light, photons=seen.light.photons * factor)
+        probability = report_probability(lidar.detector, light, mine)
+        if probability is None:
+            return None
+        found += weight * at_least(probability, pixels)
+    return found
+
+
+def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.random.Generator) -> int:
+    """Simulate the detector for one flash, and count the pixels that report the target.
+
+    Parameters
+    ----------
+    lidar : the instrument that is in force.
+    seen : the light of the flash.
+    mine : (return) whether it comes from the target.
+    rng : generator of the noise.
+    """
+    fired, late_s = lidar.laser.fire(rng)
+    light = seen.light
+    if fired is not lidar.laser:
+        share = fired.energy_mj / lidar.laser.energy_mj
+        light = replace(light, photons=light.photons * share, late_s=late_s)
+    reading, _ = detect(light, lidar.detector, rng)
+    return int(mark_reports(reading, light, mine).sum())
+
+
+def mark_reports(reading: Reading, light: Photons, mine: np.ndarray) -> np.ndarray:
+    """Mark the pixels (pixel) that report a target: lit by it, with a range near that of this light.
+
+    Parameters
+    ----------
+    reading : of the flash.
+    light : of the flash.
+    mine : (return) whether it comes from the target.
+    """
+    n_pixels = light.shape[0] * light.shape[1]
+    near_m, far_m = np.full(n_pixels, np.inf), np.full(n_pixels, -np.inf)
+    range_m = light.delay_s[mine] * units.RANGE_PER_DELAY_M_S
+    np.minimum.at(near_m, light.pixel[mine], range_m)
+    np.maximum.at(far_m, light.pixel[mine], range_m)
+    beside_m = max(_NEAR_M, light.pulse_fwhm_s * units.RANGE_PER_DELAY_M_S)
+    listed = reading.range_m if reading.return_range_m is None else reading.return_range_m
+    listed = np.asarray(listed, dtype=float).reshape(n_pixels, -1)
+    with np.errstate(invalid="ignore"):
+        inside = (listed >= near_m[:, None] - beside_m) & (listed <= far_m[:, None] + beside_m)
+    marked: np.ndarray = np.any(inside, axis=1)
+    return marked
+
+
+def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
+    """Return the place (xyz) [m] in lidar axes of a body at a range, beside the boresight by parts of a pixel.
+
+    Parameters
+    ----------
+    lidar : the instrument.
+    range_m : range.
+    phase : (right_down) place beside the boresight [pixels].
+    """
+    x, y = phase * lidar.receiver.pixel_tangent
+    place_m: np.ndarray = np.array([x, y, 1.0]) * (range_m / math.sqrt(1.0 + x * x + y * y))
+    return place_m
+
+
+def follow_gate(lidar: Lidar, range_m: float) -> Lidar:
+    """Return the instrument with a range in the middle of its gate; the same without a gate.
+
+    Parameters
+    ----------
+    lidar : the instrument.
+    range_m : range.
+    """
+    traits = lidar.detector.traits
+    if not traits.is_gated:
+        return lidar
+    opens_m = max(range_m - 0.5 * (traits.sees_to_m - traits.sees_from_m), 0.0)
+    return lidar.with_settings({"gate_delay_ns": opens_m / units.RANGE_PER_DELAY_M_S / units.NS})
+
+
+def find_aspects(
+    lidar: Lidar,
+    surfaces: Sequence[Surface],
+    number: int,
+    truths: Sequence[Truth],
+    finding: Finding,
+    finest: int | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cast a flash onto some surfaces for each of several truths, and compute with which probability a target is found.
+
+    Parameters
+    ----------
+    lidar : the instrument that is in force.
+    surfaces : of the target, and of what may hide it.
+    number : of the target.
+    truths : attitudes and places.
+    finding : when the target counts as found.
+    finest : greatest number of rays along a pixel's side (None: the receiver's number).
+
+    Returns
+    -------
+    (truth) probabilities, and photons of the target.
+    """
+
+    def one(stream: int) -> tuple[float, float]:
+        seen = cast_surfaces(lidar, surfaces, truths[stream], number, finest)
+        return find_probability(lidar, seen, finding, stream=stream), float(seen.photons.sum())
+
+    found = np.array(_run(one, range(len(truths))))
+    return found[:, 0], found[:, 1]
+
+
+def _run(one: Callable[[int], tuple[float, float]], numbers: Iterable[int]) -> list[tuple[float, float]]:
+    with ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="aspect") as threads:
+        return list(threads.map(one, numbers))
+
+
+def move_target(mission: Mission, number: int, there: Truth, place_m: np.ndarray, turned: np.ndarray) -> Truth:
+    """Return a truth that holds one target only, in another pose, with its hinges as they are.
+
+    Parameters
+    ----------
+    mission : what is flown.
+    number : of the target.
+    there : the truth that gives the hinge angles.
+    place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3).
+    """
+    return build_truth(there.time_s, link_surfaces(mission, number, there, place_m, turned))
+
+
+def list_run_attitudes(preview: Preview, name: str, n: int) -> list[tuple[int, np.ndarray]]:
+    """List the attitudes that a target has to the line of sight in a run, as row of the preview and matrix (3, 3).
+
+    The matrices are lidar_from_target with the target turned onto the boresight.
+
+    Parameters
+    ----------
+    preview : of the mission.
+    name : of the target.
+    n : number of rows, spread evenly; a row may be listed several times.
+    """
+    rows = len(preview.time_s)
+    places, turns = preview.truth.poses.place("lidar", name)
+    places, turns = np.broadcast_to(places, (rows, 3)), np.broadcast_to(turns, (rows, 3, 3))
+    apart = np.flatnonzero(np.linalg.norm(places, axis=1) > 0.0)
+    if not apart.size:
+        return []
+    chosen = apart[np.linspace(0, apart.size - 1, n).round().astype(int)]
+    ahead = np.array([0.0, 0.0, 1.0])
+    return [(int(row), rotation_between(places[row], ahead) @ turns[row]) for row in chosen]
+
+
+def find_in_run(mission: Mission, preview: Preview, number: int, row: int, n: int) -> np.ndarray:
+    """Compute the probabilities (aspect) that a target is found near one epoch of a run.
+
+    Attitudes are those that the target has about this epoch. Places in the pixel grid are spread about its own place.
+
+    Parameters
+    ----------
+    mission, preview : what is flown, and its preview.
+    number : of the target.
+    row : of the preview's epochs.
+    n : number of attitudes and places.
+    """
+    attitudes = collect_attitudes(mission, preview, number, row, n)
+    time_s = float(preview.time_s[row])
+    lidar = mission.instrument.at(time_s)
+    phase, name = spread_attitudes(n)[1], mission.target[number].name
+    truths = []
+    mine = {surface.name for surface in mission.surfaces_of(number)}
+    for k in range(n):
+        poses, links = attitudes[k % len(attitudes)].poses, {}
+        moved_m = np.append(phase[k] * lidar.receiver.pixel_tangent, 0.0) * poses.place("lidar", name)[0][2]
+        for surface in mission.surfaces:
+            place_m, matrix = poses.place("lidar", surface.name)
+            links[surface.name] = Link((place_m + moved_m * (surface.name in mine), matrix), np.zeros(3), np.zeros(3))
+        truths.append(build_truth(time_s, links))
+    finest = limit_fineness(mission, truths[0], n)
+    return find_aspects(lidar, mission.surfaces, number, truths, mission.finding, finest)[0]

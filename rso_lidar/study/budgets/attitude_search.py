@@ -1,0 +1,158 @@
+"""Attitudes of one body before one camera: the probability that it is found in them, and the worst."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rso_lidar.detector import report_probability
+from rso_lidar.errors import ScenarioError, suppress_warnings
+from rso_lidar.records import Truth
+from rso_lidar.scenario import Finding, Lidar, Scenario
+from rso_lidar.scenario.preview.geometry import preview_mission
+from rso_lidar.scenario.preview.orientations import list_facing_attitudes, spread_attitudes
+from rso_lidar.scenario.preview.returns import cast_surfaces
+from rso_lidar.scenario.preview.whole_target import (
+    find_aspects,
+    follow_gate,
+    list_run_attitudes,
+    move_target,
+    place_body,
+)
+
+_TRIED, _FEW_PLACES = 256, 4  # attitudes that are tried for the worst, and places in the pixel grid for each
+# Of them so many are looked at more closely, at so many places; and of these so many are turned.
+_WORST, _PLACES, _STARTS = 10, 12, 2
+_TURNS_DEG = (15.0, 8.0, 4.0, 2.0)  # by which they are turned
+_MOST_RAYS = 60_000  # of one cast: a near body fills many pixels, and is found by each of them
+
+Attitude = tuple[int, np.ndarray]  # a row of the preview, which gives the hinges, and lidar_from_body (3, 3)
+
+
+class AttitudeSearch:
+    """Probabilities of one body before one camera, at any range."""
+
+    def __init__(
+        self, lidar: Lidar, scenario: Scenario, number: int, finding: Finding, attitudes: int, *, in_run: bool
+    ) -> None:
+        """Prepare the attitudes.
+
+        Parameters
+        ----------
+        lidar : the camera.
+        scenario : the scenario of the body.
+        number : of the body among its targets.
+        finding : when the body counts as found.
+        attitudes : number of attitudes.
+        in_run : whether they are those of the run.
+        """
+        with suppress_warnings():
+            self._preview = preview_mission(scenario)
+        self._lidar, self._scenario, self._number, self._finding = lidar, scenario, number, finding
+        self._surfaces = scenario.surfaces_of(number)
+        self.radius_m = self._preview.targets[number].radius_m
+        matrices, self._phases = spread_attitudes(attitudes)
+        self._attitudes: list[Attitude] = [(0, matrix) for matrix in matrices]
+        self._others: list[Attitude] = [(0, matrix) for matrix in list_facing_attitudes()]
+        if in_run:
+            self._attitudes = list_run_attitudes(self._preview, scenario.target[number].name, attitudes)
+            self._others = []
+            if not self._attitudes:
+                raise ScenarioError("attitudes of the run: the lidar is always at the target's origin; leave them out")
+        self._known: dict[tuple[float, int], float] = {}
+
+    def over_attitudes(self, range_m: float, n: int) -> float:
+        """Return the probability at a range [m], the mean over the first `n` attitudes, or some of a run's."""
+        n = min(n, len(self._attitudes))
+        if (range_m, n) not in self._known:
+            some = np.linspace(0, len(self._attitudes) - 1, n).round().astype(int) if not self._others else range(n)
+            found, _ = self._evaluate([self._attitudes[k] for k in some], range_m, self._phases[:n])
+            self._known[range_m, n] = float(found.mean())
+        return self._known[range_m, n]
+
+    def of_attitude(self, attitude: Attitude, range_m: float, n: int) -> float:
+        """Return the probability of one attitude.
+
+        Parameters
+        ----------
+        attitude, range_m : the attitude, and the range [m].
+        n : number of places in the pixel grid over which the mean is taken.
+        """
+        found, _ = self._evaluate([attitude] * n, range_m, spread_attitudes(n)[1])
+        return float(found.mean())
+
+    def find_worst(self, range_m: float) -> Attitude:
+        """Find the attitude of least probability at a range [m]; of equal ones that with the fewest photons.
+
+        Attitudes are tried at a few places in the pixel grid. Those in which a face, an edge or a corner of the body's box
+        faces the lidar are among them. The worst ones are then turned by smaller and smaller angles, as long as that makes
+        them worse.
+        """
+        from scipy.spatial.transform import Rotation
+
+        tried = self._rank([*self._attitudes[:_TRIED], *self._others], range_m, _FEW_PLACES)[:_WORST]
+        ranked = self._rank([attitude for attitude, _ in tried], range_m, _PLACES)
+        if not self._others:  # attitudes of a run
+            return ranked[0][0]
+        ends = []
+        for worst, value in ranked[:_STARTS]:
+            for turn_deg in _TURNS_DEG:
+                turns = Rotation.from_rotvec(np.vstack([np.eye(3), -np.eye(3)]) * turn_deg, degrees=True).as_matrix()
+                beside, lower = self._rank([(worst[0], turn @ worst[1]) for turn in turns], range_m, _PLACES)[0]
+                if lower < value:
+                    worst, value = beside, lower
+            ends.append((value, worst))
+        return min(ends, key=lambda end: end[0])[1]
+
+    def _rank(
+        self, attitudes: Sequence[Attitude], range_m: float, n: int
+    ) -> list[tuple[Attitude, tuple[float, float]]]:
+        """Rank attitudes from the worst, each with its probability and photons.
+
+        Parameters
+        ----------
+        attitudes, range_m : the attitudes, and the range [m].
+        n : number of places in the pixel grid over which the means are taken.
+        """
+        places = np.tile(spread_attitudes(n)[1], (len(attitudes), 1))
+        found, photons = self._evaluate([one for one in attitudes for _ in range(n)], range_m, places)
+        means = np.stack([found.reshape(-1, n).mean(axis=1), photons.reshape(-1, n).mean(axis=1)], axis=1)
+        order = np.lexsort([means[:, 1], means[:, 0]])
+        return [(attitudes[k], (float(means[k, 0]), float(means[k, 1]))) for k in order]
+
+    def is_closed_form(self, range_m: float) -> bool:
+        """Return whether the detector has a closed form for this body at a range [m]."""
+        lidar = follow_gate(self._lidar, range_m)
+        there = self._place(self._attitudes[0], range_m, np.zeros(2))
+        light = cast_surfaces(lidar, self._surfaces, there, self._number, 1).light
+        return report_probability(lidar.detector, light, np.ones(len(light.pixel), bool)) is not None
+
+    def _evaluate(
+        self, attitudes: Sequence[Attitude], range_m: float, phases: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return probabilities and photons of attitudes at a range.
+
+        Parameters
+        ----------
+        attitudes, range_m : the attitudes, and the range [m].
+        phases : (attitude, right_down) places in the pixel grid.
+        """
+        lidar = follow_gate(self._lidar, range_m)
+        truths = [self._place(one, range_m, phase) for one, phase in zip(attitudes, phases, strict=True)]
+        covered = math.pi * (self.radius_m / range_m / lidar.receiver.pixel_tangent) ** 2
+        finest = max(math.isqrt(int(_MOST_RAYS / max(covered, 1.0))), 1)
+        return find_aspects(lidar, self._surfaces, self._number, truths, self._finding, finest)
+
+    def _place(self, attitude: Attitude, range_m: float, phase: np.ndarray) -> Truth:
+        """Return the truth of the body in one pose.
+
+        Parameters
+        ----------
+        attitude, range_m : the attitude, and the range [m].
+        phase : (right_down) place in the pixel grid.
+        """
+        row, turned = attitude
+        place_m = place_body(self._lidar, range_m, phase)
+        return move_target(self._scenario, self._number, self._preview.truth.at(row), place_m, turned)
