@@ -48,7 +48,7 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
     (pixel) probability, or None where a setting or the sunlight is not in the closed form.
     """
     neglected = [name for name in list_neglected_gsfl(gsfl) if not name.startswith(gsfl.ranging.algorithm)]
-    if neglected or _is_sunlit(gsfl, photons):
+    if neglected or gsfl.zero_crossing is not None or _is_sunlit(gsfl, photons):
         return None
     n_pixels = photons.shape[0] * photons.shape[1]
     shape = shape_pulse(gsfl, photons)

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rso_lidar import units
+from rso_lidar import optics, units
 from rso_lidar.detector import detect, report_probability
 from rso_lidar.detector.analysis.finding import at_least, estimate_k_of_n, k_of_n
 from rso_lidar.pose import Link
@@ -70,7 +70,8 @@ def find_probability(
 def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: int) -> float | None:
     """Solve the probability that at least `pixels` pixels report in one flash; None without a closed form.
 
-    All pixels of a flash have the energy of one pulse in common. Its jitter is integrated over.
+    All pixels of a flash have its energy in common, the mean over the pulses that the detector averages. Its jitter is
+    integrated over.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: in
     mine : (return) whether it comes from the target.
     pixels : least number.
     """
-    jitter = lidar.laser.energy_jitter_fraction
+    jitter = lidar.laser.energy_jitter_fraction / math.sqrt(lidar.detector.traits.pulses)
     factors, weights = np.ones(1), np.ones(1)
     if jitter > 0.0:
         nodes, weights = np.polynomial.hermite_e.hermegauss(_ENERGIES)
@@ -103,11 +104,13 @@ def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.r
     mine : (return) whether it comes from the target.
     rng : generator of the noise.
     """
-    fired, late_s = lidar.laser.fire(rng)
+    pulses = lidar.detector.traits.pulses
+    fired, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
     light = seen.light
     if fired is not lidar.laser:
         share = fired.energy_mj / lidar.laser.energy_mj
         light = replace(light, photons=light.photons * share, late_s=late_s)
+    _, light = optics.average_pulses([(seen.hits, light)], pulses, jitter)
     reading, _ = detect(light, lidar.detector, rng)
     return int(mark_reports(reading, light, mine).sum())
 
