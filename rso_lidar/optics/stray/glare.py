@@ -136,6 +136,23 @@ def veil(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.n
     return light
 
 
+def veil_on_axis(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.ndarray:
+    """Return the scattered light of each body (body) in a pixel on the boresight [photons/s].
+
+    Parameters
+    ----------
+    sky, receiver, hidden : as for `veil`.
+    """
+    glare = receiver.glare
+    assert glare is not None
+    shift = np.sqrt(np.sum(sky.direction[:, :2] ** 2, axis=1) + 0.5 * sky.radius_rad**2)
+    light = lens_light(sky, receiver) * glare.scatter_per_sr(shift)
+    if hidden is not None:
+        light = np.where(hidden, 0.0, light)
+    gathered = receiver.pixel_tangent**2 * receiver.transmission
+    return np.bincount(sky.body, gathered * light, len(BODIES))
+
+
 def lens_light(sky: Sky, receiver: Receiver) -> np.ndarray:
     """Return the light (element) of the sky on the aperture, behind its baffle [photons/s]."""
     glare = receiver.glare

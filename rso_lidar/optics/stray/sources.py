@@ -180,6 +180,8 @@ class SkyBodies:
         if radius < _SMALL_EARTH_RAD:
             n = _SMALL_EARTH_POINTS
             return _disc_points(self.earth, radius, n), np.full(n, _solid_angle(radius) / n), np.zeros(n)
+        if _angle(np.array([0.0, 0.0, 1.0]), self.earth) - radius > 0.5 * math.pi:
+            return np.empty((0, 3)), np.empty(0), np.empty(0)
         near = min(field_rad + 3.0 * knee_rad, 0.5 * math.pi)
         edges = list(np.linspace(0.0, near, min(math.ceil(2.0 * near / knee_rad), _MOST_RINGS) + 1))
         while edges[-1] < 0.5 * math.pi:
@@ -194,8 +196,11 @@ class SkyBodies:
                 np.stack([sine * np.cos(turn), sine * np.sin(turn), np.full(n, math.cos(middle))], axis=1)
             )
             solid.append(np.full(n, 2.0 * math.pi * (math.cos(low) - math.cos(high)) / n))
-        solid_sr = np.concatenate(solid)
-        return np.concatenate(directions), solid_sr, np.sqrt(solid_sr)
+        cells, solid_sr = np.concatenate(directions), np.concatenate(solid)
+        width_rad = np.sqrt(solid_sr)
+        limb = np.cos(np.minimum(radius + width_rad, math.pi))
+        some = np.flatnonzero(cells @ (self.earth / np.linalg.norm(self.earth)) >= limb)
+        return cells[some], solid_sr[some], width_rad[some]
 
 
 def locate_bodies(truth: Truth, moon_m: np.ndarray | None, earth_albedo: float, *, has_earth: bool) -> SkyBodies:

@@ -56,6 +56,8 @@ def timeline_figure(
     ]
     if "phase_rad" in table:
         panels.append(lambda axes: _draw_sun(axes, table))
+    if "sky_image_photons_per_s" in table:
+        panels.append(lambda axes: _draw_sky_light(axes, table))
     if "pan_demand_rad" in table:
         panels.append(lambda axes: _draw_angles(axes, table, travel_rad))
         panels.append(lambda axes: _draw_drive(axes, table, max_rate_rad_s))
@@ -129,9 +131,33 @@ def _draw_sun(axes: Axes, table: Table) -> None:
     axes.plot(
         table["time_s"], table["sun_off_boresight_rad"] / DEG, color=ORANGE, lw=1.2, label="Sun off the boresight"
     )
-    style_axes(axes, y="Sun [deg]")
-    axes.set_ylim(-7, 187)
+    low_deg, label = 0.0, "Sun [deg]"
+    if "sky_image_photons_per_s" in table:  # with stray light, the other bodies count too
+        label = "Sun, Earth,\nMoon [deg]"
+        for name, word, colour in (
+            ("earth_limb_off_boresight_rad", "Earth's limb", BLUE),
+            ("moon_off_boresight_rad", "Moon", hex_colour(QUIET)),
+        ):
+            if name in table:
+                axes.plot(table["time_s"], table[name] / DEG, color=colour, lw=1.0, label=word)
+                low_deg = min(low_deg, float(np.nanmin(table[name], initial=0.0)) / DEG)
+    style_axes(axes, y=label)
+    axes.set_ylim(low_deg - 7, 187)
     axes.set_yticks(range(0, 181, 60))
+    _draw_legend(axes)
+
+
+def _draw_sky_light(axes: Axes, table: Table) -> None:
+    """Draw the stray light of Sun, Earth and Moon in a pixel."""
+    for name, word, colour, width in (
+        ("sky_image_photons_per_s", "brightest pixel of their images", hex_colour(QUIET), 2.2),
+        ("sun_veil_photons_per_s", "veil of the Sun", ORANGE, 1.2),
+        ("earth_veil_photons_per_s", "of the Earth", BLUE, 1.2),
+        ("moon_veil_photons_per_s", "of the Moon", GREEN, 1.2),
+    ):
+        axes.plot(table["time_s"], _hide_zeros(table[name]), color=colour, lw=width, label=word)
+    style_axes(axes, y="Stray light\n[photons/s]")
+    _use_log_scale(axes, "no light of the sky")
     _draw_legend(axes)
 
 
@@ -293,7 +319,8 @@ def _hide_zeros(values: np.ndarray) -> np.ndarray:
     return np.where(values > 0.0, values, np.nan)
 
 
-def _use_log_scale(axes: Axes) -> None:
+def _use_log_scale(axes: Axes, without: str = "nothing in the field") -> None:
+    """Use a logarithmic axis, or write the text `without` into a panel where nothing is positive."""
     lines = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines]
     if any(np.isfinite(values).any() for values in lines):
         axes.set_yscale("log")
@@ -301,7 +328,7 @@ def _use_log_scale(axes: Axes) -> None:
         if high < 10.0 * low:
             axes.set_ylim(low / 2.5, high * 2.5)
     else:
-        axes.text(0.5, 0.5, "nothing in the field", transform=axes.transAxes, ha="center", va="center", fontsize=9)
+        axes.text(0.5, 0.5, without, transform=axes.transAxes, ha="center", va="center", fontsize=9)
 
 
 def _raise_top(axes: Axes) -> None:

@@ -172,6 +172,13 @@ def _describe_optional_optics(mission: Mission) -> list[str]:
         lens.append(f"distortion {receiver.distortion.type}")
     if receiver.filter_width_nm is not None:
         lens.append(f"filter {receiver.filter_width_nm:g} nm, sunlight counts")
+    if receiver.ghosts:
+        lens.append(f"ghosts of {', '.join(f'{100.0 * ghost.fraction:.2g} %' for ghost in receiver.ghosts)}")
+    if receiver.glare is not None:
+        shade = f", baffle of {receiver.glare.baffle.length_mm:g} mm" if receiver.glare.baffle else ""
+        lens.append(
+            f"glare of {' '.join(receiver.glare.sources)}, {100.0 * receiver.glare.total_scatter:.2g} % scattered{shade}"
+        )
     lines = [f"  beam      {', '.join(beam)}"] * bool(beam) + [f"  lens      {', '.join(lens)}"] * bool(lens)
     if schedule is not None:
         plans = [

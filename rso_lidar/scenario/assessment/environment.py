@@ -9,6 +9,7 @@ from rso_lidar.motion import Body
 from rso_lidar.motion.truth import Chief
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses
+from rso_lidar.scenario.assessment.stray_light import advise_on_glare
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 from rso_lidar.scenario.preview.sky import (
@@ -64,20 +65,24 @@ def advise_on_environment(mission: Mission, preview: Preview, constraints: Const
     preview : its preview.
     constraints : what is asked of the mission.
     """
-    around = compute_sky_geometry(mission, preview)
-    lines = _advise_on_sun(preview, around, near=constraints is None or constraints.sun_exclusion_deg is None)
-    if mission.lidar.receiver.filter_width_nm is not None:
+    around, glare = compute_sky_geometry(mission, preview), mission.lidar.receiver.glare
+    near = constraints is None or constraints.sun_exclusion_deg is None
+    simulated = () if glare is None else glare.sources
+    lines = _advise_on_sun(preview, around, near=near, simulated="sun" in simulated)
+    if mission.lidar.receiver.filter_width_nm is not None and "earth" not in simulated:
         lines += _advise_on_earth(preview, around)
+    lines += advise_on_glare(mission, preview, around)
     return lines + _advise_on_line_of_sight(mission, preview, around)
 
 
-def _advise_on_sun(preview: Preview, around: SkyGeometry, *, near: bool) -> list[str]:
+def _advise_on_sun(preview: Preview, around: SkyGeometry, *, near: bool, simulated: bool) -> list[str]:
     """Warn of the Sun in the field of view, and near it.
 
     Parameters
     ----------
     preview, around : geometry of the mission, and of the bodies around the lidar.
     near : whether to warn of a Sun outside the field too.
+    simulated : whether frames show the Sun and its glare.
     """
     if around.sun_m is None:
         return []
@@ -87,15 +92,17 @@ def _advise_on_sun(preview: Preview, around: SkyGeometry, *, near: bool) -> list
     inside = outside <= 0.0
     if inside.any():
         return [
-            f"the Sun is in the field of view {describe_share(inside, preview.time_s)}: it blinds a real sensor, and no "
-            "frame shows that; turn the boresight away, or start at another time"
+            f"the Sun is in the field of view {describe_share(inside, preview.time_s)}: it blinds a real sensor, and "
+            f"{'frames show its light, not the damage' if simulated else 'no frame shows that'}; turn the boresight away, "
+            "or start at another time"
         ]
     worst = int(np.argmin(outside))
-    if not near or outside[worst] >= _NEAR_DEG * units.DEG:
+    if not near or simulated or outside[worst] >= _NEAR_DEG * units.DEG:
         return []
     return [
         f"the Sun comes within {outside[worst] / units.DEG:.2f}° of the field of view at {preview.time_s[worst]:g} s, and "
-        "stray light is not in the frames; state the baffle's exclusion angle as constraints.sun_exclusion_deg"
+        "stray light is not in the frames; add [lidar.receiver.glare], or state the baffle's exclusion angle as "
+        "constraints.sun_exclusion_deg"
     ]
 
 
@@ -105,8 +112,8 @@ def _advise_on_earth(preview: Preview, around: SkyGeometry) -> list[str]:
         return []
     return [
         f"the Earth's disk is in the field of view {describe_share(covers, preview.time_s)} ({around.earth_side}): "
-        "lidar.receiver.filter_width_nm asks for sunlight, but that which the Earth scatters is not in the frames; look "
-        "away from the Earth"
+        "lidar.receiver.filter_width_nm asks for sunlight, but that which the Earth scatters is not in the frames; add "
+        "[lidar.receiver.glare], or look away from the Earth"
     ]
 
 

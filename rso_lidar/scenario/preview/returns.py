@@ -100,7 +100,7 @@ def cast_surfaces(
 
 @lru_cache(maxsize=64)
 def _reduce_rays(receiver: Receiver, per_side: int) -> Receiver:
-    return receiver.replace(rays_per_pixel=per_side**2, filter_width_nm=None)
+    return receiver.replace(rays_per_pixel=per_side**2, filter_width_nm=None, glare=None, ghosts=())
 
 
 def cast_attitudes(

@@ -24,6 +24,7 @@ from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.scene import Surface
 from rso_lidar.study.time_history.open_loop import find_umbras, fly_open_loop, format_utc
 from rso_lidar.study.time_history.opportunities import DetectionOpportunity, find_opportunities
+from rso_lidar.study.time_history.sky_light import tabulate_sky
 
 CASTS = 300  # greatest number of frames at which rays are cast
 _WHITE_PER_SR = 1.0 / np.pi
@@ -113,6 +114,7 @@ def timeline(
     name = scenario.target[number].name
     table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": format_utc(scenario, truth.time_s)}
     table |= _tabulate_geometry(truth, name)
+    table |= tabulate_sky(scenario, truth, frames)
     table |= _tabulate_pointing(scenario, truth.time_s, angles)
     table |= _tabulate_light(scenario, truth, number, casts)
     edge = scenario.instrument.at(0.0).receiver.field_edge
