@@ -267,6 +267,47 @@ def walk() -> Any:
     return figure
 
 
+def strong_returns() -> Any:
+    """Return the walk of readouts for strong returns over 1 : 250,000 in light, and the counts of one gain and of two."""
+    from matplotlib.ticker import NullLocator
+
+    figure = new_figure(
+        9.6, 4.8, "Strong returns",
+        "facing plates that fill 512 pixels, 8 ns pulse, jitter off; bands: 1 sigma of a pixel",
+    )  # fmt: skip
+    bias, heights = figure.subplots(1, 2)
+    laser, low = rl.Laser(), rl.detector.LowGain()
+    pulse = rl.detector.LaserPulse(*laser.pulse, laser.pulse_fwhm_s)
+    kinds = {
+        "default, 20 samples": (rl.Gsfl(timing=STILL), BLUE),
+        "40 samples": (rl.Gsfl(timing=STILL, readout=rl.detector.Readout(samples=40)), GREEN),
+        "two gains, 64 : 1": (rl.Gsfl(timing=STILL, readout=rl.detector.Readout(low_gain=low)), ORANGE),
+        "zero crossing": (rl.Gsfl(timing=STILL, zero_crossing=rl.detector.ZeroCrossing()), RED),
+    }
+    for label, (detector, colour) in kinds.items():
+        curve = rl.detector.simulate_walk_curve(detector, pulse, pixels=512)
+        middle, spread = curve.bias_m / units.CM, curve.noise_m / units.CM
+        bias.fill_between(curve.photons, middle - spread, middle + spread, color=colour, alpha=0.15, lw=0)
+        bias.plot(curve.photons, middle, ".-", color=colour, ms=4, lw=1.0, label=label)
+        if label.startswith(("default", "two")):
+            trials = [seen(detector, level, 64).intensity_counts.mean() for level in curve.photons]
+            unit = detector.readout.counts_per_intensity
+            name = f"{label.partition(',')[0]}: {unit} converter count{'s' * (unit > 1)} in one"
+            heights.plot(curve.photons, trials, ".-", color=colour, ms=4, lw=1.0, label=name)
+    bias.axhline(0.0, color=hex_colour(INK), lw=0.6)
+    bias.set(xscale="log", ylim=(-60, 60))
+    bias.set_yscale("symlog", linthresh=1.0, linscale=0.6)
+    bias.set_yticks([-50, -20, -10, -5, -2, -1, 0, 1, 2, 5, 10, 20, 50])
+    bias.yaxis.set_minor_locator(NullLocator())
+    heights.set(xscale="log", yscale="log")
+    format_thousands(bias.yaxis, heights.yaxis)
+    style_axes(bias, "Range walk over 1 : 250,000", x="Photons on the pixel", y="Range minus truth [cm]")
+    style_axes(heights, "Intensity", x="Photons on the pixel", y="intensity_counts")
+    key(bias, "lower left")
+    key(heights)
+    return figure
+
+
 def pixel() -> Any:
     """Return the life of one pixel at an edge, stage by stage."""
     figure = new_figure(
@@ -815,6 +856,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "false_alarms": false_alarms,
     "precision": precision,
     "walk": walk,
+    "strong_returns": strong_returns,
     "pixel": pixel,
     "gate": gate,
     "shared": shared,
