@@ -99,7 +99,9 @@ def _fly(
     )  # computed once, before workers share them
     with scenario.locate_errors():
         world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
-        course = motion.Course(scenario.bodies, scenario.epochs(numbers), commanded=controller is not None, **world)
+        commanded, exposure_s = controller is not None, scenario.lidar.exposure_s
+        epochs = scenario.epochs(numbers)
+        course = motion.Course(scenario.bodies, epochs, commanded=commanded, exposure_s=exposure_s, **world)
         aim = motion.Aim(
             scenario.pan_tilt, scenario.lidar.mount, scenario.bodies, *scenario.span, flights=course.flights, **world
         )

@@ -32,6 +32,7 @@ class Course:
     local : whether the world is local, without an Earth.
     sun_direction : direction to the Sun of a local world; None for none.
     commanded : whether a controller may give inputs to state-space models.
+    exposure_s : time during which the pulses of a flash are sent, half of it before and half after its epoch [s].
     """
 
     def __init__(
@@ -42,11 +43,14 @@ class Course:
         local: bool,
         sun_direction: Sequence[float] | None = None,
         commanded: bool = False,
+        exposure_s: float = 0.0,
     ) -> None:
         self._bodies, self._epochs, self._local, self._sun = bodies, epochs, local, sun_direction
         self.flights = _make_flights(bodies) if commanded else {}
         _check_slews(bodies, self.flights)
         self._whole = None if self.flights else self._at(epochs)
+        if exposure_s > 0.0:  # a motion that ends during the last exposure is an error now
+            self._near(slice(-1, None) if self._whole else slice(0, 1), np.array([-0.5, 0.5]) * exposure_s)
         self._blocks: dict[tuple[int, bytes], Truth] = {}
         self._since_s = 0.0
 

@@ -80,7 +80,7 @@ class Frame:
 
     @property
     def time_s(self) -> float:
-        """Return the instant of emission [s since start_utc]."""
+        """Return the instant of emission [s since start_utc]; of several pulses, the middle of their exposure."""
         return self.observation.time_s
 
     @property

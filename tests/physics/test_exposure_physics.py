@@ -43,7 +43,7 @@ def moving(position_m, velocity_m_s):
     return {"motion": {"type": "state_space", "axes": "local", "dynamics": coast, "initial_state": state}}
 
 
-def scene(target, follower=STILL, detector=GATE, ptu=None, rate_hz=RATE_HZ, frames=1, energy_mj=2.0, **plate):
+def scene(target, follower=STILL, detector=GATE, ptu=None, rate_hz=RATE_HZ, frames=1, energy_mj=2.0, rays=64, **plate):
     """Return a mission of a plate before a camera of 16 x 16 pixels, 1/8 degree each, on the bench."""
     return rl.Scenario(
         version=1,
@@ -60,7 +60,7 @@ def scene(target, follower=STILL, detector=GATE, ptu=None, rate_hz=RATE_HZ, fram
         ptu=ptu,
         lidar={
             "laser": {"energy_mj": energy_mj, "pulse_fwhm_ns": 4, "divergence_deg": 4, "pulse_rate_hz": rate_hz},
-            "receiver": {"fov_deg": 2, "n_rows": 16, "n_cols": 16, "f_number": 2.8, "rays_per_pixel": 64},
+            "receiver": {"fov_deg": 2, "n_rows": 16, "n_cols": 16, "f_number": 2.8, "rays_per_pixel": rays},
             "detector": detector,
         },
     )

@@ -14,7 +14,7 @@ class Gate(Part):
     The samples of `pulses` flashes are averaged. A matched filter then looks for returns above a threshold of constant
     false-alarm rate, `false_alarm_probability` for each pixel and frame. The threshold of a pixel follows from its dark
     current, the sunlight on it and the avalanches of both. Speckle is drawn independently for each pulse,
-    as if the target turned a little between them.
+    as if the target turned a little between them. `lidar.laser.pulse_rate_hz` says how far the scene really moves.
     """
 
     delay_ns: NotNegative = Field(

@@ -18,9 +18,9 @@ from rso_lidar.records import Truth
 from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scene import Surface
 
-# Greatest motion from one epoch to the next. Between two epochs motion is even, so the mean over them has no error of first
-# order. What is left of a pixel's light is below 1 % at an edge (docs/instrument.md).
-PIXELS, PULSE_LENGTHS, TURN_RAD = 0.25, 0.125, 0.5 * units.DEG
+# Greatest motion from one epoch to the next. An edge that crosses the border of a pixel between epochs d pixels apart leaves
+# an error of d / (8 n) of a full pixel's light, n epochs in all: 1.6 % for one epoch, 0.8 % at most for more.
+PIXELS, PULSE_LENGTHS, TURN_RAD = 0.125, 0.125, 0.5 * units.DEG
 MOST_EPOCHS = 64  # of one frame
 _PROBES = 5  # instants of an exposure at which rates are read
 _MOST_POINTS = 256  # of one surface
@@ -87,7 +87,7 @@ class Exposure:
     def count_epochs(self, smear: Smear, lidar: Lidar) -> int:
         """Return the number of epochs at which the pulses of a frame are cast.
 
-        From one to the next no point moves by more than a quarter of a pixel or an eighth of the pulse's length, and no
+        From one to the next no point moves by more than an eighth of a pixel or of the pulse's length, and no
         line of sight turns by more than half a degree on its target. There are at most as many as pulses, and at most 64.
 
         Parameters

@@ -11,7 +11,11 @@ _MOST_FRAMES = 5_000_000
 
 
 class Time(Part):
-    """Times of the frames: round(duration_s * frame_rate_hz) of them, at k / frame_rate_hz after `start_utc`."""
+    """Times of the frames: round(duration_s * frame_rate_hz) of them, at k / frame_rate_hz after `start_utc`.
+
+    Where `lidar.laser.pulse_rate_hz` spreads several pulses over time, that is the first pulse, and the time of the frame is
+    the middle of its pulses.
+    """
 
     start_utc: Instant = Field(
         description="Start of the scenario, such as `2024-09-17T12:00:00Z`; a time without an offset is an error."
