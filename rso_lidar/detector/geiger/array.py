@@ -176,9 +176,10 @@ class GeigerArray(Part):
     def traits(self) -> DetectorTraits:
         """Facts that a scenario reads about this detector."""
         primaries = threshold_primaries(self.pulses, self.dark_least_counts)
+        light = max(primaries - self.dark_count_rate_hz * self.peak_s, 1e-3 * primaries)  # dark counts do the rest
         return DetectorTraits(
             sees_to_m=self.gate_to_m,
-            threshold_photons=primaries / self.detection_efficiency,
+            threshold_photons=light / self.detection_efficiency,
             sees_from_m=self.gate_from_m,
             returns="strongest",
             saturation_photons=math.log(2.0 * self.pulses) / self.detection_efficiency,
