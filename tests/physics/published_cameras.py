@@ -309,3 +309,39 @@ def edge_jitter_ps(snr, rise_ns, fwhm_ns, bandwidth_mhz, edges, n=4000):
         before, after = traces[row, k], traces[row, k + 1]
         found.append(start + (k + (half - before) / (after - before)) * 100.0)
     return float(np.std(np.mean(found, axis=0)))
+
+
+def zero_crossing_cm(snr, fwhm_ns, bandwidth_mhz, differentiator_ns, n=6000):
+    """Return the range noise [cm] of a zero-crossing discriminator: amplifier noise alone, robust sigma.
+
+    Parameters
+    ----------
+    snr : top of the bipolar pulse over the channel's rms noise.
+    fwhm_ns : of the light's Gaussian pulse [ns].
+    bandwidth_mhz, differentiator_ns : of the timing channel [MHz, ns].
+    n : pulses.
+    """
+    laser = rl.Laser(pulse_fwhm_ns=fwhm_ns)
+    photons = 2e7
+    amplifier = Amplifier(bandwidth_mhz=bandwidth_mhz, noise_electrons=1.0, integration_ns=fwhm_ns)
+    t = np.arange(-2000, 4000) * 0.005
+    pole_ns, rate = amplifier.pole_s / units.NS, 1.0 / differentiator_ns
+    light = np.exp2(-((2.0 * t / fwhm_ns) ** 2))
+    light *= photons * 8.0 * fwhm_ns / (light.sum() * 0.005)  # quantum efficiency 0.8, gain 10
+    after = np.arange(4000) * 0.005
+    one = signal.fftconvolve(light, after / pole_ns**2 * np.exp(-after / pole_ns))[: len(t)] * 0.005
+    top = (one - signal.fftconvolve(one, rate * np.exp(-rate * after))[: len(t)] * 0.005).max()
+    noise = top / snr
+    detector = rl.Gsfl(
+        armed_from_m=80.0, armed_to_m=120.0, apd=Apd(dark_current_na=0.0, statistics="gaussian"), amplifier=amplifier,
+        trigger=Trigger(threshold_electrons=0.3 * photons * 8.0, threshold_spread_fraction=0.0),
+        readout=Readout(sample_ns=0.4, samples=64, pretrigger_samples=24, electrons_per_count=photons / 5000, adc_bits=16),
+        timing=Timing(pixel_jitter_ns=0.0),
+        zero_crossing=rl.detector.ZeroCrossing(
+            differentiator_ns=differentiator_ns, noise_electrons=noise, arming_electrons=5.0 * noise, rail_electrons=1e12,
+            hold_ns=2.0 * fwhm_ns,
+        ),
+    )  # fmt: skip
+    places = 100.0 + np.modf(np.arange(n) * 0.618_034)[0]
+    returns = make_point_returns((1, n), laser.pulse, laser.pulse_fwhm_s, np.arange(n), places, np.full(n, photons))
+    return 100.0 * run_trial(detector, returns, np.random.default_rng(6), places).range_noise_m

@@ -207,3 +207,8 @@ def test_closed_form_counts_dark_counts_in_the_peak(validation, photons):
         + 0.08,  # the fullest of the windows that hold the pulse: + 0.3 sigma
         unit="1",
     )
+    alive = part.replace(
+        hold_off_ns=1.0, peak_ns=4.0
+    )  # noise neither kills the pixel, nor does the window cut the pulse
+    half = predict(alive, pulse, np.array([alive.traits.threshold_photons]), 0.0).probability[0]
+    assert half == pytest.approx(0.5, abs=0.06)
