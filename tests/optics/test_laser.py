@@ -183,3 +183,18 @@ def test_a_steady_laser_draws_nothing():
 def test_a_laser_in_the_lens_has_no_offset(offset):
     assert Laser(offset_m=offset).offset is None
     assert Laser(offset_m=(0.0, 0.1, 0.0)).offset.tolist() == [0.0, 0.1, 0.0]
+
+
+def test_each_pulse_of_a_frame_is_fired_by_itself():
+    """Energies over their mean and delays beyond it: with the mean they are the pulses' own, with the spread of each."""
+    laser = Laser(energy_jitter_fraction=0.03, timing_jitter_ns=0.5, energy_mj=20.0)
+    n = 4000
+    mean, late_s, (energy, beyond_s) = laser.fire_pulses(np.random.default_rng(8), n)
+    assert (energy.mean(), beyond_s.mean()) == (pytest.approx(1.0, rel=1e-12), pytest.approx(0.0, abs=1e-20))
+    own, own_s = mean.energy_mj / 20.0 * energy - 1.0, late_s + beyond_s
+    for values, sigma in ((own, 0.03), (own_s, 0.5e-9)):
+        assert values.mean() == pytest.approx(0, abs=4 * sigma / math.sqrt(n)) and values.mean() != 0.0
+        assert values.std() == pytest.approx(sigma, rel=4 / math.sqrt(2 * n))
+    one, steady = (part.fire_pulses(np.random.default_rng(8), pulses) for part, pulses in ((laser, 1), (Laser(), 9)))
+    assert one == (*laser.fire(np.random.default_rng(8)), None)
+    assert steady == (Laser(), 0.0, None)

@@ -8,10 +8,7 @@ import numpy as np
 
 from rso_lidar.kernels import packed
 from rso_lidar.optics.returns.clusters import find_clusters
-from rso_lidar.records import Hits, Photons, Rays
-
-_OF_RETURNS = ("pixel", "delay_s", "photons", "depth_spread_s", "coherence_cells")
-_OF_HITS = ("pixel", "target", "facet", "part", "range_m", "cos_incidence", "brdf_per_sr")
+from rso_lidar.records import Hits, Photons, Rays, Record, specs
 
 
 def assign_pulses(pulses: int, epochs: int) -> np.ndarray:
@@ -84,14 +81,10 @@ def _join_hits(hits: Sequence[Hits], shares: np.ndarray) -> tuple[Hits, list[np.
     rays, ray_number = _join_rays([one.rays for one in hits], shares)
     ray = np.concatenate([number[one.ray] for number, one in zip(ray_number, hits, strict=True)])
     order = np.argsort(ray, kind="stable")
-    joined = {name: np.concatenate([getattr(one, name) for one in hits])[order] for name in _OF_HITS}
-    weight = np.concatenate([one.weight * share for one, share in zip(hits, shares, strict=True)])[order]
-    sunlight = None
-    if all(one.sunlight_per_sr is not None for one in hits):
-        sunlight = np.concatenate([one.sunlight_per_sr for one in hits])[order]
-    return Hits(rays=rays, ray=ray[order], weight=weight, sunlight_per_sr=sunlight, **joined), _split_numbers(
-        order, hits
-    )
+    joined = _join_arrays(hits, "hit", order)
+    joined["ray"] = ray[order]
+    joined["weight"] = joined["weight"] * np.repeat(shares, [len(one.pixel) for one in hits])[order]
+    return replace(hits[0], rays=rays, **joined), _split_numbers(order, hits)
 
 
 def _join_rays(rays: Sequence[Rays], shares: np.ndarray) -> tuple[Rays, list[np.ndarray]]:
@@ -102,11 +95,27 @@ def _join_rays(rays: Sequence[Rays], shares: np.ndarray) -> tuple[Rays, list[np.
     rays : of each epoch.
     shares : (epoch) share of the pulses.
     """
-    pixel = np.concatenate([one.pixel for one in rays])
-    order = np.argsort(pixel, kind="stable")
-    direction = np.concatenate([one.direction for one in rays])[order]
-    weight = np.concatenate([one.weight * share for one, share in zip(rays, shares, strict=True)])[order]
-    return Rays(rays[0].shape, direction, pixel[order], weight), _split_numbers(order, rays)
+    order = np.argsort(np.concatenate([one.pixel for one in rays]), kind="stable")
+    joined = _join_arrays(rays, "ray", order)
+    joined["weight"] = joined["weight"] * np.repeat(shares, [len(one.pixel) for one in rays])[order]
+    return replace(rays[0], **joined), _split_numbers(order, rays)
+
+
+def _join_arrays(records: Sequence[Record], dim: str, order: np.ndarray) -> dict[str, Any]:
+    """Join the arrays of records over one dimension, by name; an optional array that a record lacks is left out.
+
+    Parameters
+    ----------
+    records : of each epoch, of one class.
+    dim : name of the dimension, the first of the arrays.
+    order : of the joined rows.
+    """
+    joined: dict[str, Any] = {}
+    for name, spec in specs(type(records[0])).items():
+        if spec.dims[0] == dim:
+            values = [getattr(one, name) for one in records]
+            joined[name] = None if any(one is None for one in values) else np.concatenate(values)[order]
+    return joined
 
 
 def _split_numbers(order: np.ndarray, of: Sequence[Hits] | Sequence[Rays]) -> list[np.ndarray]:
@@ -129,21 +138,17 @@ def _join_photons(
     hit_number : (epoch) of (hit), new numbers of the hits.
     """
     order = np.argsort(np.concatenate([one.pixel for one in photons]), kind="stable")
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(one, name) for one in photons])[order] for name in _OF_RETURNS
-    }
-    share = np.repeat(shares, [len(one.pixel) for one in photons])[order]
-    joined["photons"] = joined["photons"] * share
+    counts = [len(one.pixel) for one in photons]
+    joined = _join_arrays(photons, "return", order)
+    joined["photons"] = joined["photons"] * np.repeat(shares, counts)[order]
     joined["hit"] = np.concatenate([new[one.hit] for new, one in zip(hit_number, photons, strict=True)])[order]
-    joined["epoch"] = np.repeat(np.arange(len(photons), dtype=np.int32), [len(one.pixel) for one in photons])[order]
-    cluster, cluster_pixel = find_clusters(
+    joined["epoch"] = np.repeat(np.arange(len(photons), dtype=np.int32), counts)[order]
+    joined["cluster"], joined["cluster_pixel"] = find_clusters(
         packed(joined["pixel"]), packed(joined["delay_s"]), packed(joined["depth_spread_s"]), photons[0].pulse_fwhm_s
     )
     return replace(
         photons[0],
         **joined,
-        cluster=cluster,
-        cluster_pixel=cluster_pixel,
         filled_fraction=_average([one.filled_fraction for one in photons], shares),
         background_photons_per_s=_average([one.background_photons_per_s for one in photons], shares),
         pulse_epoch=pulse_epoch,

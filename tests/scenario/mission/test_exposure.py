@@ -88,6 +88,27 @@ def test_a_command_acts_after_the_last_pulse():
     assert np.degrees(frames[1].truth.pointing.actual_rad[0]) == pytest.approx(0.5 * (1.0 - 0.5 * length_s), abs=2e-3)
 
 
+def push(time_s, state, inputs):
+    """Return the derivatives of position and velocity under an acceleration."""
+    return np.concatenate([state[3:], inputs])
+
+
+def test_commanded_inputs_hold_from_the_last_pulse_on():
+    motion = {
+        "type": "state_space",
+        "axes": "local",
+        "dynamics": push,
+        "initial_state": (0.0,) * 6,
+        "inputs": (0.0,) * 3,
+    }
+    scenario = scene(FACING, {"motion": motion}, detector=FEW, rate_hz=50.0, frames=2)
+    frames = list(rl.simulate(scenario, lambda observation: Command(inputs={"follower": [0.0, 1.5, 0.0]})))
+    exposure, length_s = frames[1].truth.exposure, 5 / 50.0
+    at_m = exposure.poses.place("inertial", "lidar")[0][:, 1]
+    np.testing.assert_allclose(at_m, 0.5 * 1.5 * (exposure.time_s - length_s) ** 2, rtol=1e-9)
+    assert frames[0].truth.exposure is None
+
+
 def test_jitter_of_pointing_holds_for_a_frame():
     ptu = SCAN | {"errors": {"jitter_deg": 0.5, "misalignment_deg": [0.2, 0.0]}}
     shaken, calm = (next(rl.simulate(scene(FACING, ptu=one, detector=FEW, rate_hz=50.0))) for one in (ptu, SCAN))
