@@ -850,6 +850,36 @@ def published() -> Any:
     return figure
 
 
+def stray_light() -> Any:
+    """Steady light and laser light of the example with ghosts and glare, as the Sun passes behind the satellite."""
+    from matplotlib.colors import LogNorm
+
+    scenario = rl.Scenario.load(FOLDER.parents[1] / "examples" / "ghosts_and_glare.toml")
+    frames = list(rl.simulate(scenario, frames=[1, 9, 15, 18], keep=["photons"]))
+    figure = new_figure(
+        11.0,
+        6.1,
+        "The Sun passes behind a satellite: images, ghosts, veil and halo",
+        "expected photons in four frames of the example ghosts_and_glare; upper row without the laser",
+    )
+    rows = figure.subplots(2, len(frames), sharex=True, sharey=True)
+    for column, frame in zip(rows.T, frames, strict=True):
+        photons = frame.kept["photons"]
+        steady = photons.background_photons_per_s
+        pulse = np.bincount(photons.pixel, photons.photons, steady.size).reshape(steady.shape)
+        drawn = (steady, LogNorm(1e7, 1e14), "magma"), (np.maximum(pulse, 1e-2), LogNorm(0.1, 1e5), "viridis")
+        for axes, (image, norm, colours), row, label in zip(
+            column, drawn, rows, ("steady light [photons/s]", "laser light [photons]"), strict=True
+        ):
+            shown = axes.imshow(image, norm=norm, cmap=colours, interpolation="none")
+            axes.set_xticks([])
+            axes.set_yticks([])
+            if frame is frames[-1]:
+                figure.colorbar(shown, ax=list(row), label=label, pad=0.01)
+        column[0].set_title(f"{frame.time_s:.0f} s", fontsize=9.5, color=hex_colour(INK))
+    return figure
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "counts": counts,
     "detection": detection,
@@ -866,6 +896,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "relative_models": relative_models,
     "link_budget": link_budget,
     "models": models,
+    "stray_light": stray_light,
     "published": published,
 }
 

@@ -45,11 +45,13 @@ def at_edge(frame):
 def test_every_example_has_a_test():
     assert set(NAMES) == {
         "tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop", "gated_search", "proximity_1570",
-        "safety_ellipse", "thrusters", "lunar_descent", "geiger_bench",
+        "safety_ellipse", "thrusters", "lunar_descent", "geiger_bench", "ghosts_and_glare",
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("closed_loop", "proximity_1570", "thrusters")])
+@pytest.mark.parametrize(
+    "name", [name for name in NAMES if name not in ("closed_loop", "ghosts_and_glare", "proximity_1570", "thrusters")]
+)
 def test_there_is_nothing_to_warn_of(name):
     assert load(name).advice() == []
 
@@ -475,3 +477,40 @@ def test_geiger_bench_counts_every_seventh_pulse():
     assert photons == pytest.approx(0.4, abs=0.02)
     assert counts.mean() == pytest.approx(100 / 7, rel=0.12)
     assert np.isfinite(errors_m).mean() > 0.99 and abs(np.nanmean(errors_m)) < 0.03
+
+
+# ----------------------------------------------------------------------------------------------- ghosts_and_glare
+
+
+def test_ghosts_and_glare_is_warned_of_the_sun_alone():
+    """The Sun is in the field for all but the first frames, and its light is what makes pixels noisy."""
+    field, noise = load("ghosts_and_glare").advice()
+    assert "the Sun is in the field of view 94% of the time" in field
+    assert "light of the sky in the field makes the noise of a pixel" in noise
+
+
+def test_ghosts_and_glare_hides_the_sun_behind_the_satellite():
+    """Before and after, the disc lights 146 pixels of 0.68 mrad; behind the bus a sliver of it is left."""
+    scenario = load("ghosts_and_glare")
+    before, behind = rl.simulate(scenario, frames=[14, 18], keep=["photons"])
+    sky = [frame.kept["photons"].background_photons_per_s for frame in (before, behind)]
+    disc = np.pi * (4.65e-3 / scenario.lidar.receiver.pixel_tangent) ** 2
+    assert 0.5 * disc < np.count_nonzero(sky[0] > 1e13) < 1.3 * disc
+    assert np.count_nonzero(sky[1] > 1e13) < 0.2 * disc
+    assert np.median(sky[1]) < 0.2 * np.median(sky[0])
+    assert before.valid[sky[0] > 3e13].mean() > 0.9  # blinded pixels report at once, at the near end of their window
+    assert np.nanmedian(before.range_m[sky[0] > 3e13]) < 10.0
+
+
+def test_ghosts_and_glare_labels_only_what_is_there():
+    """The first ghost alone gives light where the second and the image do not; labels are those of a lens without them."""
+    scenario = load("ghosts_and_glare")
+    clean = scenario.lidar.receiver.replace(ghosts=(), glare=None)
+    (frame,) = rl.simulate(scenario, frames=[0], keep=["photons"])
+    (plain,) = rl.simulate(scenario.replace(lidar=scenario.lidar.replace(receiver=clean)), frames=[0], keep=["photons"])
+    for name in ("range_m", "target", "photons"):
+        assert np.array_equal(getattr(frame.labels, name), getattr(plain.labels, name), equal_nan=True)
+    light = [np.bincount(one.kept["photons"].pixel, one.kept["photons"].photons, 128 * 128) for one in (frame, plain)]
+    ghosts = light[0] - light[1]
+    assert 0.009 < ghosts.sum() / light[1].sum() < 0.012
+    assert ghosts[light[1] == 0.0].sum() > 0.0
