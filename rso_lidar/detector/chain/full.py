@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from rso_lidar.detector.chain.charge_spill import spill_charge
 from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.range_gate import store_gate
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.chain.traces import store_traces
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.stages.bloom import spill_charge
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
 

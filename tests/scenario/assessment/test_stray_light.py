@@ -37,7 +37,8 @@ def test_a_baffle_silences_the_warning():
     loud = "lidar.receiver.glare.peak_per_sr=4.0"
     assert lines_about("glare, mostly of the Sun,", bench(far, loud))
     lens_mm = bench().lidar.receiver.aperture_m * 1e3
-    shade = f"lidar.receiver.glare.baffle={{ length_mm = {8 * lens_mm}, diameter_mm = {1.6 * lens_mm}, leak_fraction = 1e-6 }}"
+    size = f"length_mm = {8 * lens_mm}, diameter_mm = {1.6 * lens_mm}"
+    shade = f"lidar.receiver.glare.baffle={{ {size}, leak_fraction = 1e-6 }}"
     assert not lines_about("glare", bench(far, loud, shade))
 
 
