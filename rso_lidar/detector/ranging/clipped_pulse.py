@@ -1,8 +1,9 @@
 """Place of a pulse that clips so far that hardly a sample of it is left: from its edges on both sides of the plateau.
 
 The first edge gives a place for each height of the pulse, the last edge another. Both agree at one height. Where the last
-edge lies beyond the stored samples, the steepness of the first one tells the height, less well: a Gaussian flank is steeper the
-farther it is from the peak. The place is then the mean over all heights that the samples allow. A pulse of known shape is assumed, as for the matched filter, down to 1e-10 of its peak.
+edge lies beyond the stored samples, the steepness of the first one tells the height, less well: a Gaussian flank is steeper
+the farther it is from the peak. The place is then the mean over all heights that the samples allow. A pulse of known shape
+is assumed, as for the matched filter, down to 1e-10 of its peak.
 """
 
 import math
@@ -138,9 +139,9 @@ def read_level(edge: np.ndarray, per_neper: float, time: float) -> float:
     time : [samples after the peak].
     """
     low, high = 0, edge.shape[0] - 1  # the edge at `low` is later
-    level: float = -high / per_neper
+    place: float = high
     if time <= edge[high]:
-        return level
+        return -place / per_neper
     while high - low > 1:
         middle = (low + high) // 2
         if edge[middle] > time:
@@ -148,8 +149,8 @@ def read_level(edge: np.ndarray, per_neper: float, time: float) -> float:
         else:
             high = middle
     share = (edge[low] - time) / max(edge[low] - edge[high], 1e-12)
-    level = -(low + min(max(share, 0.0), 1.0)) / per_neper
-    return level
+    place = low + min(max(share, 0.0), 1.0)
+    return -place / per_neper
 
 
 @kernel

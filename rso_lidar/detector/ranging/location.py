@@ -44,8 +44,8 @@ def locate(
     sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
     sigma_counts : rms of the noise [counts].
     threshold_counts : level of the algorithm leading_edge [counts].
-    clipped : (trace, sample) samples at the converter's rail. The fit leaves them out where 3 others are in the pulse; else the edges of
-        the pulse give its place.
+    clipped : (trace, sample) samples at the converter's rail. The fit leaves them out where 3 others are in the pulse; else
+        the edges of the pulse give its place.
     railed : (trace, sample) samples at the rail of the converter or of an amplifier that saturates; None without the latter.
         Then the edges give the place of any pulse that reaches it.
     recovery_s : time constant of the amplifier's recovery, 0 without [s].

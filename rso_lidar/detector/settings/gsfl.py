@@ -185,11 +185,12 @@ class Gsfl(Part):
                 f"zero_crossing.rail_electrons ({timed.rail_electrons:g}) is not above zero_crossing.arming_electrons "
                 f"({timed.arming_electrons:g}), which no pulse could reach; raise the rail"
             )
-        if timed.arming_electrons < 3.0 * timed.noise_electrons:
+        dark, pole_s, width_s = self.apd.dark_electrons_per_s, self.amplifier.pole_s, self.amplifier.integration_s
+        noise = float(noise_rms(self.apd, dark, timed.noise_electrons, pole_s, width_s))
+        if timed.arming_electrons < 3.0 * noise:
             raise ValueError(
-                f"zero_crossing.arming_electrons ({timed.arming_electrons:g}) is below 3 times "
-                f"zero_crossing.noise_electrons ({timed.noise_electrons:g}): noise would arm the channel before the pulse; "
-                "raise it"
+                f"zero_crossing.arming_electrons ({timed.arming_electrons:g}) is below 3 times the noise of the channel "
+                f"({noise:.0f} electrons), which would arm it before the pulse; raise it"
             )
 
     def replace(self, **changes: Any) -> Self:
@@ -285,7 +286,7 @@ class Gsfl(Part):
     def clipped_range_photons(self) -> float:
         """Photons of a return from which its range is no better than decimetres, because too little of it is stored.
 
-        The edges of a clipped pulse give its place where both are stored. The last one lies up to some 50 ns behind the latch.
+        The edges of a clipped pulse give its place where both are stored. The last lies up to some 50 ns behind the latch.
         """
         stored_s = (self.readout.samples - self.readout.pretrigger_samples) * self.readout.sample_s
         if self.zero_crossing is not None or self.gate is not None or stored_s > _EDGES * self.amplifier.integration_s:

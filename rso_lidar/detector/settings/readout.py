@@ -26,7 +26,7 @@ class LowGain(Part):
         default=12,
         description="Resolution of this channel's converter [bits]. Default: assumed, that of the first channel.",
     )
-    noise_counts: NotNegative = Field(
+    noise_counts: Annotated[Number, Field(ge=0.0, le=100.0)] = Field(
         default=0.5,
         description=(
             "Rms noise of a sample that this channel adds [counts], of its own converter, white from sample to sample. "

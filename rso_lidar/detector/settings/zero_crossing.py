@@ -1,10 +1,12 @@
 """Settings of a zero-crossing discriminator: a timing channel that makes a unipolar pulse bipolar."""
 
+from typing import Annotated
+
 from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.detector.settings.presets import DEFAULT
-from rso_lidar.part import NotNegative, Part, Positive
+from rso_lidar.part import NotNegative, Number, Part, Positive
 
 
 class ZeroCrossing(Part):
@@ -25,7 +27,7 @@ class ZeroCrossing(Part):
     A pixel whose channel never arms, such as one that noise triggers, reports the range of its samples.
     """
 
-    differentiator_ns: Positive = Field(
+    differentiator_ns: Annotated[Number, Field(ge=0.2, le=50.0)] = Field(
         default=4.0,
         description="Time constant τ of the differentiator [ns]. Default: assumed, half the length of the default pulse.",
     )
@@ -47,14 +49,14 @@ class ZeroCrossing(Part):
         default=200_000.0,
         description="Amplitude at which this channel's amplifier clips [electrons]. Default: assumed.",
     )
-    recovery_ns: NotNegative = Field(
+    recovery_ns: Annotated[Number, Field(ge=0.0, le=20.0)] = Field(
         default=0.4,
         description=(
             "Time constant τᵣ of the charge that clipping stores [ns]; crossings of strong pulses come later by up to "
             "about this. Default: assumed, for a walk of the size that Baharmast & Kostamovaara report."
         ),
     )
-    hold_ns: NotNegative = Field(
+    hold_ns: Annotated[Number, Field(ge=0.0, le=100.0)] = Field(
         default=5.0,
         description=(
             "Time before the pixel's latch from which on the channel can arm [ns]: weak pulses latch near their peak. "
