@@ -38,6 +38,7 @@ from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.picture.selection.scale import nice_down
 from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
+from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from rso_lidar.scenario.mission.target_surfaces import build_whole_surface
@@ -880,6 +881,78 @@ def stray_light() -> Any:
     return figure
 
 
+BOUNCING = ("tdrs", "juno", "dawn", "rosetta", "stardust", "lro", "suomi_npp", "comsat", "rocket_body")
+FOIL_ATTITUDE = 4  # frame of the example
+
+
+def second_bounce() -> Any:
+    """Return the light of the second bounce: of one frame by pixel, and of shipped craft over its depth."""
+    scenario = rl.Scenario.load(Path(__file__).resolve().parents[1] / "examples" / "second_bounce.toml")
+    lidar = scenario.lidar.replace(receiver=scenario.lidar.receiver.replace(rays_per_pixel=400))
+    scenario, alone = (scenario.replace(lidar=lidar.replace(bounces=n)) for n in (2, 1))
+    (first,), (both,) = (tuple(rl.simulate(one, frames=[FOIL_ATTITUDE])) for one in (alone, scenario))
+    figure = new_figure(
+        11.0,
+        4.6,
+        "Light that meets two surfaces",
+        "a craft in gold foil at 320 m (examples/second_bounce), and nine shipped craft in six random attitudes each",
+    )
+    direct, second = first.labels.photons, both.labels.photons - first.labels.photons
+    rows, cols = (np.flatnonzero((both.labels.photons > 0).any(axis=axis)) for axis in (1, 0))
+    window = slice(rows[0] - 2, rows[-1] + 3), slice(cols[0] - 2, cols[-1] + 3)
+    panels = ((0.46, direct, "first bounce"), (0.06, second, "second bounce"))
+    for low, photons, title in panels:
+        axes = figure.add_axes((0.03, low, 0.50, 0.30))
+        image = np.log10(np.maximum(photons[window], 1.0))
+        shown = axes.imshow(np.where(photons[window] > 0, image, np.nan), cmap="viridis", vmin=1.0, vmax=4.5)
+        axes.set_title(
+            f"{title}: {photons.sum(dtype=float) / 1e6:.1f} million photons", fontsize=9.5, color=hex_colour(INK)
+        )
+        axes.set_axis_off()
+    bar = figure.colorbar(shown, cax=figure.add_axes((0.545, 0.12, 0.012, 0.55)), ticks=[1, 2, 3, 4])
+    bar.ax.set_yticklabels(["10", "100", "1,000", "10⁴"], fontsize=8)
+    bar.ax.set_title("photons", fontsize=8, color=hex_colour(QUIET))
+    axes = figure.add_axes((0.675, 0.15, 0.305, 0.61))
+    for material, label, colour in ((None, "catalogue's materials", BLUE), ("mli_gold", "gold foil all over", ORANGE)):
+        points = np.array([_bounced_share(name, material, k) for name in BOUNCING for k in range(6)])
+        axes.plot(100.0 * points[:, 0], points[:, 1], "o", ms=4, color=colour, alpha=0.75, label=label)
+    axes.set_xscale("log")
+    axes.set_xlim(0.8, 400.0)
+    axes.set_xticks([1, 10, 100], ["1 %", "10 %", "100 %"])
+    style_axes(axes, x="light of the second bounce over that of the first", y="mean depth behind the first [m]")
+    key(axes, "upper left")
+    return figure
+
+
+def _bounced_share(name: str, material: str | None, attitude: int) -> tuple[float, float]:
+    """Return the light of a craft's second bounce over that of the first, and its depth behind it in the same pixels [m].
+
+    Parameters
+    ----------
+    name, material : the model, and the material of all of its parts (None: the catalogue's).
+    attitude : number of a random attitude, at 300 m.
+    """
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+    target = rl.Target(name="craft", model=name, material=material, motion=rl.Fixed(position_m=(0.0, 0.0, 0.0)))
+    surface = build_whole_surface(target, Path, 1064e-9)
+    turn = Rotation.random(rng=np.random.default_rng(attitude))
+    links = {"lidar": Link.still(), "craft": Link.still(RigidTransform.from_components([0.0, 0.0, 300.0], turn))}
+    truth = rl.records.Truth(0.0, PoseTree({"lidar": "inertial", "craft": "lidar"}, links), {}, np.full(3, np.nan))
+    receiver, laser = rl.Receiver(fov_deg=6.0, f_number=2.8), rl.Laser(divergence_deg=6.0)
+    hits = rl.scene.cast(rl.optics.pixel_rays(receiver, laser, rl.scene.extent([surface], truth)), [surface], truth)
+    paths = rl.scene.bounce(hits, [surface], truth, np.array([16, attitude], np.uint32))
+    n = receiver.n_rows * receiver.n_cols
+    (first, first_s), (light, light_s) = (
+        (np.bincount(one.pixel, one.photons, n), np.bincount(one.pixel, one.photons * one.delay_s, n))
+        for one in (rl.optics.collect(hits, laser, receiver, bounces=given) for given in (None, paths))
+    )
+    on = first > 0.0
+    second, second_s = (light - first)[on], (light_s - first_s)[on]
+    late_s = (second_s - second * first_s[on] / first[on]).sum() / max(second.sum(), 1e-9)
+    return float(second.sum() / first.sum()), float(late_s * units.RANGE_PER_DELAY_M_S)
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "counts": counts,
     "detection": detection,
@@ -898,6 +971,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "models": models,
     "stray_light": stray_light,
     "published": published,
+    "second_bounce": second_bounce,
 }
 
 

@@ -14,6 +14,7 @@ from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.scenario.assessment.compliance import list_violations
 from rso_lidar.scenario.assessment.environment import advise_on_environment
+from rso_lidar.scenario.assessment.interreflection import advise_on_second_bounce
 from rso_lidar.scenario.assessment.multiple_returns import advise_on_separations
 from rso_lidar.scenario.assessment.smear import advise_on_exposure
 from rso_lidar.scenario.mission.mission import Mission
@@ -48,6 +49,7 @@ def advise(mission: Mission, preview: Preview | None = None) -> list[str]:
     lines += _advise_on_missing_sun(mission)
     lines += _advise_on_parallax(mission, preview)
     lines += _advise_on_brightness(mission, preview)
+    lines += advise_on_second_bounce(mission, preview)
     lines += _advise_on_light_time(preview)
     lines += advise_on_exposure(mission, preview)
     lines += advise_on_environment(mission, preview, mission.constraints)

@@ -16,6 +16,7 @@ from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.part import kind_of
 from rso_lidar.scenario.assessment.advice import advise
 from rso_lidar.scenario.assessment.environment import describe_environment
+from rso_lidar.scenario.assessment.interreflection import describe_second_bounce
 from rso_lidar.scenario.assessment.multiple_returns import describe_separations
 from rso_lidar.scenario.assessment.smear import describe_exposure
 from rso_lidar.scenario.mission.mission import Mission
@@ -45,6 +46,7 @@ def describe(mission: Mission) -> str:
     lines += _describe_instrument(mission, preview)
     for number in range(len(preview.targets)):
         lines += _describe_budget(mission, number, preview)
+    lines += describe_second_bounce(mission, preview)
     warned = advise(mission, preview)
     lines += [f"warning     {line}" for line in warned] or ["warnings    none"]
     return "\n".join(lines)

@@ -20,6 +20,7 @@ from rso_lidar.scene import Surface
 
 _MOST_RAYS = 4_000_000  # in all casts of one line of a description, so that a large, near target takes seconds
 _MOST_ATTITUDES = 48
+_PATHS_KEY = np.array([0x6265666F, 0x72656C79], np.uint32)  # fixed, so that repeated calls give the same result
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,10 @@ def cast_surfaces(
     receiver = _reduce_rays(lidar.receiver, own if finest is None else max(min(own, finest), 1))
     rays = optics.pixel_rays(receiver, lidar.laser, scene.extent(surfaces, truth))
     hits = scene.cast(rays, surfaces, truth, 1, laser_from_m=lidar.laser.offset, aperture_m=receiver.aperture_m)
-    light = optics.collect(hits, lidar.laser, receiver)
+    paths = None
+    if lidar.bounces > 1:
+        paths = scene.bounce(hits, surfaces, truth, _PATHS_KEY, 1, laser_from_m=lidar.laser.offset)
+    light = optics.collect(hits, lidar.laser, receiver, bounces=paths)
     mine = hits.target[light.hit] == number
     pixel = np.unique(light.pixel[mine])
     photons = np.bincount(light.pixel[mine], light.photons[mine], receiver.n_rows * receiver.n_cols)[pixel]

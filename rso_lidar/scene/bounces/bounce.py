@@ -20,7 +20,7 @@ from rso_lidar.kernels import packed
 from rso_lidar.parallel import run_in_threads
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import Bounces, Hits, Truth
-from rso_lidar.scene.bounces.openings import find_openings
+from rso_lidar.scene.bounces.openings import find_openings, mark_open
 from rso_lidar.scene.bounces.path_starts import number_facets, start_paths
 from rso_lidar.scene.bounces.scattering import LEAST_COSINE, find_lobes, localize_points, scatter_per_sr
 from rso_lidar.scene.bounces.segments import find_segments
@@ -30,8 +30,8 @@ from rso_lidar.scene.casting.shadows import find_shadowed
 from rso_lidar.scene.materials.lobe import direction_density, draw_directions
 from rso_lidar.scene.surfaces.surface import Surface
 
-HITS_PER_PATH = 3.0  # a path takes some ten times as long as a ray of the cast
-FEWEST_PATHS = 4096  # of a flash, as `Receiver.min_rays_per_target` for a small target
+HITS_PER_PATH = 2.0  # a path takes some ten times as long as a ray of the cast
+FEWEST_PATHS = 3000  # of a flash, so that a small target has some in each pixel
 _BAND_PATHS = 8192
 
 
@@ -58,7 +58,7 @@ def bounce(
     Other Parameters
     ----------------
     laser_from_m : (xyz), position of the laser in lidar axes [m]; None or zeros is in the lens.
-    n_paths : number of paths that begin (None: a third of the hits, at least 4096).
+    n_paths : number of paths that begin (None: half of the hits, at least 3000).
 
     Returns
     -------
@@ -91,9 +91,9 @@ def _can_send(
     for k, on in split_by_surface(number, len(surfaces)):
         openings = find_openings(surfaces, k, truth)
         if openings.any():
-            along = rotate(truth.poses.place(surfaces[k].name, "lidar"), direction[on].T)
-            is_back = dot(surfaces[k].planes[:3, facet[on]], along) > 0.0
-            can[on] = np.where(is_back, openings[1, facet[on]], openings[0, facet[on]])
+            _, turn = truth.poses.place(surfaces[k].name, "lidar")
+            along = packed(direction[on].T)
+            can[on] = mark_open(along, packed(facet[on]), packed(turn), packed(surfaces[k].planes), openings)
     return can
 
 

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from rso_lidar.kernels import kernel
 from rso_lidar.records import Truth
 from rso_lidar.scene.surfaces.surface import Surface
 
@@ -52,3 +53,29 @@ def _own_openings(surface: Surface) -> np.ndarray:
         opening[0, block] = ahead.max(axis=1) > flat
         opening[1, block] = ahead.min(axis=1) < -flat
     return opening
+
+
+@kernel
+def mark_open(
+    direction: np.ndarray, facet: np.ndarray, turn: np.ndarray, planes: np.ndarray, openings: np.ndarray
+) -> np.ndarray:
+    """Return whether anything lies in front of the side of its facet that each ray meets (hit).
+
+    Parameters
+    ----------
+    direction : (xyz, hit) unit vectors of the rays, in lidar axes.
+    facet : (hit) number of the facet.
+    turn : (xyz, xyz) rotation body_from_lidar.
+    planes : (4, facet) planes of the facets.
+    openings : (2, facet) as `find_openings` returns them.
+    """
+    is_open = np.empty(len(facet), np.bool_)
+    for k in range(len(facet)):
+        f = facet[k]
+        toward = 0.0
+        for axis in range(3):
+            row = turn[axis]
+            along = row[0] * direction[0, k] + row[1] * direction[1, k] + row[2] * direction[2, k]
+            toward += planes[axis, f] * along
+        is_open[k] = openings[1, f] if toward > 0.0 else openings[0, f]
+    return is_open

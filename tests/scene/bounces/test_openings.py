@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from rso_lidar.scene.bounces.openings import find_openings
+from rso_lidar.kernels import packed
+from rso_lidar.scene.bounces.openings import find_openings, mark_open
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
+from tests.reference.scene import openings as reference
 
 
 def outward(shell):
@@ -36,3 +38,13 @@ def test_another_surface_is_seen_on_its_side():
         above = np.sign(targets[0].planes[2]) == np.sign(z)
         np.testing.assert_array_equal(openings[0], above)
         np.testing.assert_array_equal(openings[1], ~above)
+
+
+def test_the_side_that_a_ray_meets_is_that_of_numpy():
+    rng = np.random.default_rng(6)
+    planes, direction = rng.normal(size=(4, 50)), rng.normal(size=(3, 400))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    facet, openings = rng.integers(0, 50, 400), rng.random((2, 50)) < 0.5
+    got = mark_open(direction, facet, packed(turn), planes, openings)
+    np.testing.assert_array_equal(got, reference.mark_open(direction, facet, turn, planes, openings))
+    assert got.any() and not got.all()

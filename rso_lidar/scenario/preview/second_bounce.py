@@ -1,0 +1,87 @@
+"""The second bounce of one flash, by a trial of few rays: how much light it adds to a target, and how late."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar import optics, scene, units
+from rso_lidar.records import Truth
+from rso_lidar.scenario.mission.mission import Mission
+from rso_lidar.scenario.preview.aspects import collect_attitudes
+from rso_lidar.scenario.preview.geometry import Preview
+from rso_lidar.scenario.preview.returns import cast_surfaces
+
+_FINEST = 4  # rays along a pixel's side
+_MOST_ATTITUDES = 8
+_KEY = np.array([0x626F756E, 0x63657332], np.uint32)  # fixed, so that repeated calls give the same result
+
+
+@dataclass(frozen=True)
+class SecondBounce:
+    """Light of the second bounce over that of the first, and its mean range behind it in the same pixels [m].
+
+    `share` is the median over the attitudes, `least` and `most` are the ends.
+    """
+
+    share: float
+    least: float
+    most: float
+    deeper_m: float
+
+
+def estimate_second_bounce(mission: Mission, preview: Preview, number: int, row: int) -> SecondBounce | None:
+    """Estimate the second bounce of a target near one epoch, whether the scenario asks for it or not.
+
+    Parameters
+    ----------
+    mission : what is flown.
+    preview : its preview.
+    number : of the target.
+    row : of the preview's epochs.
+
+    Returns
+    -------
+    That of up to eight attitudes of the target; None where no light returns.
+    """
+    truths = collect_attitudes(mission, preview, number, row, _MOST_ATTITUDES)
+    first, second, late_m = np.array([_measure(mission, truth, number) for truth in truths]).T
+    lit = first > 0.0
+    if not lit.any():
+        return None
+    shares = second[lit] / first[lit]
+    deeper_m = float(late_m.sum() / second.sum()) if second.any() else 0.0
+    return SecondBounce(float(np.median(shares)), float(shares.min()), float(shares.max()), deeper_m)
+
+
+def _measure(mission: Mission, truth: Truth, number: int) -> tuple[float, float, float]:
+    """Measure the pixels that see a target directly, before the lens blurs them.
+
+    Return photons of the first and of the second bounce, and the sum of photons times the range between the two [m].
+
+    Parameters
+    ----------
+    mission : what is flown.
+    truth : one epoch, with the lidar in it.
+    number : of the target.
+    """
+    lidar = mission.instrument.at(truth.time_s).replace(bounces=1)
+    seen = cast_surfaces(lidar, mission.surfaces, truth, number, _FINEST)
+    sharp = lidar.receiver.replace(psf=None)
+    offset = lidar.laser.offset
+    paths = scene.bounce(seen.hits, mission.surfaces, truth, _KEY, 1, laser_from_m=offset)
+    once = optics.collect(seen.hits, lidar.laser, sharp)
+    both = optics.collect(seen.hits, lidar.laser, sharp, bounces=paths)
+    n_pixels = sharp.n_rows * sharp.n_cols
+    (first, first_s), (light, light_s) = (
+        (np.bincount(one.pixel, one.photons, n_pixels), np.bincount(one.pixel, one.photons * one.delay_s, n_pixels))
+        for one in (once, both)
+    )
+    mine = np.zeros(n_pixels, bool)
+    mine[once.pixel[seen.hits.target[once.hit] == number]] = True
+    mine &= first > 0.0
+    second, second_s = light - first, light_s - first_s
+    late_s = second_s - second * first_s / np.where(mine, first, 1.0)
+    late_m = float(late_s[mine].sum()) * units.RANGE_PER_DELAY_M_S
+    return float(first[mine].sum()), float(second[mine].sum()), late_m
