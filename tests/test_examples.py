@@ -503,6 +503,9 @@ def test_ghosts_and_glare_hides_the_sun_behind_the_satellite():
     assert np.median(sky[1]) < 0.2 * np.median(sky[0])
     assert before.valid[sky[0] > 3e13].mean() > 0.9  # blinded pixels report at once, at the near end of their window
     assert np.nanmedian(before.range_m[sky[0] > 3e13]) < 10.0
+    (again,) = rl.simulate(scenario, frames=[14], threads=3)
+    assert np.array_equal(again.range_m, before.range_m, equal_nan=True)
+    assert np.array_equal(again.intensity_counts, before.intensity_counts)
 
 
 def test_ghosts_and_glare_labels_only_what_is_there():
