@@ -149,7 +149,7 @@ def blur_sunlight(hits, rate_per_s, receiver, wavelength_m):
     for number in np.unique(zone):
         core, far = split_core_and_far(zone_shares(receiver, wavelength_m, sub, int(number)))
         core = core.reshape(-1, *core.shape[2:])
-        for k in np.flatnonzero(zone == number):
+        for k in np.flatnonzero((zone == number) & (rate_per_s > 0.0)):
             near = core[place[k]]
             _add_at(image, row[k], col[k], rate_per_s[k] * near)
             if far is not None:
