@@ -953,6 +953,69 @@ def _bounced_share(name: str, material: str | None, attitude: int) -> tuple[floa
     return float(second.sum() / first.sum()), float(late_s * units.RANGE_PER_DELAY_M_S)
 
 
+def smear() -> Any:
+    """A satellite in four averaged frames: still, moving across and along the line of sight, and spinning."""
+    bench = """
+        version = 1
+        name = "smear"
+        world = { axes = "local" }
+        time = { start_utc = 2024-09-17T12:00:00Z, duration_s = 1, frame_rate_hz = 1 }
+        follower = { motion = { type = "fixed", position_m = [0, 0, 0] } }
+        [lidar]
+        laser = { energy_mj = 1, pulse_fwhm_ns = 4, divergence_deg = 4, pulse_rate_hz = 100 }
+        receiver = { fov_deg = 2.6, n_rows = 64, n_cols = 64, f_number = 2.8, rays_per_pixel = 36 }
+        detector = { type = "gsfl", gate = { delay_ns = 1860, width_ns = 280, pulses = 50 } }
+        [[target]]
+        name = "craft"
+        model = "suomi_npp"
+        motion = { type = "fixed", position_m = [300, 0, 0] }
+    """
+    from matplotlib.colors import LogNorm
+
+    still = rl.Scenario.loads(bench)
+    cases: dict[str, dict[str, Any]] = {
+        "still": {},
+        "4 m/s across": {"motion": _coast([300.0, -0.98, 0.0], [0.0, 4.0, 0.0])},
+        "6 m/s along": {"motion": _coast([298.53, 0.0, 0.0], [6.0, 0.0, 0.0])},
+        "40 deg/s of spin": {"attitude": {"type": "spin", "axis": [1, 0, 0], "rate_deg_s": 40}},
+    }
+    figure = new_figure(
+        11.0, 5.6, "Fifty pulses in half a second, averaged",
+        "photons of the mean pulse, and the mean samples of all lit pixels; suomi_npp at 300 m, 50 pulses at 100 Hz",
+    )  # fmt: skip
+    images, traces = figure.subplots(2, 4, sharex="row", sharey="row")
+    for image, trace, (name, changed) in zip(images, traces, cases.items(), strict=True):
+        scenario = still.replace(target=(still.target[0].replace(**changed),))
+        (frame,) = rl.simulate(scenario, keep=["waveforms"])
+        shown = image.imshow(
+            np.maximum(frame.labels.photons, 1.0), cmap="viridis", norm=LogNorm(1.0, 1e3), interpolation="none"
+        )
+        epochs = len(frame.truth.cast_epochs)
+        image.set_title(f"{name}\ncast at {epochs} epoch{'s' * (epochs > 1)}", fontsize=9.5, color=hex_colour(INK))
+        image.set_xticks([])
+        image.set_yticks([])
+        stored = frame.kept["waveforms"]
+        lit = frame.labels.photons.ravel()[stored.pixel] > 0.0
+        samples = stored.samples_counts[lit].mean(axis=0) - stored.baseline_counts
+        range_m = (stored.start_s[0] + np.arange(len(samples)) * stored.sample_s) * units.RANGE_PER_DELAY_M_S
+        trace.plot(range_m, samples, ".-", color=BLUE, ms=3, lw=0.9)
+        style_axes(trace, "", x="Range [m]", y="Mean sample [counts]" if trace is traces[0] else "")
+        trace.set_xlim(295.0, 305.0)
+    figure.colorbar(shown, ax=list(images), label="expected photons", pad=0.01)
+    return figure
+
+
+def _coast(position_m: list[float], velocity_m_s: list[float]) -> dict[str, Any]:
+    """Return a motion at constant velocity from a position on."""
+    state = (*position_m, *velocity_m_s)
+    return {"type": "state_space", "axes": "local", "dynamics": _fall_free, "initial_state": state}
+
+
+def _fall_free(_time_s: float, state: np.ndarray, _inputs: np.ndarray) -> np.ndarray:
+    """Return the derivatives of position and velocity without force."""
+    return np.concatenate([state[3:], np.zeros(3)])
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "counts": counts,
     "detection": detection,
@@ -970,6 +1033,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "link_budget": link_budget,
     "models": models,
     "stray_light": stray_light,
+    "smear": smear,
     "published": published,
     "second_bounce": second_bounce,
 }
