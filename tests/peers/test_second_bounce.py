@@ -13,7 +13,7 @@ from tests.peers.scenes_for_tests import BOUNCES
 from tests.peers.test_mitransient import parts
 
 KEYS = (1, 2, 3, 4)
-PATHS = 100_000
+PATHS = 60_000
 TOTAL = 0.01  # of the second bounce, which is itself 4 to 17 % of the light
 EDGE = 0.003  # of the brightest pixel: a grid of 64 x 64 rays misjudges the area that an edge leaves of a pixel
 WORST_SIGMA = 4.5  # of some 200 pixels: passed by chance once in a thousand runs
@@ -25,15 +25,14 @@ def ours(scene):
     target = [surface("target", scene.triangles, Lambertian(reflectance=scene.reflectance))]
     truth = truth_of(target=place((0, 0, scene.distance_m)))
     hits = see(target, truth, receiver, laser).hits
-    first = collect(hits, laser, receiver).photons.sum()
+    of_hits = collect(hits, laser, receiver)
+    alone = np.bincount(of_hits.pixel, of_hits.photons, scene.n**2)
     images = []
     for k in KEYS:
         bounces = bounce(hits, target, truth, np.array([k, 16], np.uint32), 1, n_paths=PATHS)
         photons = collect(hits, laser, receiver, bounces=bounces)
-        of_hits = collect(hits, laser, receiver)
-        image = np.bincount(photons.pixel, photons.photons, scene.n**2)
-        images.append(image - np.bincount(of_hits.pixel, of_hits.photons, scene.n**2))
-    return np.array(images).reshape(-1, scene.n, scene.n), first
+        images.append(np.bincount(photons.pixel, photons.photons, scene.n**2) - alone)
+    return np.array(images).reshape(-1, scene.n, scene.n), alone.sum()
 
 
 def theirs(key, scene):

@@ -38,7 +38,7 @@ def test_corner_of_two_plates(validation):
     receiver = Receiver(fov_deg=0.02, f_number=2.8, n_rows=8, n_cols=8, rays_per_pixel=1024)
     laser = Laser(divergence_deg=0.02)
     truth = truth_of(target=place((0, 0, 20_000.0)))
-    first, second, error, _ = two_bounces(target, truth, receiver, laser, 100_000)
+    first, second, error, _ = two_bounces(target, truth, receiver, laser, 50_000)
     factor = (0.5 * math.pi - math.sqrt(2) * math.atan(math.sqrt(0.5)) + 0.25 * math.log(0.75)) / math.pi
     validation(
         case="two square plates at right angles, far away: second bounce over the first",
@@ -56,7 +56,7 @@ def test_sphere_from_inside(validation):
     target = [surface("target", sphere(radius, 4), Lambertian(reflectance=rho))]
     receiver = Receiver(fov_deg=60.0, f_number=2.8, n_rows=16, n_cols=16, rays_per_pixel=64)
     laser = Laser(divergence_deg=60.0)
-    first, second, error, _ = two_bounces(target, truth_of(target=place()), receiver, laser, 100_000)
+    first, second, error, _ = two_bounces(target, truth_of(target=place()), receiver, laser, 50_000)
     # First: b rho/pi A eta / R^2 times the integral of cos. Second: rho/pi rho E/(4 pi R^2) A eta times that of cos^4.
     at = (np.arange(2000) + 0.5) / 1000.0 * half - half
     cosine = (1.0 + at**2 + at[:, None] ** 2) ** -0.5
@@ -90,7 +90,7 @@ def test_mirror_lights_a_wall(validation, exponent):
     truth = truth_of(target=place((-2.0, 0, range_m)))
     receiver = Receiver(fov_deg=0.25, f_number=2.8, n_rows=16, n_cols=16, rays_per_pixel=256)
     laser = Laser(divergence_deg=0.25)
-    first, second, error, late_m = two_bounces(target, truth, receiver, laser, 60_000)
+    first, second, error, late_m = two_bounces(target, truth, receiver, laser, 30_000)
     # Of the light on a modified Phong mirror at theta, k_s cos(theta) (n + 2) / (n + 1) leaves in its narrow lobe.
     cos_mirror = math.sqrt(0.5)
     reflected = k_s * cos_mirror * (exponent + 2.0) / (exponent + 1.0)
@@ -126,7 +126,7 @@ def test_pixels_that_the_beam_leaves_dark(validation):
     truth = truth_of(target=place((shift, 0, range_m)))
     hits = see(target, truth, receiver, laser).hits
     assert (hits.rays.direction[hits.ray, 0] * hits.range_m < shift).all(), "only the left plate is lit"
-    _, second, error, _ = two_bounces(target, truth, receiver, laser, 60_000)
+    _, second, error, _ = two_bounces(target, truth, receiver, laser, 30_000)
     # Light of small squares of the beam, on the left plate x - z = shift - range, by small squares of the right one.
     at = ((np.arange(2 * n) + 0.5) / n - 1.0) * laser.half_width_tangent
     right_u, right_v = (np.arange(4 * n) + 0.5) / (4 * n) * size, (np.arange(2 * n) + 0.5) / (2 * n) * size - 0.5 * size
