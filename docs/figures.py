@@ -722,6 +722,11 @@ def _errors(e: float, behind_m: float, forces: rl.orbit.Forces | None) -> dict[s
     }
 
 
+def finding() -> Any:
+    """How far a 3U CubeSat is found by the camera of Fuller et al. (closed form on cast light)."""
+    return rl.study.find_range("gsfl_1064", "cubesat_3u").figure()
+
+
 def link_budget() -> Any:
     """The link budget of the first example for three materials, facing and tilted (closed form)."""
     scenario = rl.Scenario.load(FOLDER.parents[1] / "examples" / "tdrs_approach.toml")
@@ -1031,6 +1036,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "safety_ellipse": safety_ellipse,
     "relative_models": relative_models,
     "link_budget": link_budget,
+    "finding": finding,
     "models": models,
     "stray_light": stray_light,
     "smear": smear,

@@ -83,3 +83,29 @@ def test_refused(call, asked, said, tmp_path, monkeypatch):
     with pytest.raises(RsoLidarError, match=said):
         call(*asked)
     assert not list(tmp_path.iterdir())
+
+
+def test_how_far_a_body_is_found(call, tmp_path):
+    camera = ["gsfl_1064", "--set", 'lidar.detector={ type = "empirical" }']
+    asked = ["--find", "cubesat_1u", "--pixels", "2", "--flashes", "2/3", "--attitudes", "4", "--range", "100m:1km"]
+    out = call(*camera, *asked, "-o", str(tmp_path / "found.csv"))
+    assert "2 pixels or more, in 2 of 3 flashes or more" in out and "worst attitude" in out
+    assert (tmp_path / "found.csv").read_text().startswith("range_m,found_probability")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        (["--pixels", "2"], "--pixels: is for a whole body"),
+        (["--find", "cubesat_1u", "--tilt-deg", "3"], "--tilt-deg: is for one pixel"),
+        (["--find", "cubesat_1u", "--flashes", "3/2"], "--flashes 3/2"),
+        (["--find", "cubesat_1u", "--flashes", "two"], "--flashes two"),
+        (["--find", "cubesat_1u", "--pixels", "0"], "--pixels 0"),
+        (["--find", "cubesat_1u", "--attitudes", "half"], "--attitudes half"),
+        (["--find", "cubesat_1u", "--attitudes", "run"], "the body is not of a scenario"),
+        (["--find", "cubesat_1v"], "did you mean 'cubesat_1u'"),
+    ],
+)
+def test_a_wrong_question_about_a_body_is_refused(call, wrong, why):
+    with pytest.raises(RsoLidarError, match=why):
+        call("gsfl_1064", *wrong)

@@ -175,7 +175,7 @@ def test_the_greatest_range_is_that_of_frames(far, frames, validation):
         tolerance=0.03 * far.max_range_m,
         unit="m",
     )
-    assert far.is_closed_form
+    assert far.is_by_pixel
     assert far.range_of(0.9) == pytest.approx(far.max_range_m, rel=0.01)
 
 
@@ -195,6 +195,10 @@ JITTERY = CAMERA.laser.replace(energy_jitter_fraction=0.3)
 CASES = {
     "energy jitter of 30 %": (CAMERA.replace(laser=JITTERY), 870.0),
     "a gate": (CAMERA.replace(detector=rl.Gsfl(**GATE)), 830.0),
+    "a Geiger-mode array of 20 pulses": (
+        rl.Lidar(preset="geiger_1064", detector={"pulses": 20, "gate_from_m": 250.0, "gate_to_m": 350.0}),
+        300.0,
+    ),
     "the empirical detector": (CAMERA.replace(detector=rl.Empirical()), 870.0),
     "speckle, crosstalk and droop": (CAMERA.replace(detector=rl.Gsfl(**COUPLED)), 870.0),
 }

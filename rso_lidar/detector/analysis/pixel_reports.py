@@ -31,6 +31,7 @@ _REACH = 32  # bins to each side of the pulse's peak
 _LEVELS = np.array([0.25, 0.4, 0.55, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4, 1.6, 2.0, 2.5])  # photons over the threshold's
 _SURE_PHOTONS = 8.0  # times the threshold: a cluster this bright is detected, wherever its light is within it
 _NOISE_GROWTH = 1.02  # by sunlight, up to which the closed form in the dark holds
+_DEPTHS = np.array([0.0, 0.5, 1.0, 2.0, 4.0])  # of light, in pulse lengths
 _LEAST = 1e-9  # probability at which a curve ends
 
 
@@ -60,7 +61,11 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
         if gsfl.gate is None:
             camera = build_camera(gsfl, n_pixels)
             taps = photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), photons.pulse_fwhm_s
-            detected = _tabulate_curve(gsfl, threshold_photons, *taps).read(signal, camera.threshold[pixel])
+            curve = _tabulate_curve(gsfl, threshold_photons, *taps)
+            total = np.bincount(photons.cluster, photons.photons, len(pixel))
+            level = signal / np.where(total > 0.0, total, 1.0)
+            levels, gains = _tabulate_depths(gsfl, threshold_photons, *taps)
+            detected = curve.read(signal * np.interp(level, levels[::-1], gains[::-1]), camera.threshold[pixel])
             rate = false_alarms_per_s(gsfl, n_pixels)[pixel]
         else:
             pulse = LaserPulse(photons.pulse_step_s, photons.pulse_power_per_s, photons.pulse_fwhm_s)
@@ -69,7 +74,9 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
     except ScenarioError:  # the amplifier is too fast for the closed form
         return None
     lists_several = gsfl.gate is not None and (gsfl.returns != "first" or gsfl.max_returns > 1)
-    return _combine(photons, mine, detected, rate, (gsfl.sees_from_m, gsfl.sees_to_m), lists_several=lists_several)
+    return _combine_clusters(
+        photons, mine, detected, rate, (gsfl.sees_from_m, gsfl.sees_to_m), lists_several=lists_several
+    )
 
 
 def report_probability_empirical(empirical: Empirical, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
@@ -84,7 +91,7 @@ def report_probability_empirical(empirical: Empirical, photons: Photons, mine: n
     signal = np.bincount(photons.cluster, photons.photons, len(photons.cluster_pixel))
     rate = np.full(signal.shape, empirical.false_alarms_per_s)
     window = empirical.armed_from_m, empirical.armed_to_m
-    return _combine(photons, mine, empirical.detection_probability(signal), rate, window, lists_several=False)
+    return _combine_clusters(photons, mine, empirical.detection_probability(signal), rate, window, lists_several=False)
 
 
 def _is_sunlit(gsfl: Gsfl, photons: Photons) -> bool:
@@ -95,7 +102,7 @@ def _is_sunlit(gsfl: Gsfl, photons: Photons) -> bool:
     return noise_growth_gsfl(gsfl, brightest) > _NOISE_GROWTH
 
 
-def _combine(
+def _combine_clusters(
     photons: Photons,
     mine: np.ndarray,
     detected: np.ndarray,
@@ -232,3 +239,37 @@ def _tabulate_curve(
     still, shot = max(float(still), 1e-12), max(float(shot), 0.0)
     normal = ndtri(np.clip(known.probability, _LEAST, 1.0 - _LEAST))
     return _TriggerCurve(threshold_photons, still, shot, normal - (_LEVELS - 1.0) / np.sqrt(still + shot * _LEVELS))
+
+
+@lru_cache(maxsize=64)
+def _tabulate_depths(
+    gsfl: Gsfl, threshold_photons: float, step_s: float, power_per_s: bytes, fwhm_s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how much easier light of some depth is to detect than its highest sum says, because it lasts longer.
+
+    Parameters
+    ----------
+    gsfl, threshold_photons, step_s, power_per_s, fwhm_s : as for `_tabulate_curve`.
+
+    Returns
+    -------
+    (depth) falling: highest sum over the photons, for light spread evenly over `_DEPTHS`; and the factor of that sum with
+    which a return without depth is detected in half of all flashes too.
+    """
+    from scipy.special import ndtri
+
+    taps = np.frombuffer(power_per_s)
+    shape = Pulse.after(step_s, taps, gsfl.amplifier.pole_s, gsfl.amplifier.integration_s)
+    exact = gsfl.replace(trigger=gsfl.trigger.replace(threshold_spread_fraction=0.0))
+    levels, needed = [], []
+    for depth in _DEPTHS.tolist():
+        spread_s = depth * fwhm_s * (np.arange(65) / 64.0 - 0.5)
+        at_s = shape.peak_s + fwhm_s * np.linspace(-1.0, 1.0, 81)
+        highest = float(shape.amplitude(at_s[:, None] - spread_s).mean(axis=1).max()) / shape.peak
+        light = threshold_photons / highest * np.array([0.75, 0.9, 1.05])
+        depth_s = np.full(light.shape, depth * fwhm_s)
+        known = predict_gsfl(exact, LaserPulse(step_s, taps, fwhm_s), light, depth_s, only_probability=True)
+        normal = ndtri(np.clip(known.probability, _LEAST, 1.0 - _LEAST))
+        levels.append(highest)
+        needed.append(float(np.interp(0.0, normal, light)) * highest)
+    return np.array(levels), needed[0] / np.array(needed)

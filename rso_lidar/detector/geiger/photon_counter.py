@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from rso_lidar.detector.geiger.counting import first_photon_moments, live_fracti
 from rso_lidar.detector.geiger.histogram import count_photons
 from rso_lidar.records import Photons, Reading
 
+_TRIALS, _FEWEST_TRIALS, _MOST_TRIALS = 32, 8, 4000  # of a lit pixel, and of all together
+_BINS_PER_PULSE = 16  # closer returns are merged for these trials
 _MOST_BLOCKED = 0.5  # share of pulses that dark counts take from the middle of the gate
 
 
@@ -154,6 +157,81 @@ def predict_closed_form(
     return Prediction(*(values.reshape(photons.shape) for values in found))
 
 
+def report_probability(array: GeigerArray, photons: Photons, mine: np.ndarray) -> np.ndarray:
+    """Estimate the probability (pixel) that a pixel reports one of some returns, by trials of the lit pixels alone.
+
+    The report is the highest peak wherever it lies, which has no closed form for light of any depth. The pixels of the array
+    do not affect each other, so that those without light need not be simulated. The random seed is fixed.
+
+    Parameters
+    ----------
+    array : the detector.
+    photons : light on every pixel, of each pulse.
+    mine : (return) whether a report of this return counts.
+    """
+    n_pixels = photons.shape[0] * photons.shape[1]
+    found = np.zeros(n_pixels)
+    lit = np.unique(photons.pixel[mine])
+    if not lit.size:
+        return found
+    trials = max(min(_TRIALS, _MOST_TRIALS // lit.size), _FEWEST_TRIALS)
+    n = trials * lit.size
+    place, delay_s, light, spread_s = _merge_returns(photons, lit)
+    pixel = (np.arange(trials)[:, None] * lit.size + place).ravel()
+    number = np.arange(len(pixel))
+    sunlight = photons.background_photons_per_s
+    row = replace(
+        photons,
+        shape=(1, n),
+        pixel=pixel,
+        delay_s=np.tile(delay_s, trials),
+        photons=np.tile(light, trials),
+        depth_spread_s=np.tile(spread_s, trials),
+        coherence_cells=np.full(len(pixel), np.inf),
+        hit=number,
+        cluster=number,
+        cluster_pixel=pixel,
+        filled_fraction=None,
+        background_photons_per_s=None if sunlight is None else np.tile(sunlight.ravel()[lit], trials)[None],
+    )
+    reading, _ = detect(array, row, np.random.Generator(np.random.Philox(_TRIALS)))
+    near_m, far_m = np.full(lit.size, np.inf), np.full(lit.size, -np.inf)
+    at, range_m = np.searchsorted(lit, photons.pixel[mine]), photons.delay_s[mine] * units.RANGE_PER_DELAY_M_S
+    np.minimum.at(near_m, at, range_m)
+    np.maximum.at(far_m, at, range_m)
+    beside_m = (array.peak_s + photons.pulse_fwhm_s) * units.RANGE_PER_DELAY_M_S
+    reported_m = np.asarray(reading.range_m, dtype=float).reshape(trials, lit.size)
+    with np.errstate(invalid="ignore"):
+        inside = (reported_m >= near_m - beside_m) & (reported_m <= far_m + beside_m)
+    found[lit] = inside.mean(axis=0)
+    return found
+
+
+def _merge_returns(photons: Photons, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Merge the returns of some pixels that are closer than a sixteenth of the pulse.
+
+    Parameters
+    ----------
+    photons : light on every pixel.
+    lit : (lit) ascending numbers of the pixels.
+
+    Returns
+    -------
+    (merged) index of the pixel in `lit`, never falling, delay [s], photons and depth spread [s].
+    """
+    of = np.flatnonzero(np.isin(photons.pixel, lit) & (photons.photons > 0.0))
+    place = np.searchsorted(lit, photons.pixel[of])
+    step = np.floor(photons.delay_s[of] * (_BINS_PER_PULSE / photons.pulse_fwhm_s)).astype(np.int64)
+    pairs, group = np.unique(np.stack([place, step]), axis=1, return_inverse=True)
+    group = group.ravel()
+    light = np.bincount(group, photons.photons[of], pairs.shape[1])
+    delay_s, spread_s = (
+        np.bincount(group, photons.photons[of] * values[of], pairs.shape[1]) / light
+        for values in (photons.delay_s, photons.depth_spread_s)
+    )
+    return pairs[0], delay_s, light, spread_s
+
+
 def _live_fraction(array: GeigerArray, background_photons_per_s: float) -> float:
     """Return the share of pulses in which a pixel is alive in the middle of the gate."""
     noise = float(array.noise_per_s(np.array(background_photons_per_s)))
@@ -171,5 +249,6 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
         false_alarm_probability,
         noise_growth,
         predict_closed_form,
+        report_probability,
     )
 }

@@ -122,8 +122,8 @@ class AttitudeSearch:
         order = np.lexsort([means[:, 1], means[:, 0]])
         return [(attitudes[k], (float(means[k, 0]), float(means[k, 1]))) for k in order]
 
-    def is_closed_form(self, range_m: float) -> bool:
-        """Return whether the detector has a closed form for this body at a range [m]."""
+    def is_by_pixel(self, range_m: float) -> bool:
+        """Return whether the detector gives the probability of each pixel for this body at a range [m]."""
         lidar = follow_gate(self._lidar, range_m)
         there = self._place(self._attitudes[0], range_m, np.zeros(2))
         light = cast_surfaces(lidar, self._surfaces, there, self._number, 1).light

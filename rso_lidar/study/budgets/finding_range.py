@@ -39,7 +39,8 @@ class FoundRange:
     worst attitude. `max_range_m` is the greatest range with the wanted probability, NaN where none has it, and
     `worst_range_m` that of the worst attitude. `is_limited` states that the range ends with the detector's window or with
     the farthest range given. `worst_attitude` is lidar_from_body as a matrix (3, 3), None where the body is never found,
-    and `worst_there` its probability at `max_range_m`. `is_closed_form` states that no flash was simulated.
+    and `worst_there` its probability at `max_range_m`. `is_by_pixel` states that
+    the detector gives the probability of each pixel, so that no flash was simulated.
     """
 
     camera: str
@@ -55,7 +56,7 @@ class FoundRange:
     worst_range_m: float
     worst_attitude: np.ndarray | None
     worst_there: float
-    is_closed_form: bool
+    is_by_pixel: bool
     notes: tuple[str, ...]
 
     @property
@@ -67,7 +68,7 @@ class FoundRange:
 
     def about(self) -> str:
         """Describe the question in a line."""
-        how = "closed form" if self.is_closed_form else "simulated flashes"
+        how = "from each pixel's probability" if self.is_by_pixel else "simulated flashes"
         return f"{self.body} found by {self.finding.describe()}; {self.attitudes} attitudes and places, {how}"
 
     def table(self) -> str:
@@ -237,7 +238,7 @@ def find_range(
         worst_range_m=alone_m,
         worst_attitude=worst,
         worst_there=there,
-        is_closed_form=search.is_closed_form(math.sqrt(near_m * far_m)),
+        is_by_pixel=search.is_by_pixel(math.sqrt(near_m * far_m)),
         notes=_describe_notes(lidar, in_run=in_run),
     )
 

@@ -1,0 +1,72 @@
+"""The probability that a pixel reports one of its returns, against trials of the chain with the same light."""
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.detector import detect, report_probability
+from rso_lidar.detector.bench.trial import make_point_returns
+
+PULSE = rl.Laser().pulse
+FWHM_S = 8e-9
+N = 4096
+
+
+def light(returns):
+    """Return light with the same returns (range [m], photons, cluster) in each of many pixels."""
+    range_m, photons, cluster = (np.array(values) for values in zip(*returns, strict=True))
+    pixel = np.repeat(np.arange(N), len(returns))
+    made = make_point_returns((1, N), PULSE, FWHM_S, pixel, np.tile(range_m, N), np.tile(photons, N).astype(float))
+    clusters = cluster.max() + 1
+    return rl.records.Photons(
+        **{name: getattr(made, name) for name in made.__dataclass_fields__ if "cluster" not in name},
+        cluster=(np.tile(cluster, N) + clusters * np.repeat(np.arange(N), len(returns))).astype(np.int32),
+        cluster_pixel=np.repeat(np.arange(N), clusters).astype(np.int32),
+    )
+
+
+CASES = {
+    "one return": ([(900.0, 760.0, 0)], [True]),
+    "a body 1.2 m deep": ([(900.0 + 0.1 * k, 75.0, 0) for k in range(13)], [True] * 13),
+    "two clusters of the body": ([(900.0, 620.0, 0), (912.0, 700.0, 1)], [True, True]),
+    "another target in front": ([(900.0, 700.0, 0), (912.0, 900.0, 1)], [False, True]),
+    "another target behind": ([(900.0, 700.0, 0), (912.0, 900.0, 1)], [True, False]),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("kind", ["gsfl", "empirical", "noisy"])
+def test_pixels_report_as_often_as_in_trials(case, kind):
+    """Within 0.03 and four standard errors; of trials each pixel is one, with its own threshold."""
+    returns, mine = CASES[case]
+    detectors = {
+        "gsfl": rl.Gsfl(),
+        "empirical": rl.Empirical(),
+        "noisy": rl.Gsfl(
+            trigger={"threshold_electrons": 5.5 * rl.Gsfl().noise_electrons, "threshold_spread_fraction": 0.1}
+        ),
+    }
+    photons, mine = light(returns), np.tile(mine, N)
+    if kind == "noisy":
+        share = detectors[kind].threshold_photons / rl.Gsfl().threshold_photons
+        photons = rl.records.Photons(**{**vars(photons), "photons": photons.photons * share})
+    told = report_probability(detectors[kind], photons, mine)
+    reading, _ = detect(photons, detectors[kind], np.random.Generator(np.random.Philox(3)))
+    wanted_m = [range_m for (range_m, _, _), of in zip(returns, mine, strict=False) if of]
+    near, far = min(wanted_m) - 4.0, max(wanted_m) + 4.0
+    found = float(((reading.range_m > near) & (reading.range_m < far)).mean())
+    assert told.shape == (N,)
+    assert told.mean() == pytest.approx(found, abs=0.03 + 4.0 * np.sqrt(max(found * (1.0 - found), 1e-3) / N))
+
+
+def test_settings_outside_the_closed_form_have_none():
+    photons, mine = light([(900.0, 760.0, 0)]), np.ones(N, bool)
+    for settings in ({"speckle": {}}, {"droop": {}}, {"maps": {}}, {"defects": {}}, {"crosstalk": {}}):
+        assert report_probability(rl.Gsfl(**settings), photons, mine) is None
+    assert report_probability(rl.Gsfl(ranging={"algorithm": "centroid"}), photons, mine) is not None
+
+
+def test_nothing_is_reported_outside_the_armed_window():
+    photons, mine = light([(900.0, 5000.0, 0)]), np.ones(N, bool)
+    for detector in (rl.Gsfl(armed_from_m=1000.0), rl.Gsfl(armed_to_m=800.0), rl.Empirical(armed_to_m=800.0)):
+        assert not report_probability(detector, photons, mine).any()

@@ -1,0 +1,70 @@
+"""How far a body is found: what it solves for, what it follows, and what it refuses; physics is in tests/physics."""
+
+import math
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.errors import RsoLidarError
+from rso_lidar.scenario import Finding
+from rso_lidar.study.budgets.finding_range import find_range
+
+FAST = rl.Lidar(preset="gsfl_1064", detector=rl.Empirical(), receiver={"fov_deg": 0.625, "n_rows": 32, "n_cols": 32})
+FEW = {"attitudes": 6, "range_m": (600.0, 1500.0)}
+
+
+@pytest.fixture(scope="module")
+def one():
+    return find_range(FAST, "cubesat_3u", **FEW)
+
+
+def test_the_greatest_range_has_the_wanted_probability(one, tmp_path):
+    assert 700.0 < one.max_range_m < 1100.0
+    assert one.range_of(0.9) == pytest.approx(one.max_range_m, rel=0.01)
+    assert np.all(np.diff(one.range_m) > 0.0)
+    assert "worst attitude: " in one.table() and "quaternion_xyzw = [" in one.table()
+    head, *rows = one.save(tmp_path / "found.csv").read_text().splitlines()
+    assert head == "range_m,found_probability,worst_probability" and len(rows) == len(one.range_m)
+    assert one.save(tmp_path / "found.png").stat().st_size > 10_000
+
+
+def test_a_body_that_is_never_found_has_no_range():
+    never = find_range(FAST, "cubesat_3u", finding=Finding(pixels=1000), attitudes=2, range_m=(800.0, 900.0))
+    assert math.isnan(never.max_range_m) and never.worst_attitude is None
+    assert "never" in never.table()
+
+
+def test_the_attitudes_of_the_run_are_those_that_face_the_lidar():
+    """A plate that always faces the lidar is found as far as one attitude is."""
+    from tests.conftest import BENCH
+
+    settings = ('target.plate.attitude={ type = "look_at", at = "follower" }', 'lidar.detector={ type = "empirical" }')
+    scenario = rl.Scenario.loads(BENCH, settings=settings)
+    facing = find_range(scenario, in_run=True, attitudes=8, range_m=(1000.0, 4000.0))
+    assert facing.worst_attitude is not None
+    toward = -facing.worst_attitude[2]
+    assert toward == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+    assert facing.worst_range_m == pytest.approx(facing.max_range_m, rel=0.05)  # 8 places against 32
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"body": None}, "a camera alone has no body"),
+        ({"body": "cubesat_33u"}, "did you mean 'cubesat_3u'"),
+        ({"body": 7}, "7: is not a name"),
+        ({"body": "./none.stl"}, "no file './none.stl'"),
+        ({"probability": 1.0}, "probability: 1: is never or always reached"),
+        ({"probability": float("nan")}, "probability: nan"),
+        ({"attitudes": 0}, "attitudes: 0"),
+        ({"attitudes": 2.5}, "attitudes: 2.5"),
+        ({"range_m": (900.0, 100.0)}, "range_m: 900, 100"),
+        ({"range_m": (0.0, 100.0)}, "range_m: 0, 100"),
+        ({"in_run": True}, "the body is not of a scenario"),
+    ],
+)
+def test_bad_input_is_one_line(given, why):
+    with pytest.raises(RsoLidarError) as raised:
+        find_range(FAST, **{"body": "cubesat_3u", "attitudes": 2, **given})
+    assert why in str(raised.value) and "\n" not in str(raised.value)
