@@ -136,3 +136,18 @@ def test_names_end_in_their_units():
 def test_the_page_lists_them_all():
     page = (Path(__file__).resolve().parents[3] / "docs" / "studies.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `(\w+)` \| \S+ \| (?:more|less) \|", page, re.MULTILINE)) == set(MERITS)
+
+
+def test_the_whole_target_is_found_as_often_as_the_timeline_says():
+    """Both evaluate the light of the same frames; more pixels are reported in fewer of them."""
+    from rso_lidar.study.time_history.timeline import timeline
+    from tests.conftest import BENCH
+
+    settings = ("lidar.laser.energy_mj=9", 'lidar.detector={ type = "empirical" }')
+    found = []
+    for pixels in (1, 4, 400):
+        scenario = Scenario.loads(BENCH, settings=(*settings, f"finding.pixels={pixels}"))
+        frames = np.arange(scenario.time.n_frames)
+        found.append(evaluate(scenario, ["found_probability"], 0, frames)["found_probability"])
+        assert found[-1] == pytest.approx(timeline(scenario).table["found_probability"].mean(), abs=1e-6)
+    assert found[0] > found[1] > found[2] == 0.0
