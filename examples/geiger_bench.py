@@ -27,9 +27,7 @@ scenario = rl.Scenario(
     follower=rl.Follower(motion=rl.Fixed(position_m=[0, 0, 0])),  # looks along +x
     lidar=rl.Lidar(
         laser=rl.Laser(wavelength_nm=1064, energy_mj=0.00005, pulse_fwhm_ns=1, divergence_deg=2.5),
-        receiver=rl.Receiver(
-            n_rows=32, n_cols=32, pixel_pitch_um=100, fov_deg=2.5, f_number=2.8, transmission=0.67, rays_per_pixel=16
-        ),
+        receiver=rl.Receiver(n_rows=32, n_cols=32, pixel_pitch_um=100, fov_deg=2.5, f_number=2.8, transmission=0.67),
         detector=rl.GeigerArray(gate_from_m=50, gate_to_m=350, pulses=100),
     ),
 )

@@ -31,7 +31,7 @@ scenario = rl.Scenario(
     ),
     lidar=rl.Lidar(
         laser=rl.Laser(wavelength_nm=1064, energy_mj=50, pulse_fwhm_ns=8, divergence_deg=30),
-        receiver=rl.Receiver(fov_deg=30, f_number=1.2, transmission=0.67, rays_per_pixel=16, filter_width_nm=1.0),
+        receiver=rl.Receiver(fov_deg=30, f_number=1.2, transmission=0.67, filter_width_nm=1.0),
         detector=rl.Gsfl(
             preset="offset_limited",
             armed_from_m=10,

@@ -45,7 +45,7 @@ scenario = rl.Scenario(
     ),
     lidar=rl.Lidar(
         laser=rl.Laser(wavelength_nm=1064, energy_mj=30, pulse_fwhm_ns=8, divergence_deg=14),
-        receiver=rl.Receiver(fov_deg=14, f_number=2.8, transmission=0.67, rays_per_pixel=16),
+        receiver=rl.Receiver(fov_deg=14, f_number=2.8, transmission=0.67),
         detector=rl.Gsfl(armed_from_m=20, armed_to_m=600),
     ),
     constraints=rl.Constraints(sun_exclusion_deg=20, keep_out_m=60),

@@ -29,7 +29,7 @@ scenario = rl.Scenario(
     lidar=rl.Lidar(
         bounces=2,  # paths laser - surface - surface - lens as well
         laser=rl.Laser(wavelength_nm=1064, energy_mj=50, pulse_fwhm_ns=8, divergence_deg=8.0),
-        receiver=rl.Receiver(fov_deg=8.0, f_number=4.0, transmission=0.67, rays_per_pixel=16),
+        receiver=rl.Receiver(fov_deg=8.0, f_number=4.0, transmission=0.67),
         detector=rl.Gsfl(),
     ),
 )

@@ -37,7 +37,7 @@ scenario = rl.Scenario(
     ),
     lidar=rl.Lidar(
         laser=rl.Laser(wavelength_nm=1064, energy_mj=50, pulse_fwhm_ns=8, divergence_deg=2.5),
-        receiver=rl.Receiver(fov_deg=2.5, f_number=2.8, transmission=0.67, rays_per_pixel=16),
+        receiver=rl.Receiver(fov_deg=2.5, f_number=2.8, transmission=0.67),
         detector=rl.Gsfl(),
     ),
 )

@@ -33,7 +33,7 @@ scenario = rl.Scenario(
     ),
     lidar=rl.Lidar(
         laser=rl.Laser(wavelength_nm=1064, energy_mj=50, pulse_fwhm_ns=8, divergence_deg=1.0),
-        receiver=rl.Receiver(fov_deg=1.0, aperture_mm=100, transmission=0.67, rays_per_pixel=16),
+        receiver=rl.Receiver(fov_deg=1.0, aperture_mm=100, transmission=0.67),
         detector=rl.Gsfl(armed_from_m=1000, armed_to_m=3000),
     ),
 )

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar import detector, motion, optics, scene
+from rso_lidar import detector, motion, optics, sampling, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.first_start import compile_ahead
 from rso_lidar.philox import draw_key
@@ -214,17 +214,7 @@ def flash(
     laser, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
     seen, strayed = [], []
     for at in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
-        extent = scene.extent(surfaces, at)
-        rays = optics.pixel_rays(receiver, laser, extent)
-        hits = scene.cast(
-            rays,
-            surfaces,
-            at,
-            threads,
-            laser_from_m=laser.offset,
-            sun=receiver.filter_width_nm is not None,
-            aperture_m=receiver.aperture_m,
-        )
+        hits = sampling.cast_pixels(receiver, laser, surfaces, at, threads)
         bounces = None
         if lidar.bounces > 1:
             bounces = scene.bounce(hits, surfaces, at, draw_key(rng), threads, laser_from_m=laser.offset)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_dilation
 
 import rso_lidar as rl
 from rso_lidar import motion
@@ -372,7 +373,9 @@ def test_proximity_1570_stands_in_sunlight(proximity):
     background = frames[0].kept["photons"].background_photons_per_s
     assert background.max() > 1e8
     assert frames[0].truth.sunlit["tdrs"] == 1.0
-    assert background[~on_target(frames[0])].max() == 0.0
+    # The lens spreads sunlight as it spreads laser light: 1e-3 of it at most lands beside the target's neighbours.
+    near = binary_dilation(on_target(frames[0]), np.ones((5, 5)))
+    assert background[~near].max() < 1e-3 * background.max()
 
 
 # ------------------------------------------------------------------------------------------------------------- tle

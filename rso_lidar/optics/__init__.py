@@ -6,15 +6,18 @@ from rso_lidar.optics.lens.internal_reflections import Ghost
 from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
 from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
 from rso_lidar.optics.oversampling import oversample
+from rso_lidar.optics.rays.adaptive import AdaptiveSampling
+from rso_lidar.optics.rays.grid_error import estimate_grid_variance
 from rso_lidar.optics.rays.pixel_rays import pixel_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import read_files
 from rso_lidar.optics.returns.pulse_average import average_pulses
-from rso_lidar.optics.returns.radiometry import collect
+from rso_lidar.optics.returns.radiometry import collect, pixel_photons
 from rso_lidar.optics.stray.glare import add_stray_light, see_sky
 from rso_lidar.public_names import limit_dir
 
 __all__ = [
+    "AdaptiveSampling",
     "AiryPsf",
     "Baffle",
     "BrownConrady",
@@ -31,7 +34,9 @@ __all__ = [
     "add_stray_light",
     "average_pulses",
     "collect",
+    "estimate_grid_variance",
     "oversample",
+    "pixel_photons",
     "pixel_rays",
     "read_files",
     "see_sky",

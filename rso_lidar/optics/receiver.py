@@ -16,14 +16,15 @@ from rso_lidar.part import Count, Part, Positive, Whole
 
 FieldOfView = Annotated[Positive, Field(lt=180)]
 Transmission = Annotated[Positive, Field(le=1)]
+_COARSE = 4  # rays along each side of a pixel before any is refined
 
 
 class Receiver(Part):
     """Lens that images the scene onto a focal plane of square pixels (Fuller et al., sec. 3.1.4).
 
-    Give `fov_deg` (full angle across the columns) or `focal_length_mm`, and `f_number` or `aperture_mm`. A k x k grid
-    of rays samples each pixel, `rays_per_pixel` = k². A target whose bounds would get fewer than `min_rays_per_target`
-    rays is sampled on a finer grid (0: off).
+    Give `fov_deg` (full angle across the columns) or `focal_length_mm`, and `f_number` or `aperture_mm`. Rays sample the
+    area of each pixel, as many as `sampling_error` needs, or a fixed k x k grid with `rays_per_pixel` = k². A target
+    whose bounds would get fewer than `min_rays_per_target` rays is sampled on a finer grid (0: off).
 
     `psf` spreads light over pixels and `distortion` bends the image; without them the lens is perfect.
     `filter_width_nm` is the width of the spectral filter about the laser's line. With a filter, sunlight on the targets
@@ -56,11 +57,19 @@ class Receiver(Part):
         default=100.0,
         description="Pitch of the square pixels, which have no gaps [µm]. Default: Fuller et al., sec. 3.1.4.",
     )
-    rays_per_pixel: Count = Field(
-        default=16,
+    sampling_error: Annotated[Positive, Field(ge=1e-4, le=1)] = Field(
+        default=0.02,
         description=(
-            "Number of rays per pixel, a square number k × k; 1 is a ray through the centre. Default: a choice of "
+            "Greatest relative error (rms) of a pixel's expected photons because rays sample its area. As many rays are "
+            "cast as this needs. A third of the pixel's photon noise is allowed in any case. Default: a choice of "
             "sampling, not of physics."
+        ),
+    )
+    rays_per_pixel: Count | None = Field(
+        default=None,
+        description=(
+            "Fixed number of rays per pixel, a square number k × k; 1 is a ray through the centre. If omitted, the number "
+            "follows from `sampling_error`."
         ),
     )
     min_rays_per_target: Annotated[Whole, Field(ge=0, le=1_000_000)] = Field(
@@ -100,9 +109,9 @@ class Receiver(Part):
             raise ValueError("give exactly one of fov_deg and focal_length_mm")
         if (self.f_number is None) == (self.aperture_mm is None):
             raise ValueError("give exactly one of f_number and aperture_mm")
-        if self.n_rows * self.n_cols * self.rays_per_pixel > 2**27:
+        if self.n_rows * self.n_cols * self.rays_per_side**2 > 2**27:
             raise ValueError("n_rows * n_cols * rays_per_pixel is over 134 million rays; give fewer")
-        if math.isqrt(self.rays_per_pixel) ** 2 != self.rays_per_pixel:
+        if self.rays_per_pixel is not None and math.isqrt(self.rays_per_pixel) ** 2 != self.rays_per_pixel:
             near = max(1, round(math.sqrt(self.rays_per_pixel))) ** 2
             raise ValueError(
                 f"rays_per_pixel is a k x k grid: give a square number, {near} instead of {self.rays_per_pixel}"
@@ -149,10 +158,10 @@ class Receiver(Part):
         """Rows and columns of the focal plane."""
         return self.n_rows, self.n_cols
 
-    @cached_property
+    @property
     def rays_per_side(self) -> int:
-        """Side k of the k x k grid of rays in a pixel."""
-        return math.isqrt(self.rays_per_pixel)
+        """Side k of the k x k grid of rays in a pixel, the coarsest where `sampling_error` decides."""
+        return _COARSE if self.rays_per_pixel is None else math.isqrt(self.rays_per_pixel)
 
     @cached_property
     def pixel_pitch_m(self) -> float:

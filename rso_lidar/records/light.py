@@ -27,6 +27,19 @@ class Extent(Record):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Contours(Record):
+    """Lines of the image along which the brightness of targets may change abruptly; other targets may hide them."""
+
+    ends: np.ndarray = array(
+        "contour right_down_of_both", "f8", "1", "x/z and y/z of the first end, then of the second, in lidar axes"
+    )
+    step_per_sr_m2: np.ndarray = array(
+        "contour", "f8", "sr-1 m-2", "change of BRDF times cosine of incidence over squared range"
+    )
+    surface: np.ndarray = array("contour", "i2", "1", "index of the surface")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Rays(Record):
     """Rays that leave the lens, ordered by pixel. `shape` is (n_rows, n_cols)."""
 
@@ -56,6 +69,14 @@ class Hits(Record):
         "sr-1",
         "BRDF from the Sun to the lidar times the cosine of the Sun's incidence and the share of its disc that is seen; "
         "None without background",
+        optional=True,
+    )
+    photons_variance: np.ndarray | None = array(
+        "row col",
+        "f8",
+        "1",
+        "variance of each pixel's expected photons, before the lens spreads them, because rays sample its area; None if "
+        "not estimated",
         optional=True,
     )
 
@@ -142,6 +163,13 @@ class Photons(Record):
     )
     epoch: np.ndarray | None = array(
         "return", "i4", "1", "epoch of the exposure at which it returns, rising in a pixel; None: at all", optional=True
+    )
+    photons_variance: np.ndarray | None = array(
+        "row col",
+        "f8",
+        "1",
+        "variance of each pixel's expected photons because rays sample its area; None if not estimated",
+        optional=True,
     )
     pulse_epoch: np.ndarray | None = array(
         "pulse", "i4", "1", "epoch of the exposure of each pulse, never falling; None: one for all", optional=True

@@ -107,6 +107,13 @@ class Labels(Record):
     cos_incidence: np.ndarray = array("row col", "f4", "1", "cosine of incidence of that return, NaN for sky")
     photons: np.ndarray = array("row col", "f4", "1", "expected photons of the whole pixel")
     filled_fraction: np.ndarray = array("row col", "f4", "1", "share of the pixel's area that is on a target and lit")
+    photons_sampling_error: np.ndarray | None = array(
+        "row col",
+        "f4",
+        "1",
+        "estimated rms error of `photons` because rays sample the pixel's area",
+        optional=True,
+    )
     return_range_m: np.ndarray | None = array(
         "row col return",
         "f8",

@@ -3,6 +3,7 @@
 from rso_lidar.public_names import limit_dir
 from rso_lidar.scene.bounces.bounce import bounce
 from rso_lidar.scene.casting.cast import cast
+from rso_lidar.scene.casting.contours import contours
 from rso_lidar.scene.casting.extent import extent
 from rso_lidar.scene.casting.sky import find_hidden
 from rso_lidar.scene.labels import label
@@ -39,6 +40,7 @@ __all__ = [
     "build_surface",
     "cast",
     "complete",
+    "contours",
     "extent",
     "find_hidden",
     "find_material",

@@ -73,6 +73,8 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
         "filled_fraction": np.zeros(n_pixels, np.float32),
     }
     mean_range, bright = _write_labels(sky, hits, photons)
+    if photons.photons_variance is not None:
+        sky["photons_sampling_error"] = np.sqrt(photons.photons_variance.ravel()).astype(np.float32)
     if max_returns > 1:
         sky["return_range_m"] = np.full((n_pixels, max_returns), np.nan)
         sky["return_photons"] = np.zeros((n_pixels, max_returns), np.float32)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar import optics, scene, units
+from rso_lidar import optics, sampling, units
 from rso_lidar.motion import Fixed
 from rso_lidar.picture.plots.model_card import CardView, model_card_figure
 from rso_lidar.picture.style.output import save_figure
@@ -176,8 +176,7 @@ def _simulate_side(target: Target, file: Callable[[str], Path], wavelength_nm: f
     links = {"lidar": Link.still(), target.name: Link.still(_lidar_from_body(*SIDES[side], RANGE_M))}
     poses = PoseTree({"lidar": "inertial", target.name: "lidar"}, links)
     truth = Truth(0.0, poses, {}, np.full(3, np.nan))
-    rays = optics.pixel_rays(lidar.receiver, lidar.laser, scene.extent([surface], truth))
-    hits = scene.cast(rays, [surface], truth, aperture_m=lidar.receiver.aperture_m, laser_from_m=lidar.laser.offset)
+    hits = sampling.cast_pixels(lidar.receiver, lidar.laser, [surface], truth)
     light = optics.collect(hits, lidar.laser, lidar.receiver)
     of_pixel = np.bincount(light.pixel, light.photons, 1)
     return SideReturn(

@@ -79,6 +79,7 @@ NO_SUFFIX = {  # name: why it needs none
     "quaternion_xyzw": "a unit quaternion, in the order that it ends in",
     "range_excess_noise_factor": "a ratio of variances",
     "rays_per_pixel": "a number of rays",
+    "sampling_error": "a ratio",
     "reference_photons": "photons, as its first word says",
     "reflectance": "share of the light",
     "refractive_index": "a ratio of speeds",

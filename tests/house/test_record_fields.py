@@ -19,6 +19,7 @@ UNIT_SUFFIX = {  # the unit as files spell it (CF conventions), and how a name e
     "rad s-1": "_rad_s",
     "sr-1": "_per_sr",
     "s-1": "_per_s",
+    "sr-1 m-2": "_per_sr_m2",
     "count": "_counts",
     "1": "",
 }

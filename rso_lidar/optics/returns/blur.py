@@ -4,6 +4,7 @@ It acts on the light of single rays, before that is summed to pixels. It acts in
 depths that meet in a pixel stay two returns. No light is lost but what falls beside the focal plane.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -158,6 +159,25 @@ def blur_steady_light(
         if far is not None:
             leaving = np.where(zone_of_pixel == zone, away, 0.0).reshape(receiver.shape)
             spread = spread + np.maximum(fftconvolve(leaving, far, mode="same"), 0.0)
+    return spread
+
+
+def blur_variance(variance: np.ndarray | None, receiver: Receiver, wavelength_m: float) -> np.ndarray | None:
+    """Return the variance of pixels' photons behind the lens, whose errors are independent before it.
+
+    Parameters
+    ----------
+    variance : (row, col) before the lens; None if unknown.
+    receiver : with or without a PSF.
+    wavelength_m : of the laser.
+    """
+    if variance is None or receiver.psf is None:
+        return variance
+    from scipy.signal import fftconvolve
+
+    share = _cores_and_fars(receiver, wavelength_m, 1, (0,))[0][0, 0]
+    side = math.isqrt(len(share))
+    spread: np.ndarray = np.maximum(fftconvolve(variance, share.reshape(side, side) ** 2, mode="same"), 0.0)
     return spread
 
 

@@ -151,6 +151,7 @@ def _join_photons(
         **joined,
         filled_fraction=_average([one.filled_fraction for one in photons], shares),
         background_photons_per_s=_average([one.background_photons_per_s for one in photons], shares),
+        photons_variance=_average([one.photons_variance for one in photons], shares**2),
         pulse_epoch=pulse_epoch,
     )
 

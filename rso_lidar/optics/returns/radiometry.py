@@ -8,7 +8,7 @@ from rso_lidar import units
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
-from rso_lidar.optics.returns.blur import Light, blur_light, blur_sunlight
+from rso_lidar.optics.returns.blur import Light, blur_light, blur_sunlight, blur_variance
 from rso_lidar.optics.returns.bounced import add_bounced_light
 from rso_lidar.optics.returns.clusters import find_clusters
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
@@ -45,8 +45,7 @@ def collect(
     Expected photons: one return for each lit hit, up to two for each path, or more behind a lens with a point spread
     function.
     """
-    has_formula = laser.offset is None and laser.footprint in FOOTPRINTS
-    light, is_lit = (_light_of_beam if has_formula else _light_of_any_laser)(hits, laser, receiver)
+    light, is_lit = _light_before_lens(hits, laser, receiver)
     filled, background, direct = None, _sunlight(hits, light, laser, receiver), light.photons
     if laser.offset is not None or receiver.filter_width_nm is not None:  # then some rays meet unlit surfaces
         light = light if is_lit.all() else light.only(np.flatnonzero(is_lit))
@@ -76,7 +75,33 @@ def collect(
         cluster_pixel=cluster_pixel,
         filled_fraction=filled,
         background_photons_per_s=background,
+        photons_variance=blur_variance(hits.photons_variance, receiver, laser.wavelength_m),
     )
+
+
+def pixel_photons(hits: Hits, laser: Laser, receiver: Receiver) -> np.ndarray:
+    """Return the photons (hit) that a whole pixel would send back, if all of it were as bright as the hit.
+
+    Parameters
+    ----------
+    hits : the hits.
+    laser, receiver : the instrument.
+    """
+    light, is_lit = _light_before_lens(hits, laser, receiver)
+    photons: np.ndarray = np.where(is_lit, light.photons / hits.weight, 0.0)
+    return photons
+
+
+def _light_before_lens(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
+    """Return the light of each hit before the lens spreads it, and which hits are lit.
+
+    Parameters
+    ----------
+    hits : the hits.
+    laser, receiver : the instrument.
+    """
+    has_formula = laser.offset is None and laser.footprint in FOOTPRINTS
+    return (_light_of_beam if has_formula else _light_of_any_laser)(hits, laser, receiver)
 
 
 def _light_of_beam(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:

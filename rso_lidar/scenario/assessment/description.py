@@ -11,6 +11,7 @@ from rso_lidar import detector, units
 from rso_lidar.detector.bench.trial import Trial
 from rso_lidar.motion.motions.motion import summarize
 from rso_lidar.motion.proximity import find_plan
+from rso_lidar.optics import Receiver
 from rso_lidar.orbit import format_utc
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.part import kind_of
@@ -141,11 +142,17 @@ def _describe_instrument(mission: Mission, preview: Preview) -> list[str]:
         f"receiver    {receiver.n_rows} x {receiver.n_cols} pixels, field {receiver.fov_rad / units.DEG:.3f}°, "
         f"IFOV {receiver.ifov_rad / units.UM:.1f} µrad, f {receiver.focal_length_m / units.MM:.1f} mm, "
         f"aperture {receiver.aperture_m / units.MM:.1f} mm, transmission {receiver.transmission:g}, "
-        f"{receiver.rays_per_pixel} rays per pixel",
+        f"{_describe_sampling(receiver)}",
         *_describe_optional_optics(mission),
         *describe_exposure(mission, preview),
         *_describe_detector(mission),
     ]
+
+
+def _describe_sampling(receiver: Receiver) -> str:
+    if receiver.rays_per_pixel is not None:
+        return f"{receiver.rays_per_pixel} rays per pixel"
+    return f"sampled to {100.0 * receiver.sampling_error:g} %"
 
 
 def _describe_pointing_lag(preview: Preview) -> str:

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rso_lidar import optics, scene
+from rso_lidar import optics, sampling, scene
 from rso_lidar.optics import Receiver
 from rso_lidar.records import Hits, Photons, Truth
 from rso_lidar.scenario.mission.mission import Mission
@@ -70,7 +70,7 @@ def cast_target(mission: Mission, truth: Truth, number: int, finest: int | None 
     mission : what is flown.
     truth : one epoch, with the lidar in it.
     number : of the target.
-    finest : greatest number of rays along a pixel's side (None: the receiver's number).
+    finest : greatest number of rays along a pixel's side (None: what the receiver asks for).
     """
     return cast_surfaces(mission.instrument.at(truth.time_s), mission.surfaces, truth, number, finest)
 
@@ -86,12 +86,10 @@ def cast_surfaces(
     surfaces : of the target, and of what may hide it.
     truth : one epoch, with the lidar and the surfaces in it.
     number : of the target.
-    finest : greatest number of rays along a pixel's side (None: the receiver's number).
+    finest : greatest number of rays along a pixel's side (None: what the receiver asks for).
     """
-    own = lidar.receiver.rays_per_side
-    receiver = _reduce_rays(lidar.receiver, own if finest is None else max(min(own, finest), 1))
-    rays = optics.pixel_rays(receiver, lidar.laser, scene.extent(surfaces, truth))
-    hits = scene.cast(rays, surfaces, truth, 1, laser_from_m=lidar.laser.offset, aperture_m=receiver.aperture_m)
+    receiver = _reduce_rays(lidar.receiver, finest)
+    hits = sampling.cast_pixels(receiver, lidar.laser, surfaces, truth, 1)
     paths = None
     if lidar.bounces > 1:
         paths = scene.bounce(hits, surfaces, truth, _PATHS_KEY, 1, laser_from_m=lidar.laser.offset)
@@ -103,8 +101,12 @@ def cast_surfaces(
 
 
 @lru_cache(maxsize=64)
-def _reduce_rays(receiver: Receiver, per_side: int) -> Receiver:
-    return receiver.replace(rays_per_pixel=per_side**2, filter_width_nm=None, glare=None, ghosts=())
+def _reduce_rays(receiver: Receiver, finest: int | None) -> Receiver:
+    """Return the receiver without sunlight, and with a fixed grid where its own would be finer than allowed."""
+    without = receiver.replace(filter_width_nm=None, glare=None, ghosts=())
+    if finest is None or finest >= receiver.rays_per_side:
+        return without
+    return without.replace(rays_per_pixel=max(finest, 1) ** 2)
 
 
 def cast_attitudes(

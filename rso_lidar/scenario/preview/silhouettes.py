@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar import optics, scene, units
+from rso_lidar import sampling, units
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.aspects import build_truth, link_surfaces, rotation_between
@@ -48,7 +48,7 @@ def cast_silhouettes(mission: Mission, preview: Preview, number: int) -> tuple[n
         links = link_surfaces(mission, number, there, ahead_m, rotation_between(place_m, ahead_m) @ turn)
         truth = build_truth(there.time_s, links)
         surfaces = mission.surfaces_of(number)
-        hits = scene.cast(optics.pixel_rays(receiver, laser, scene.extent(surfaces, truth)), surfaces, truth, 1)
+        hits = sampling.cast_pixels(receiver, laser, surfaces, truth, 1)
         covered = np.zeros((_CELLS + 2, _CELLS + 2), dtype=bool)  # with a border of sky
         covered[1 + hits.pixel // _CELLS, 1 + hits.pixel % _CELLS] = True
         cell_m = away_m * receiver.pixel_tangent

@@ -22,6 +22,7 @@ from rso_lidar.scene.surfaces.shading import average_corner_normals, interpolate
 _scenes: OrderedDict[str, Any] = OrderedDict()
 _held: WeakValueDictionary[str, Scene] = WeakValueDictionary()
 _scenes_lock = Lock()
+ANGLES = 1024  # of incidence at which `Surface.brdf_table` holds the BRDF, every 0.09 degrees
 _SCENES_KEPT = 64  # targets of a scenario or a study; beyond that the least recently used are built again
 
 
@@ -160,6 +161,17 @@ class Surface:
         """BRDF [1/sr] of each facet (facet) whose material looks the same from everywhere, NaN of others."""
         brdf: np.ndarray = np.array([material.lambertian_per_sr for material in self.materials])[self.finish]
         return brdf
+
+    @cached_property
+    def brdf_table(self) -> np.ndarray:
+        """BRDF [1/sr] of each material toward the light (material, angle), at even angles of incidence from 0 to 90°.
+
+        It is good enough to tell bright facets from dim ones, and is not used for light.
+        """
+        cosine = np.cos(np.linspace(0.0, 0.5 * np.pi, ANGLES))
+        table = np.stack([material.brdf_per_sr(cosine) for material in self.materials])
+        table.flags.writeable = False
+        return table
 
     @cached_property
     def is_lambertian(self) -> bool:

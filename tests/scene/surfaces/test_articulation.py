@@ -36,7 +36,7 @@ def scenario(angle=None, sun=(0.0, 1.0, 1.0), parts=NORTH, **changes):
         follower=rl.Follower(motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))),
         lidar=rl.Lidar(
             laser=rl.Laser(divergence_deg=15.0),
-            receiver=rl.Receiver(fov_deg=15.0, f_number=2.8, **changes),
+            receiver=rl.Receiver(fov_deg=15.0, f_number=2.8, rays_per_pixel=16, **changes),
             detector=rl.Empirical(),
         ),
     )

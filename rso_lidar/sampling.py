@@ -1,0 +1,52 @@
+"""Sampling of the pixels with rays: cast in rounds until the light of each pixel is known, or once on a fixed grid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rso_lidar import optics, scene
+from rso_lidar.optics import Laser, Receiver
+from rso_lidar.records import Hits, Rays, Truth
+from rso_lidar.scene import Surface
+
+
+def cast_pixels(
+    receiver: Receiver, laser: Laser, surfaces: Sequence[Surface], truth: Truth, threads: int | None = None
+) -> Hits:
+    """Cast the rays of one flash.
+
+    Parameters
+    ----------
+    receiver : decides how rays sample its pixels, by `sampling_error` or `rays_per_pixel`.
+    laser : the laser of this pulse.
+    surfaces : the surfaces of all targets.
+    truth : where they are.
+    threads : number of threads (None: one per core). The result is bit for bit the same.
+
+    Returns
+    -------
+    Hits in the order of pixels, with the variance of each pixel's photons that is left by sampling.
+    """
+    extent = scene.extent(surfaces, truth)
+
+    def cast(rays: Rays) -> Hits:
+        return scene.cast(
+            rays,
+            surfaces,
+            truth,
+            threads,
+            laser_from_m=laser.offset,
+            sun=receiver.filter_width_nm is not None,
+            aperture_m=receiver.aperture_m,
+        )
+
+    if receiver.rays_per_pixel is not None:
+        hits = cast(optics.pixel_rays(receiver, laser, extent))
+        return optics.estimate_grid_variance(hits, optics.pixel_photons(hits, laser, receiver), receiver)
+    is_textured = any(surface.crinkled for surface in surfaces)
+    contours = scene.contours(surfaces, truth)
+    sampling = optics.AdaptiveSampling(receiver, laser, extent, contours, is_textured=is_textured)
+    while (rays := sampling.next_rays()) is not None:
+        hits = cast(rays)
+        sampling.add(hits, optics.pixel_photons(hits, laser, receiver))
+    return sampling.hits

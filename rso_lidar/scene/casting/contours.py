@@ -1,0 +1,127 @@
+"""Contours: lines of the image along which the brightness of a target may change abruptly, as its edges show them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rso_lidar.kernels import kernel, packed
+from rso_lidar.records import Contours, Truth
+from rso_lidar.scene.surfaces.edges import find_edges
+from rso_lidar.scene.surfaces.surface import ANGLES, Surface
+
+_LEAST_DEPTH_M = 1e-6  # nearer to the lidar's plane, or behind it, a point has no image
+
+
+def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
+    """Find the contours of all surfaces: rims, folds where a facet hides its neighbour, and visible creases.
+
+    Whether another facet hides a contour is not examined.
+
+    Parameters
+    ----------
+    surfaces : surfaces of all targets.
+    truth : where they are at one epoch.
+
+    Returns
+    -------
+    the contours, in the tangent plane.
+    """
+    found, steps, numbers = [np.empty((0, 4))], [np.empty(0)], [np.empty(0, np.int16)]
+    for number, surface in enumerate(surfaces):
+        edges = find_edges(surface)
+        translation, matrix = truth.poses.place("lidar", surface.name)
+        position = truth.poses.place(surface.name, "lidar")[0]
+        brightness = estimate_brightness(
+            packed(surface.corners),
+            packed(surface.planes),
+            packed(surface.finish),
+            surface.brdf_table,
+            packed(position),
+        )
+        ends, step = project_edges(
+            edges.points, edges.ends, edges.facets, edges.beyond, brightness, packed(translation), packed(matrix)
+        )
+        found.append(ends)
+        steps.append(step)
+        numbers.append(np.full(len(step), number, np.int16))
+    return Contours(np.concatenate(found), np.concatenate(steps), np.concatenate(numbers))
+
+
+@kernel
+def estimate_brightness(
+    corners: np.ndarray, planes: np.ndarray, finish: np.ndarray, brdf_table: np.ndarray, position: np.ndarray
+) -> np.ndarray:
+    """Estimate the brightness of each facet (facet) [1/(sr m²)] for light from the lidar: ρ cos α / R².
+
+    Parameters
+    ----------
+    corners : (facet, 3, xyz) [m].
+    planes : (4, facet), of which the first three are normals.
+    finish : (facet), material of each facet.
+    brdf_table : (material, angle) BRDF [1/sr] at even angles of incidence.
+    position : (xyz) of the lidar [m], in the same axes.
+    """
+    brightness = np.empty(len(corners))
+    for f in range(len(corners)):
+        x, y, z = position[0] - corners[f, 0, 0], position[1] - corners[f, 0, 1], position[2] - corners[f, 0, 2]
+        squared = x * x + y * y + z * z
+        cosine = min(abs(planes[0, f] * x + planes[1, f] * y + planes[2, f] * z) / np.sqrt(squared), 1.0)
+        at = int(np.arccos(cosine) * ((ANGLES - 1) / (0.5 * np.pi)))
+        brightness[f] = brdf_table[finish[f], at] * cosine / squared
+    return brightness
+
+
+@kernel
+def project_edges(
+    points: np.ndarray,
+    ends: np.ndarray,
+    facets: np.ndarray,
+    beyond: np.ndarray,
+    brightness: np.ndarray,
+    translation: np.ndarray,
+    matrix: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Project the edges that change the brightness of the image.
+
+    An edge of two facets is a fold if both are on one side of it in the image; then the brighter one ends there.
+    Otherwise it is a crease between the two.
+
+    Parameters
+    ----------
+    points, ends, facets, beyond : edges, as in `FacetEdges`.
+    brightness : (facet) as `estimate_brightness` returns it.
+    translation, matrix : lidar_from_body.
+
+    Returns
+    -------
+    Right and down of the first end, then of the second (contour, 4), and the step of brightness (contour).
+    """
+    n = len(points)
+    right, down, is_ahead = np.empty(n), np.empty(n), np.empty(n, np.bool_)
+    for i in range(n):
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        depth = matrix[2, 0] * px + matrix[2, 1] * py + matrix[2, 2] * pz + translation[2]
+        is_ahead[i] = depth > _LEAST_DEPTH_M
+        depth = max(depth, _LEAST_DEPTH_M)
+        right[i] = (matrix[0, 0] * px + matrix[0, 1] * py + matrix[0, 2] * pz + translation[0]) / depth
+        down[i] = (matrix[1, 0] * px + matrix[1, 1] * py + matrix[1, 2] * pz + translation[1]) / depth
+    found, steps, count = np.empty((len(ends), 4)), np.empty(len(ends)), 0
+    for e in range(len(ends)):
+        a, b = ends[e, 0], ends[e, 1]
+        if not (is_ahead[a] and is_ahead[b]):
+            continue
+        step = brightness[facets[e, 0]]
+        if facets[e, 1] >= 0:
+            other = brightness[facets[e, 1]]
+            c, d = beyond[e, 0], beyond[e, 1]
+            across, along = right[b] - right[a], down[b] - down[a]
+            one = across * (down[c] - down[a]) - along * (right[c] - right[a])
+            two = across * (down[d] - down[a]) - along * (right[d] - right[a])
+            if one * two < 0.0:
+                continue
+            step = max(step, other)
+        if step > 0.0:
+            found[count, 0], found[count, 1], found[count, 2], found[count, 3] = right[a], down[a], right[b], down[b]
+            steps[count] = step
+            count += 1
+    return found[:count].copy(), steps[:count].copy()
