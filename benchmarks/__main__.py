@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks import dataset, growth, orbit, peers, report, stages, startup, workers
+from benchmarks import dataset, growth, orbit, peers, report, sampling, stages, startup, workers
 from benchmarks.report import HEADER, Findings, table
 
-PARTS = ("stages", "peers", "dataset", "workers", "startup", "growth", "orbit")
+PARTS = ("stages", "sampling", "peers", "dataset", "workers", "startup", "growth", "orbit")
 
 
 def main() -> None:
@@ -30,6 +30,7 @@ def main() -> None:
     pictures = chosen.write.parent / "pictures" if chosen.write else None
     runs: dict[str, Callable[[], Findings]] = {
         "stages": lambda: stages.run(quick=chosen.quick),
+        "sampling": lambda: sampling.run(quick=chosen.quick),
         "peers": lambda: peers.run(quick=chosen.quick),
         "dataset": lambda: dataset.run(quick=chosen.quick),
         "workers": lambda: workers.run(quick=chosen.quick),

@@ -241,6 +241,7 @@ def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[st
             f"brightest pixel; {_format_photons(casts)}, P(detect) {probability}, range noise {noise}{shift} ({alike})"
         )
         lines.append(f"  {'':<9} {_describe_finding(mission, preview, number, row)}")
+        lines.append(f"  {'':<9} {_describe_sampling_error(casts)}")
     return lines
 
 
@@ -257,6 +258,14 @@ def _describe_finding(mission: Mission, preview: Preview, number: int, row: int)
     spread = f", {found.min():.2f} to {found.max():.2f}" if np.ptp(found) > 0.01 else ""
     places = f"{_PLACES} attitudes and places in the pixel grid{spread}"
     return f"P(found) {found.mean():.3f}: {mission.finding.describe()} ({places})"
+
+
+def _describe_sampling_error(casts: Sequence[TargetReturns]) -> str:
+    """Describe how well rays know the photons of the pixels: the mean over attitudes, weighted by light."""
+    errors = [one.sampling_error for one in casts if one.sampling_error is not None]
+    rays = np.mean([len(one.hits.rays.pixel) for one in casts])
+    known = f"known to {100.0 * float(np.mean(errors)):.1f} % (rms by light)" if errors else "unknown"
+    return f"sampling: photons of a pixel {known} from {rays:,.0f} rays a flash"
 
 
 def _format_photons(casts: Sequence[TargetReturns]) -> str:

@@ -49,6 +49,15 @@ class TargetReturns:
         return int(np.argsort(self.photons, kind="stable")[int(share * (self.pixel.size - 1) + 0.5)])
 
     @property
+    def sampling_error(self) -> float | None:
+        """Relative rms error of the pixels' photons because rays sample them, weighted by light; None if unknown."""
+        variance = self.light.photons_variance
+        if variance is None or not self.pixel.size or self.photons.sum() <= 0.0:
+            return None
+        relative = variance.ravel()[self.pixel] / np.maximum(self.photons, 1e-300)
+        return math.sqrt(float(relative[self.photons > 0.0].sum() / self.photons.sum()))
+
+    @property
     def filled_pixels(self) -> float:
         """Area of the target in the image, illuminated or not [pixels]."""
         return float(self.hits.weight[self.hits.target == self.number].sum())
