@@ -153,7 +153,9 @@ def _what(problem: Any, owner: type[BaseModel] | None, others: Iterable[type[Bas
     if kind == "too_short":
         return f"needs at least {context['min_length']} entries, not {context['actual_length']}; add some"
     if kind == "too_long":
-        return f"needs {context['max_length']} entries, not {context.get('actual_length') or 'more'}; remove some"
+        return (
+            f"needs at most {context['max_length']} entries, not {context.get('actual_length') or 'more'}; remove some"
+        )
     if kind in ("dict_type", "model_type", "model_attributes_type"):
         return f"needs a table, not {show_value(value)}"
     if kind == "string_pattern_mismatch":

@@ -146,3 +146,9 @@ def test_a_lidar_at_its_target_is_described_and_flown(text):
     )
     assert "at the target's origin" in scenario.describe()
     assert next(rl.simulate(scenario, frames=[0])).range_m.shape == (32, 32)
+
+
+def test_no_more_pixels_can_report_a_target_than_there_are(text):
+    with pytest.raises(ScenarioError, match=r"finding\.pixels: 1025 is more than the 1024 pixels of the receiver"):
+        rl.Scenario.loads(text, settings=("finding.pixels=1025",))
+    assert rl.Scenario.loads(text, settings=("finding.pixels=1024",)).finding.pixels == 1024

@@ -32,6 +32,11 @@ def advise_on_glare(mission: Mission, preview: Preview, around: SkyGeometry) -> 
             "lidar.receiver.glare is of Sun, Earth and Moon, and this local world has none of them; set "
             "world.sun_direction, or leave the glare out"
         ]
+    if mission.is_local and "sun" not in mission.lidar.receiver.glare.sources:
+        return [
+            "lidar.receiver.glare.sources has no Sun, and this local world has no Earth and no Moon: frames have no glare; "
+            'add "sun", or leave the glare out'
+        ]
     nearest = [around.sun_angle_rad, around.earth_limb_angle_rad, around.moon_angle_rad]
     rows = [find_first_least(angle) for angle in nearest if angle is not None and np.all(np.isfinite(angle))]
     rows += np.linspace(0, len(preview.time_s) - 1, _EPOCHS).round().astype(int).tolist()

@@ -142,6 +142,12 @@ class Mission(Part):
                 f"after {1.0 / self.time.frame_rate_hz:.3g} s; raise it, or lower the pulses of the detector or "
                 "time.frame_rate_hz"
             )
+        receiver = self.lidar.receiver
+        if self.finding.pixels > receiver.n_rows * receiver.n_cols:
+            raise ValueError(
+                f"finding.pixels: {self.finding.pixels} is more than the {receiver.n_rows * receiver.n_cols} pixels of the "
+                "receiver, so no target could be found; lower it"
+            )
         tracked = None if self.ptu is None else self.ptu.point.tracked_name
         if tracked is not None:
             known = [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]

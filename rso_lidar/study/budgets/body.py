@@ -35,7 +35,7 @@ def choose_body(lidar: Lidar, scenario: Scenario | None, body: str | None) -> tu
             where = "a camera alone has no body" if scenario is None else "the scenario has no target"
             raise ScenarioError(f"body: {where}; name a model, such as cubesat_3u, or the path of a mesh")
         return scenario, 0
-    if not isinstance(body, str):
+    if not isinstance(body, str) or not body.strip():
         raise ScenarioError(f"body: {body!r:.60}: is not a name; give a target, a model or the path of a mesh")
     if scenario is not None and body in names:
         return scenario, names.index(body)
@@ -48,12 +48,17 @@ def choose_body(lidar: Lidar, scenario: Scenario | None, body: str | None) -> tu
 
 
 def _build_bench(lidar: Lidar, model: str) -> Scenario:
-    """Build a scenario without an Earth in which a model stands before a lidar."""
+    """Build a scenario without an Earth in which a model stands before a lidar, for one frame that holds all its pulses."""
+    frame_s = max(1.0, 2.0 * lidar.exposure_s)
     return Scenario(
         version=1,
         name=model,
         world=World(axes="local"),
-        time=Time(start_utc=datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC), duration_s=1.0, frame_rate_hz=1.0),
+        time=Time(
+            start_utc=datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC),
+            duration_s=frame_s,
+            frame_rate_hz=1.0 / frame_s,
+        ),
         target=(Target(name="body", model=model, motion=Fixed(position_m=(_AHEAD_M, 0.0, 0.0))),),
         follower=Follower(motion=Fixed(position_m=(0.0, 0.0, 0.0))),
         lidar=lidar,

@@ -207,6 +207,12 @@ def find_range(
             "attitudes of the run: the body is not of a scenario; name one of its targets, or leave it out"
         )
     finding = finding or (Finding() if scenario is None else scenario.finding)
+    rows, cols = lidar.receiver.shape
+    if finding.pixels > rows * cols:
+        raise ScenarioError(
+            f"finding.pixels: {finding.pixels} is more than the {rows * cols} pixels of the receiver, so no body could be "
+            "found; lower it"
+        )
     search = AttitudeSearch(lidar, flown, number, finding, attitudes, in_run=in_run)
     near_m, far_m = _choose_span_m(lidar, range_m, search.radius_m)
     scan_m, scan = _scan_inward(lambda at: search.over_attitudes(at, _SCANNED_ATTITUDES), near_m, far_m)

@@ -66,3 +66,9 @@ def test_a_sun_whose_glare_is_left_out_is_warned_of_as_without_glare(sources):
     scenario = bench(sun_at(1, 0.005, 0), f"lidar.receiver.glare.sources={sources}")
     (line,) = lines_about("the Sun is in the field of view", scenario)
     assert "no frame shows that" in line
+
+
+def test_a_local_world_has_neither_earth_nor_moon():
+    moon = bench(sun_at(1, 0.07, 0), 'lidar.receiver.glare.sources=["moon"]')
+    (line,) = lines_about("lidar.receiver.glare.sources", moon)
+    assert 'add "sun"' in line

@@ -8,6 +8,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.scenario import Finding
+from rso_lidar.study.budgets.body import choose_body
 from rso_lidar.study.budgets.finding_range import find_range
 
 FAST = rl.Lidar(preset="gsfl_1064", detector=rl.Empirical(), receiver={"fov_deg": 0.625, "n_rows": 32, "n_cols": 32})
@@ -48,12 +49,22 @@ def test_the_attitudes_of_the_run_are_those_that_face_the_lidar():
     assert facing.worst_range_m == pytest.approx(facing.max_range_m, rel=0.05)  # 8 places against 32
 
 
+def test_a_body_alone_stands_still_for_all_pulses_of_a_slow_laser():
+    """100 pulses at 20 Hz take 5 s, more than a second between frames."""
+    gated = rl.Gsfl(gate={"delay_ns": 5000.0, "pulses": 100})
+    slow = rl.Lidar(receiver=FAST.receiver, laser={"pulse_rate_hz": 20.0}, detector=gated)
+    alone, number = choose_body(slow, None, "cubesat_3u")
+    assert number == 0 and alone.lidar.exposure_s < 1.0 / alone.time.frame_rate_hz
+
+
 @pytest.mark.parametrize(
     ("given", "why"),
     [
         ({"body": None}, "a camera alone has no body"),
         ({"body": "cubesat_33u"}, "did you mean 'cubesat_3u'"),
         ({"body": 7}, "7: is not a name"),
+        ({"body": ""}, "'': is not a name"),
+        ({"finding": Finding(pixels=1025)}, "finding.pixels: 1025 is more than the 1024 pixels"),
         ({"body": "./none.stl"}, "no file './none.stl'"),
         ({"probability": 1.0}, "probability: 1: is never or always reached"),
         ({"probability": float("nan")}, "probability: nan"),
