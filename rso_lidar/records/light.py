@@ -174,7 +174,6 @@ class Photons(Record):
     pulse_epoch: np.ndarray | None = array(
         "pulse", "i4", "1", "epoch of the exposure of each pulse, never falling; None: one for all", optional=True
     )
-
     pulse_energy_fraction: np.ndarray | None = array(
         "pulse", "f8", "1", "energy of each pulse over their mean; None: all alike", optional=True
     )

@@ -192,6 +192,7 @@ def report_probability(array: GeigerArray, photons: Photons, mine: np.ndarray) -
         cluster=number,
         cluster_pixel=pixel,
         filled_fraction=None,
+        photons_variance=None,
         background_photons_per_s=None if sunlight is None else np.tile(sunlight.ravel()[lit], trials)[None],
     )
     reading, _ = detect(array, row, np.random.Generator(np.random.Philox(_TRIALS)))

@@ -84,7 +84,8 @@ def _join_hits(hits: Sequence[Hits], shares: np.ndarray) -> tuple[Hits, list[np.
     joined = _join_arrays(hits, "hit", order)
     joined["ray"] = ray[order]
     joined["weight"] = joined["weight"] * np.repeat(shares, [len(one.pixel) for one in hits])[order]
-    return replace(hits[0], rays=rays, **joined), _split_numbers(order, hits)
+    variance = _average([one.photons_variance for one in hits], shares**2)
+    return replace(hits[0], rays=rays, **joined, photons_variance=variance), _split_numbers(order, hits)
 
 
 def _join_rays(rays: Sequence[Rays], shares: np.ndarray) -> tuple[Rays, list[np.ndarray]]:

@@ -1,4 +1,4 @@
-"""FacetEdges of a surface: where its brightness may change abruptly as the lidar sees it."""
+"""Edges between the facets of a surface: where its brightness may change abruptly as the lidar sees it."""
 
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ NONE = -1  # instead of a facet or corner
 
 @dataclass(frozen=True, eq=False)
 class FacetEdges:
-    """FacetEdges between facets, each once.
+    """Edges between facets, each once.
 
     Attributes
     ----------

@@ -70,3 +70,23 @@ def test_nothing_is_reported_outside_the_armed_window():
     photons, mine = light([(900.0, 5000.0, 0)]), np.ones(N, bool)
     for detector in (rl.Gsfl(armed_from_m=1000.0), rl.Gsfl(armed_to_m=800.0), rl.Empirical(armed_to_m=800.0)):
         assert not report_probability(detector, photons, mine).any()
+
+
+def test_a_geiger_array_reports_light_of_which_everything_is_known():
+    """Images of the frame, such as the error of its sampling, have another shape than the pixels that are tried."""
+    photons, mine = light([(900.0, 20.0, 0)]), np.ones(N, bool)
+    of = photons.pixel < 2
+    image = np.zeros((2, N // 2))
+    lit = rl.records.Photons(
+        **{name: getattr(photons, name) for name in ("pulse_step_s", "pulse_power_per_s", "pulse_fwhm_s", "late_s")},
+        **{
+            name: getattr(photons, name)[of]
+            for name in ("pixel", "delay_s", "photons", "depth_spread_s", "coherence_cells", "hit", "cluster")
+        },
+        shape=image.shape,
+        cluster_pixel=photons.cluster_pixel[:2],
+        background_photons_per_s=image,
+        photons_variance=image,
+    )
+    told = report_probability(rl.GeigerArray(gate_from_m=850.0, gate_to_m=950.0), lit, mine[of])
+    assert (told[:2] > 0.9).all() and not told[2:].any()

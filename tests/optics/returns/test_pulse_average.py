@@ -83,3 +83,15 @@ def test_sunlight_is_a_mean():
     images = [replace(light, background_photons_per_s=np.full((2, 2), rate)) for rate in (3.0, 9.0)]
     _, mean = average_pulses([(hits, images[0]), (hits, images[1])], 2)
     np.testing.assert_allclose(mean.background_photons_per_s, 6.0)
+
+
+def test_variance_of_hits_and_light_is_that_of_a_mean():
+    """Two of three pulses at one epoch: the variance of independent errors, of the hits as of their light."""
+    seen = []
+    for pixel, variance in (([0, 2], 9.0), ([2, 3], 36.0)):
+        hits, _ = see(pixel, 90.0)
+        hits = replace(hits, photons_variance=np.full((2, 2), variance))
+        seen.append((hits, optics.collect(hits, LASER, LENS)))
+    hits, mean = average_pulses(seen, 3)
+    for known in (hits.photons_variance, mean.photons_variance):
+        np.testing.assert_allclose(known, (2.0 / 3.0) ** 2 * 9.0 + (1.0 / 3.0) ** 2 * 36.0, rtol=1e-15)
