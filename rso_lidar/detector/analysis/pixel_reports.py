@@ -24,9 +24,8 @@ from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Photons
 
-_BINS = (
-    16  # of a pulse's length: light that is closer is summed without its delay, which changes the peak by 0.3 % at most
-)
+# Of a pulse's length: light that is closer is summed without its delay, which changes the peak by 0.3 % at most.
+_BINS = 16
 _REACH = 32  # bins to each side of the pulse's peak
 _LEVELS = np.array([0.25, 0.4, 0.55, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4, 1.6, 2.0, 2.5])  # photons over the threshold's
 _SURE_PHOTONS = 8.0  # times the threshold: a cluster this bright is detected, wherever its light is within it

@@ -31,7 +31,12 @@ class PhotonImage(Record):
 RECORDS: dict[str, type[Record]] = {"waveforms": Waveforms, "photons": PhotonImage, "oversampled": Oversampled}
 
 FIELDS = {  # by group of the file: name in the file, and in the record
-    "waveforms": {"samples": "samples_counts", "start": "start_s", "latch": "latch_s"},
+    "waveforms": {
+        "samples": "samples_counts",
+        "start": "start_s",
+        "latch": "latch_s",
+        "zero_crossing": "zero_crossing_s",
+    },
     "photons": {"image": "photons", "background": "background_photons_per_s"},
     "oversampled": {"range": "range_m", "photons": "photons"},
 }

@@ -55,6 +55,19 @@ def test_every_frame_comes_back_with_all_it_kept(recording):
     np.testing.assert_array_equal(waveforms.pixel, make_frame(3, **FULL).kept["waveforms"].pixel)
 
 
+def test_crossings_of_a_timing_channel_come_back(tmp_path):
+    frames = []
+    for frame in make_frames(2, keep=("waveforms",)):
+        waveforms = frame.kept["waveforms"]
+        crossing_s = 1e-6 + 1e-9 * np.arange(len(waveforms.pixel))
+        crossing_s[0] = np.nan  # a channel that never armed
+        frames.append(with_kept(frame, waveforms=dataclasses.replace(waveforms, zero_crossing_s=crossing_s)))
+    with export.open(export.save(tmp_path / "run.h5", frames)) as recording:
+        for read, frame in zip(recording, frames, strict=True):
+            given = frame.kept["waveforms"]
+            np.testing.assert_array_equal(read.kept["waveforms"].zero_crossing_s, given.zero_crossing_s)
+
+
 def test_what_was_read_can_be_saved_again(tmp_path, saved):
     again = export.save(tmp_path / "again.h5", export.open(saved))
     for k, frame in enumerate(export.open(again)):
