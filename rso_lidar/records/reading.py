@@ -111,7 +111,7 @@ class Labels(Record):
         "row col",
         "f4",
         "1",
-        "estimated rms error of `photons` because rays sample the pixel's area",
+        "estimated rms error of the first bounce's `photons` because rays sample the pixel's area",
         optional=True,
     )
     return_range_m: np.ndarray | None = array(

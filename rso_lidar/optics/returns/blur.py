@@ -175,7 +175,9 @@ def blur_variance(variance: np.ndarray | None, receiver: Receiver, wavelength_m:
         return variance
     from scipy.signal import fftconvolve
 
-    share = _cores_and_fars(receiver, wavelength_m, 1, (0,))[0][0, 0]
+    # The middle of the field stands for all of it.
+    zone = ZONES // 2 * (ZONES + 1) if isinstance(receiver.psf, FieldDependentPsf) else 0
+    share = _cores_and_fars(receiver, wavelength_m, 1, (zone,))[0][0, 0]
     side = math.isqrt(len(share))
     spread: np.ndarray = np.maximum(fftconvolve(variance, share.reshape(side, side) ** 2, mode="same"), 0.0)
     return spread

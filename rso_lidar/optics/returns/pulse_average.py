@@ -1,5 +1,6 @@
 """The light of a frame's pulses, between which the scene moves: cast at several epochs, and averaged."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -84,7 +85,7 @@ def _join_hits(hits: Sequence[Hits], shares: np.ndarray) -> tuple[Hits, list[np.
     joined = _join_arrays(hits, "hit", order)
     joined["ray"] = ray[order]
     joined["weight"] = joined["weight"] * np.repeat(shares, [len(one.pixel) for one in hits])[order]
-    variance = _average([one.photons_variance for one in hits], shares**2)
+    variance = _average_variance([one.photons_variance for one in hits], shares)
     return replace(hits[0], rays=rays, **joined, photons_variance=variance), _split_numbers(order, hits)
 
 
@@ -152,9 +153,24 @@ def _join_photons(
         **joined,
         filled_fraction=_average([one.filled_fraction for one in photons], shares),
         background_photons_per_s=_average([one.background_photons_per_s for one in photons], shares),
-        photons_variance=_average([one.photons_variance for one in photons], shares**2),
+        photons_variance=_average_variance([one.photons_variance for one in photons], shares),
         pulse_epoch=pulse_epoch,
     )
+
+
+def _average_variance(images: Sequence[np.ndarray | None], shares: np.ndarray) -> np.ndarray | None:
+    """Return the variance (row, col) of the mean over epochs; None where it is unknown.
+
+    The errors of neighbouring epochs are alike, because the scene moves by a fraction of a pixel between them. As many
+    errors as the square root of the number of epochs are taken as independent. This is assumed: for motion in depth alone it
+    is too many, and for motion over several pixels too few.
+
+    Parameters
+    ----------
+    images : variance (row, col) of each epoch.
+    shares : (epoch) share of the pulses.
+    """
+    return _average(images, shares**2 * math.sqrt(len(shares)))
 
 
 def _average(images: Sequence[np.ndarray | None], shares: np.ndarray) -> np.ndarray | None:

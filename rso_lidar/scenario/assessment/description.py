@@ -257,7 +257,8 @@ def _describe_finding(mission: Mission, preview: Preview, number: int, row: int)
     found = find_in_run(mission, preview, number, row, _PLACES)
     spread = f", {found.min():.2f} to {found.max():.2f}" if np.ptp(found) > 0.01 else ""
     places = f"{_PLACES} attitudes and places in the pixel grid{spread}"
-    return f"P(found) {found.mean():.3f}: {mission.finding.describe()} ({places})"
+    dark = ", without sunlight" if mission.lidar.receiver.filter_width_nm is not None else ""
+    return f"P(found) {found.mean():.3f}: {mission.finding.describe()} ({places}{dark})"
 
 
 def _describe_sampling_error(casts: Sequence[TargetReturns]) -> str:

@@ -86,7 +86,7 @@ def test_sunlight_is_a_mean():
 
 
 def test_variance_of_hits_and_light_is_that_of_a_mean():
-    """Two of three pulses at one epoch: the variance of independent errors, of the hits as of their light."""
+    """Two of three pulses at one epoch: of n epochs √n have errors of their own, of the hits as of their light."""
     seen = []
     for pixel, variance in (([0, 2], 9.0), ([2, 3], 36.0)):
         hits, _ = see(pixel, 90.0)
@@ -94,4 +94,5 @@ def test_variance_of_hits_and_light_is_that_of_a_mean():
         seen.append((hits, optics.collect(hits, LASER, LENS)))
     hits, mean = average_pulses(seen, 3)
     for known in (hits.photons_variance, mean.photons_variance):
-        np.testing.assert_allclose(known, (2.0 / 3.0) ** 2 * 9.0 + (1.0 / 3.0) ** 2 * 36.0, rtol=1e-15)
+        independent = (2.0 / 3.0) ** 2 * 9.0 + (1.0 / 3.0) ** 2 * 36.0
+        np.testing.assert_allclose(known, independent * np.sqrt(2.0), rtol=1e-14)
