@@ -16,7 +16,7 @@ from rso_lidar.optics.rays.cell_light import (
 )
 from rso_lidar.optics.rays.cell_tree import MIDDLE, divide_cells, find_levels, list_leaves, place_rays, plant_cells
 from rso_lidar.optics.rays.cells import boxes_in_cells, outlines_in_cells
-from rso_lidar.optics.rays.coverage import find_fineness, find_spans
+from rso_lidar.optics.rays.coverage import FINEST, find_fineness, find_spans
 from rso_lidar.optics.rays.ray_grid import normalise
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
@@ -27,6 +27,7 @@ _MOST_ROUNDS = 3  # after the first
 _FREE_RAYS, _MORE_RAYS = 16_000, 0.6  # after the first round: so many, and this multiple of those in the first
 _WORTH_A_ROUND = 0.2  # of those rays: with fewer left, another round costs more than it brings
 _MOST_ROOTS = 2**20  # coarse cells in a window
+_MOST_FINE = 2**18  # cells of a target in the first round that a narrow beam asks for
 _CELLS_OF_BEAM = 8  # across a beam, at least
 _GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
 _SIDES_OF_CIRCLE = 96  # of the polygon that stands for a round beam's edge
@@ -60,13 +61,19 @@ class AdaptiveSampling:
         self._is_textured = is_textured
         self._receiver, self._shape = receiver, receiver.shape
         boxes = boxes_in_cells(receiver, extent, np.inf)
-        fineness = np.maximum(find_fineness(boxes, receiver.min_rays_per_target), _fineness_of_beam(laser, receiver))
+        fineness, of_beam = find_fineness(boxes, receiver.min_rays_per_target), _fineness_of_beam(laser, receiver)
         if laser.offset is None and receiver.filter_width_nm is None:
-            boxes = boxes_in_cells(receiver, extent, _reach(laser, receiver))
+            boxes = boxes_in_cells(receiver, extent, _reach(laser, receiver, of_beam))
         coarse = receiver.rays_per_side
         spans = find_spans(boxes, *(side * coarse for side in self._shape))
         height, width = spans[:, 1] - spans[:, 0], spans[:, 3] - spans[:, 2]
         is_seen = (height > 0) & (width > 0)
+        # A beam that may light all of a target (beside the lens, or with the Sun) is resolved as well as memory allows.
+        sides = np.clip(
+            np.nan_to_num(boxes[:, 1] - boxes[:, 0], nan=0.0), 1.0 / of_beam, np.stack([height, width], 1) + 1.0
+        )
+        bounded = np.sqrt(_MOST_FINE / np.maximum(sides.prod(axis=1), 1e-12))
+        fineness = np.maximum(fineness, np.maximum(np.minimum(of_beam, bounded), 1.0).astype(np.int64))
         # All cells become as fine as those of the target that needs it least, as long as their table stays small.
         least = int(fineness[is_seen].min(initial=1)) if is_seen.any() else 1
         area = int((height * width)[is_seen].max(initial=1))
@@ -173,17 +180,17 @@ class AdaptiveSampling:
         return Hits(rays, **columns, photons_variance=self.photons_variance)
 
 
-def _reach(laser: Laser, receiver: Receiver) -> float:
+def _reach(laser: Laser, receiver: Receiver, fineness: int) -> float:
     """Return the distance from the boresight, in the tangent plane, beyond which there is no light of the laser."""
     if laser.footprint == "gaussian":
         return _GAUSSIAN_REACH * laser.half_width_tangent
-    return laser.half_width_tangent + receiver.pixel_tangent / receiver.rays_per_side
+    return laser.half_width_tangent + receiver.pixel_tangent / (receiver.rays_per_side * fineness)
 
 
 def _fineness_of_beam(laser: Laser, receiver: Receiver) -> int:
     """Return the cells along a coarse cell's side that resolve a beam narrower than the field."""
     cell = receiver.pixel_tangent / receiver.rays_per_side
-    return int(np.ceil(_CELLS_OF_BEAM * cell / (2.0 * laser.half_width_tangent)))
+    return int(min(np.ceil(_CELLS_OF_BEAM * cell / (2.0 * laser.half_width_tangent)), FINEST))
 
 
 def _pieces(receiver: Receiver) -> int:

@@ -19,7 +19,7 @@ LEAF, ABSENT = -1, -2  # instead of a child: a cell with a ray, and one that not
 NO_ROOT = -1
 MIDDLE = 4  # number of the child that keeps the ray
 _DEEPEST = 9  # levels below a coarse cell: 1/19,683 of its side
-_STACK = 8 * _DEEPEST + 16
+_STACK = 8 * (_DEEPEST + 8) + 16  # rounds divide cells below the deepest that are planted, as SIDES allows
 SIDES = 3.0 ** np.arange(_DEEPEST + 8)  # cells of a level along the side of a coarse cell
 _MARGIN = 0.75  # cells: the middle of a cell that an outline touches is at most half a diagonal away from it
 
@@ -28,7 +28,7 @@ class CellTree(NamedTuple):
     """Trees of cells.
 
     `root` (row, col) i4 is the node of each coarse cell in a window of whole pixels, `NO_ROOT` for none. `first_row` and
-    `first_col` are the window's first coarse cell. `nodes` (node, 4) i4 is the table of nodes.
+    `first_col` are the window's first coarse cell. `nodes` (node, 4) i8 is the table of nodes.
     """
 
     root: np.ndarray
@@ -90,7 +90,7 @@ def plant_roots(
             left, right = min(left, spans[t, 2]), max(right, spans[t, 3])
     top, left, bottom, right = top // k * k, left // k * k, -(-bottom // k) * k, -(-right // k) * k
     if bottom <= top or right <= left:
-        return np.empty((0, 0), np.int32), 0, 0, np.empty((0, 4), np.int32)
+        return np.empty((0, 0), np.int32), 0, 0, np.empty((0, 4), np.int64)
     mark = np.zeros((bottom - top, right - left), np.int16)
     for t in range(len(boxes)):
         r0, r1, c0, c1 = spans[t, 0], spans[t, 1], spans[t, 2], spans[t, 3]
@@ -106,7 +106,7 @@ def plant_roots(
     for row in range(mark.shape[0]):
         for col in range(mark.shape[1]):
             count += mark[row, col]
-    nodes, n = np.empty((count + 1024, 4), np.int32), 0
+    nodes, n = np.empty((count + 1024, 4), np.int64), 0
     for row in range(mark.shape[0]):
         for col in range(mark.shape[1]):
             if mark[row, col]:
@@ -154,7 +154,7 @@ def insert_cell(
     The table, which may be a larger copy, and the number of nodes.
     """
     if n + 9 * level + 1 > len(nodes):
-        larger = np.empty((2 * len(nodes) + 9 * level + 1, 4), np.int32)
+        larger = np.empty((2 * len(nodes) + 9 * level + 1, 4), np.int64)
         larger[:n] = nodes[:n]
         nodes = larger
     side = 3**level
@@ -218,7 +218,7 @@ def divide_cells(nodes: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     chosen : numbers of the leaves. The children of leaf i begin at ``len(nodes) + 9 * i``.
     """
     n = len(nodes)
-    larger = np.empty((n + 9 * len(chosen), 4), np.int32)
+    larger = np.empty((n + 9 * len(chosen), 4), np.int64)
     larger[:n] = nodes
     for i in range(len(chosen)):
         add_children(larger, chosen[i], n + 9 * i, LEAF)

@@ -82,3 +82,14 @@ def test_no_target_in_the_field_gives_no_cells():
     tree = cell_tree.plant_cells(boxes, np.array([0]), outlines, K, SHAPE)
     assert tree.root.size == 0
     assert len(cell_tree.list_leaves(tree.root, tree.nodes, K)) == 0
+
+
+def test_cells_are_divided_below_the_deepest_that_are_planted():
+    boxes, outlines = targets(np.random.default_rng(3), (9,))
+    tree = cell_tree.plant_cells(boxes, np.array([9]), outlines, K, SHAPE)
+    nodes = tree.nodes
+    for _ in range(3):
+        nodes = cell_tree.divide_cells(nodes, packed(cell_tree.list_leaves(tree.root, nodes, K)[-1:]))
+    leaves = cell_tree.list_leaves(tree.root, nodes, K)
+    assert nodes[leaves, 1].max() == 12
+    assert set(leaves.tolist()) == set(oracle.leaves_of(tree.root, nodes))
