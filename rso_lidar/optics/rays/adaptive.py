@@ -14,7 +14,7 @@ from rso_lidar.optics.rays.cell_light import (
     settle_variance,
     sum_pixels,
 )
-from rso_lidar.optics.rays.cell_tree import MIDDLE, divide_cells, find_levels, list_leaves, place_rays, plant_cells
+from rso_lidar.optics.rays.cell_tree import divide_cells, find_levels, list_leaves, place_rays, plant_cells
 from rso_lidar.optics.rays.cells import boxes_in_cells, outlines_in_cells
 from rso_lidar.optics.rays.coverage import FINEST, find_fineness, find_spans
 from rso_lidar.optics.rays.ray_grid import normalise
@@ -22,9 +22,10 @@ from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 
 NOISE_SHARE = 1.0 / 3.0  # of its photon noise: so much error a pixel may have in any case
+_DOUBT = 1.0 / 12.0  # variance of a crossed cell's light over its squared step: any share of it may be lit
 _LEAST_PHOTONS = 1.0  # a pixel with fewer counts as one with so many
 _MOST_ROUNDS = 3  # after the first
-_FREE_RAYS, _MORE_RAYS = 16_000, 0.6  # after the first round: so many, and this multiple of those in the first
+_FREE_RAYS, _MORE_RAYS = 24_000, 0.6  # after the first round: so many, and this multiple of those in the first
 _WORTH_A_ROUND = 0.2  # of those rays: with fewer left, another round costs more than it brings
 _MOST_ROOTS = 2**20  # coarse cells in a window
 _MOST_FINE = 2**18  # cells of a target in the first round that a narrow beam asks for
@@ -86,11 +87,12 @@ class AdaptiveSampling:
         )
         self._ends, self._steps = _find_contour_images(receiver, laser, contours)
         self._is_active = np.ones(len(self._steps), bool)
-        self._light, self._variance, self._least_step, self._step = (np.zeros(len(self._nodes)) for _ in range(4))
+        self._light, self._variance, self._least_step = np.zeros((3, len(self._nodes)))
+        self._brightest, self._step, self._weight = np.zeros((3, len(self._nodes)))
         self._is_hit = np.zeros(len(self._nodes), bool)
         self._ray_of, self._hit_of = (np.full(len(self._nodes), -1) for _ in range(2))
         self._leaves = list_leaves(self._root, self._nodes, self._k)
-        self._fresh = self._born = self._leaves  # cells that need a ray, and all cells that are new
+        self._fresh = self._leaves  # cells that have no ray yet
         self._budget = self._left = _FREE_RAYS + _MORE_RAYS * len(self._leaves)
         self._batches: list[Hits] = []
         self.photons_variance = np.zeros(self._shape)
@@ -100,6 +102,7 @@ class AdaptiveSampling:
         if self._batches and not len(self._fresh):
             return None
         point, pixel, weight = place_rays(self._nodes, self._fresh, self._k, self._shape[1])
+        self._weight[self._fresh] = weight
         direction = np.empty((3, len(pixel)))
         direction[0], direction[1] = self._receiver.tangents_at(point[0], point[1])
         normalise(direction)
@@ -118,43 +121,47 @@ class AdaptiveSampling:
         self._ray_of[self._fresh] = sum(len(batch.rays.pixel) for batch in self._batches) + np.arange(len(self._fresh))
         self._hit_of[met] = sum(len(batch.pixel) for batch in self._batches) + np.arange(len(met))
         tree = self._root, self._first_row, self._first_col, self._nodes
-        estimate_variance(*tree, self._born, self._light, self._is_hit, self._k, self._variance, self._least_step)
+        estimate_variance(
+            *tree, self._fresh, self._light, self._is_hit, self._k, self._variance, self._least_step, self._brightest
+        )
         mark_crossed(*tree, self._ends, self._steps, self._is_active, self._k, self._least_step, self._step)
-        settle_variance(self._nodes, self._born, self._k, self._least_step, self._step, self._variance)
+        settle_variance(self._nodes, self._fresh, self._k, self._least_step, self._step, self._variance)
         self._batches.append(hits)
         self._divide()
 
     def _divide(self) -> None:
         """Divide the cells that are worth it, and add up what is known of each pixel."""
-        starts, pixels, photons, variance, counts = sum_pixels(
-            self._nodes, self._leaves, self._light, self._variance, self._k, self._shape[1]
-        )
+        of_leaves = self._nodes, self._leaves
+        _, pixels, _, variance, _ = sum_pixels(*of_leaves, self._light, self._variance, self._k, self._shape[1])
         self.photons_variance.flat[pixels] = variance
-        self._fresh = self._born = self._fresh[:0]
+        self._fresh = self._fresh[:0]
         if len(self._batches) > _MOST_ROUNDS or self._left < _WORTH_A_ROUND * self._budget or not len(pixels):
             return
+        # What to divide must not depend on what the rays of crossed cells happen to meet: pixels that have too much light
+        # would be left alone, and those that have too little corrected. So contours alone speak for these cells.
+        is_crossed = self._step > 0.0
+        step = np.maximum(self._step, self._brightest)
+        expected = np.where(is_crossed, 0.5 * step, self._light)
+        doubt = np.where(is_crossed, _DOUBT * (step * self._weight) ** 2, self._variance)
+        starts, _, photons, variance, counts = sum_pixels(*of_leaves, expected, doubt, self._k, self._shape[1])
         noise = NOISE_SHARE * np.sqrt(np.maximum(photons, _LEAST_PHOTONS))
         allowed = np.maximum(self._receiver.sampling_error * photons, noise) ** 2
         unknown = np.flatnonzero(variance > allowed)
         urgency = variance[unknown] / np.maximum(photons[unknown], _LEAST_PHOTONS) / counts[unknown]
         order = packed(unknown[np.argsort(-urgency, kind="stable")])
         bound = np.zeros(len(pixels)) if self._is_textured else allowed / np.maximum(counts, 1)
-        chosen = choose_cells(starts, self._leaves, self._variance, bound, order, int(self._left / 8.0))
+        chosen = choose_cells(starts, self._leaves, doubt, bound, order, int(self._left / 9.0))
         if not len(chosen):
             return
         first, new = len(self._nodes), 9 * len(chosen)
-        self._left -= new - len(chosen)
+        self._left -= new
         self._nodes = divide_cells(self._nodes, chosen)
-        for name in ("_light", "_variance", "_least_step", "_step", "_is_hit"):
+        for name in ("_light", "_variance", "_least_step", "_brightest", "_step", "_weight", "_is_hit"):
             values = getattr(self, name)
             setattr(self, name, np.concatenate([values, np.zeros(new, values.dtype)]))
         for name in ("_ray_of", "_hit_of"):
             setattr(self, name, np.concatenate([getattr(self, name), np.full(new, -1)]))
-        middle = first + MIDDLE + 9 * np.arange(len(chosen))
-        for values in (self._light, self._is_hit, self._ray_of, self._hit_of):
-            values[middle] = values[chosen]
-        self._born = np.arange(first, first + new, dtype=np.int32)
-        self._fresh = packed(np.delete(self._born.reshape(-1, 9), MIDDLE, axis=1).ravel())
+        self._fresh = np.arange(first, first + new, dtype=np.int32)
         self._leaves = list_leaves(self._root, self._nodes, self._k)
 
     @property

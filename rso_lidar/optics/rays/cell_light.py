@@ -15,8 +15,8 @@ from rso_lidar.optics.rays.cell_tree import CHILD, COL, LEAF, LEVEL, NO_ROOT, RO
 # cells that an edge crosses do better. The figure is that of eight spacecraft (docs/validation.md).
 VARIANCE_PER_BEND = 0.15
 _STACK = 64  # nodes to visit
-_PER_SQUARED_STEP = 1.0 / 30.0  # of a contour in a cell, if its place there is unknown
-_BRIGHT_STEP = 1.5  # times the light around: a contour as strong as this counts even before a target
+_PER_SQUARED_STEP = 1.0 / 60.0  # of a contour in a cell, if its place there is unknown
+_BRIGHT_STEP = 0.5  # times the light around: a contour as strong as this counts even before a target
 
 
 @kernel
@@ -31,6 +31,7 @@ def estimate_variance(
     k: int,
     variance: np.ndarray,
     least_step: np.ndarray,
+    brightest: np.ndarray,
 ) -> None:
     """Estimate the variance of the light of some cells, and find how strong a contour must be to count there.
 
@@ -43,6 +44,7 @@ def estimate_variance(
     k : coarse cells along each side of a pixel.
     variance : (node), written.
     least_step : (node) photons in a whole pixel, written. 0 beside the sky: there every contour counts.
+    brightest : (node) light of the brightest of the cell and its neighbours, written.
     """
     for i in range(len(chosen)):
         node = chosen[i]
@@ -75,6 +77,7 @@ def estimate_variance(
         size = k * SIDES[level]
         variance[node] = VARIANCE_PER_BEND * bends / size**4
         least_step[node] = _BRIGHT_STEP * most if is_inside else 0.0
+        brightest[node] = most
 
 
 @kernel

@@ -1,8 +1,8 @@
 """Cells of the focal plane as trees: coarse cells, of which some are divided again and again into three by three.
 
 A window of coarse cells covers the targets. Each coarse cell is the root of a tree, and each leaf has one ray, through its
-middle. The middle cell of nine keeps the ray of the cell that was divided. A row of the table of nodes holds the first of
-nine children, the level, and row and column among all cells of that level. Children are stored together, row by row.
+middle. A row of the table of nodes holds the first of nine children, the level, and row and column among all cells of that level. Children are
+stored together, row by row.
 """
 
 import math
@@ -17,7 +17,7 @@ from rso_lidar.optics.rays.coverage import clip_to_parts, cover, find_spans
 CHILD, LEVEL, ROW, COL = range(4)  # columns of the table of nodes
 LEAF, ABSENT = -1, -2  # instead of a child: a cell with a ray, and one that nothing covers
 NO_ROOT = -1
-MIDDLE = 4  # number of the child that keeps the ray
+_MIDDLE = 4  # number of the child in the middle
 _DEEPEST = 9  # levels below a coarse cell: 1/19,683 of its side
 _STACK = 8 * (_DEEPEST + 8) + 16  # rounds divide cells below the deepest that are planted, as SIDES allows
 SIDES = 3.0 ** np.arange(_DEEPEST + 8)  # cells of a level along the side of a coarse cell
@@ -276,8 +276,8 @@ def place_rays(nodes: np.ndarray, chosen: np.ndarray, k: int, n_cols: int) -> tu
     point, pixel, weight = np.empty((2, n)), np.empty(n, np.int32), np.empty(n)
     for i in range(n):
         node = chosen[i]
-        size = k * SIDES[nodes[node, LEVEL]]
-        point[0, i], point[1, i] = (nodes[node, COL] + 0.5) / size, (nodes[node, ROW] + 0.5) / size
+        size, row, col = k * SIDES[nodes[node, LEVEL]], nodes[node, ROW], nodes[node, COL]
+        point[0, i], point[1, i] = (col + 0.5) / size, (row + 0.5) / size
         pixel[i] = math.floor(point[1, i]) * n_cols + math.floor(point[0, i])
         weight[i] = 1.0 / (size * size)
     return point, pixel, weight
@@ -301,7 +301,7 @@ def find_leaf(
             return -1
         node = int(root[at_row, at_col])
         while node >= 0 and nodes[node, CHILD] >= 0:
-            node = nodes[node, CHILD] + MIDDLE
+            node = nodes[node, CHILD] + _MIDDLE
         return node if node >= 0 and nodes[node, CHILD] == LEAF else -1
     side = SIDES[level]
     down, across = math.floor((row + 0.5) / side), math.floor((col + 0.5) / side)
@@ -319,5 +319,5 @@ def find_leaf(
             left_row, left_col = left_row - down * side, left_col - across * side
             node = nodes[node, CHILD] + 3 * down + across
         else:
-            node = nodes[node, CHILD] + MIDDLE
+            node = nodes[node, CHILD] + _MIDDLE
     return node if nodes[node, CHILD] == LEAF else -1

@@ -27,14 +27,14 @@ def test_variance_and_contours(seed):
     tree, leaves, light, is_hit, ends, steps = scene(seed)
     made, expected = [], []
     for module, out in ((cell_light, made), (oracle, expected)):
-        variance, least_step, step = (np.zeros(len(light)) for _ in range(3))
+        variance, least_step, step, brightest = np.zeros((4, len(light)))
         is_active = np.ones(len(steps), bool)
-        module.estimate_variance(*tree, leaves, light, is_hit, K, variance, least_step)
-        out += [variance.copy(), least_step]
+        module.estimate_variance(*tree, leaves, light, is_hit, K, variance, least_step, brightest)
+        out += [variance.copy(), least_step, brightest]
         module.mark_crossed(*tree, ends, steps, is_active, K, least_step, step)
         module.settle_variance(tree[3], leaves, K, least_step, step, variance)
         out += [step, is_active, variance]
-    assert expected[2].any() and not expected[3].all()
+    assert expected[3].any() and not expected[4].all()
     for one, other in zip(made, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)
 

@@ -52,7 +52,9 @@ def test_leaves_rays_and_neighbours(seed):
     leaves = cell_tree.list_leaves(root, nodes, K)
     assert leaves.tolist() == oracle.list_leaves(root, nodes, K)
     for made, expected in zip(
-        cell_tree.place_rays(nodes, leaves, K, SHAPE[1]), oracle.place_rays(nodes, leaves, K, SHAPE[1]), strict=True
+        cell_tree.place_rays(nodes, leaves, K, SHAPE[1]),
+        oracle.place_rays(nodes, leaves, K, SHAPE[1]),
+        strict=True,
     ):
         np.testing.assert_allclose(made, expected, rtol=1e-14)
     pixel, weight = cell_tree.place_rays(nodes, leaves, K, SHAPE[1])[1:]

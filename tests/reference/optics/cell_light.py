@@ -8,10 +8,10 @@ import numpy as np
 from rso_lidar.optics.rays.cell_light import VARIANCE_PER_BEND
 from tests.reference.optics.cell_tree import find_leaf, leaves_of
 
-BRIGHT_STEP, PER_SQUARED_STEP = 1.5, 1.0 / 30.0
+BRIGHT_STEP, PER_SQUARED_STEP = 0.5, 1.0 / 60.0
 
 
-def estimate_variance(root, first_row, first_col, nodes, chosen, light, is_hit, k, variance, least_step):
+def estimate_variance(root, first_row, first_col, nodes, chosen, light, is_hit, k, variance, least_step, brightest):
     """Write the variance of cells, and the least step of a contour that counts there."""
     tree = root, first_row, first_col, nodes
     for node in chosen.tolist():
@@ -23,7 +23,8 @@ def estimate_variance(root, first_row, first_col, nodes, chosen, light, is_hit, 
         bends = (own - 0.5 * (a + b)) ** 2 + (own - 0.5 * (c + d)) ** 2
         variance[node] = VARIANCE_PER_BEND * bends / (k * 3.0**level) ** 4
         is_inside = is_hit[node] and all(other >= 0 and is_hit[other] for other in (up, down, left, right))
-        least_step[node] = BRIGHT_STEP * max(own, a, b, c, d) if is_inside else 0.0
+        brightest[node] = max(own, a, b, c, d)
+        least_step[node] = BRIGHT_STEP * brightest[node] if is_inside else 0.0
 
 
 def mark_crossed(root, first_row, first_col, nodes, ends, steps, is_active, cells_per_pixel, least_step, step):
