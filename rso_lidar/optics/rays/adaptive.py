@@ -188,7 +188,13 @@ class AdaptiveSampling:
 
 
 def _reach(laser: Laser, receiver: Receiver, fineness: int) -> float:
-    """Return the distance from the boresight, in the tangent plane, beyond which there is no light of the laser."""
+    """Return the distance from the boresight, in the tangent plane, beyond which there is no light of the laser.
+
+    Parameters
+    ----------
+    laser, receiver : the instrument.
+    fineness : cells along the side of a coarse cell.
+    """
     if laser.footprint == "gaussian":
         return _GAUSSIAN_REACH * laser.half_width_tangent
     return laser.half_width_tangent + receiver.pixel_tangent / (receiver.rays_per_side * fineness)

@@ -1,8 +1,8 @@
 """Cells of the focal plane as trees: coarse cells, of which some are divided again and again into three by three.
 
 A window of coarse cells covers the targets. Each coarse cell is the root of a tree, and each leaf has one ray, through its
-middle. A row of the table of nodes holds the first of nine children, the level, and row and column among all cells of that level. Children are
-stored together, row by row.
+middle. A row of the table of nodes holds the first of nine children, the level, and row and column among all cells of that
+level. Children are stored together, row by row.
 """
 
 import math
