@@ -35,6 +35,7 @@ SIDES: dict[str, tuple[_Direction, _Direction]] = {
 CAMERA = "gsfl_1064"
 WAVELENGTHS_NM = (1064.0, 1570.0)  # of its laser, with the energy unchanged
 RANGE_M = 1000.0
+_RAYS_PER_PIXEL = 1600
 _CELLS = 640  # along a side of each picture
 _GREY = (0.62, 0.62, 0.62)
 
@@ -171,7 +172,9 @@ def _simulate_side(target: Target, file: Callable[[str], Path], wavelength_nm: f
     side : name of the side, a key of `SIDES`.
     """
     lidar = Lidar(preset=CAMERA).at(0.0)  # type: ignore[call-arg]
-    lidar = lidar.replace(laser=lidar.laser.replace(wavelength_nm=wavelength_nm))
+    # Sides of a model lie along rows of pixels, where only a fine grid is right.
+    receiver = lidar.receiver.replace(rays_per_pixel=_RAYS_PER_PIXEL)
+    lidar = lidar.replace(laser=lidar.laser.replace(wavelength_nm=wavelength_nm), receiver=receiver)
     surface = build_whole_surface(target, file, lidar.laser.wavelength_m)
     links = {"lidar": Link.still(), target.name: Link.still(_lidar_from_body(*SIDES[side], RANGE_M))}
     poses = PoseTree({"lidar": "inertial", target.name: "lidar"}, links)

@@ -15,7 +15,7 @@ def encounter(**columns):
         "pan_demand_rad", "pan_actual_rad", "pan_demand_rate_rad_s", "pan_rate_rad_s", "tilt_demand_rad",
         "tilt_actual_rad", "tilt_demand_rate_rad_s", "tilt_rate_rad_s", "off_boresight_rad", "in_field_fraction",
         "width_pixels", "height_pixels", "target_pixels", "brightest_photons", "median_photons",
-        "detection_probability", "expected_returns", "phase_rad", "sun_off_boresight_rad",
+        "detection_probability", "found_probability", "expected_returns", "phase_rad", "sun_off_boresight_rad",
     )  # fmt: skip
     table = {"time_s": TIME_S, "utc": np.array(["2024-09-17T12:00:00Z"] * 50)} | dict.fromkeys(names, FLAT)
     flags = ("pan_beyond_travel", "tilt_beyond_travel", "pan_at_greatest_rate", "tilt_at_greatest_rate")
