@@ -240,8 +240,8 @@ def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[st
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {size} pixels across, fills {fill:.0%} of its "
             f"brightest pixel; {_format_photons(casts)}, P(detect) {probability}, range noise {noise}{shift} ({alike})"
         )
-        lines.append(f"  {'':<9} {_describe_finding(mission, preview, number, row)}")
-        lines.append(f"  {'':<9} {_describe_sampling_error(casts)}")
+        found = _describe_finding(mission, preview, number, row)
+        lines.append(f"  {'':<9} {found}; {_describe_sampling_error(casts)}")
     return lines
 
 
@@ -266,7 +266,7 @@ def _describe_sampling_error(casts: Sequence[TargetReturns]) -> str:
     errors = [one.sampling_error for one in casts if one.sampling_error is not None]
     rays = np.mean([len(one.hits.rays.pixel) for one in casts])
     known = f"known to {100.0 * float(np.mean(errors)):.1f} % (rms by light)" if errors else "unknown"
-    return f"sampling: photons of a pixel {known} from {rays:,.0f} rays a flash"
+    return f"photons of a pixel {known} from {rays:,.0f} rays a flash"
 
 
 def _format_photons(casts: Sequence[TargetReturns]) -> str:
