@@ -49,4 +49,4 @@ def cast_pixels(
     while (rays := sampling.next_rays()) is not None:
         hits = cast(rays)
         sampling.add(hits, optics.pixel_photons(hits, laser, receiver))
-    return sampling.hits
+    return sampling.join_hits()

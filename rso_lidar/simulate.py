@@ -212,23 +212,23 @@ def flash(
     surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)
     receiver, pulses = lidar.receiver, lidar.detector.traits.pulses
     laser, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
-    seen, strayed = [], []
+    by_epoch, with_stray_light = [], []
     for at in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
         hits = sampling.cast_pixels(receiver, laser, surfaces, at, threads)
         bounces = None
         if lidar.bounces > 1:
             bounces = scene.bounce(hits, surfaces, at, draw_key(rng), threads, laser_from_m=laser.offset)
         photons = optics.collect(hits, laser, receiver, late_s, bounces)
-        seen.append((hits, photons))
+        by_epoch.append((hits, photons))
         if receiver.has_stray_light:
             moon_m = scenario.moon_position_m(at.time_s)
             sky = optics.see_sky(laser, receiver, at, moon_m, has_earth=not scenario.is_local)
             hidden = None if sky is None else scene.find_hidden(sky.direction, surfaces, at)
-            strayed.append((hits, optics.add_stray_light(photons, hits, laser, receiver, sky, hidden)))
-    hits, photons = optics.average_pulses(seen, pulses, jitter)
+            with_stray_light.append((hits, optics.add_stray_light(photons, hits, laser, receiver, sky, hidden)))
+    hits, photons = optics.average_pulses(by_epoch, pulses, jitter)
     labels = scene.label(hits, photons, lidar.max_returns)  # of what is really there: without stray light
-    if strayed:
-        _, photons = optics.average_pulses(strayed, pulses, jitter)
+    if with_stray_light:
+        _, photons = optics.average_pulses(with_stray_light, pulses, jitter)
     taps = None
     if "taps" in keep:
         reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)

@@ -60,8 +60,9 @@ class Receiver(Part):
     sampling_error: Annotated[Positive, Field(ge=1e-4, le=1)] = Field(
         default=0.02,
         description=(
-            "Greatest relative error (rms) of a pixel's expected photons because rays sample its area. As many rays are "
-            "cast as this needs. A third of the pixel's photon noise is allowed in any case. Default: a choice of "
+            "Relative error (rms) of a pixel's expected photons that is aimed at, because rays sample its area. A third of "
+            "the pixel's photon noise is allowed in any case. The number of rays is bounded, so some pixels may stay "
+            "above it; the label `photons_sampling_error` says which. Default: a choice of "
             "sampling, not of physics."
         ),
     )

@@ -22,12 +22,14 @@ from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Contours, Extent, Hits, Rays, specs
 
 NOISE_SHARE = 1.0 / 3.0  # of its photon noise: so much error a pixel may have in any case
-_DOUBT = 1.0 / 12.0  # variance of a crossed cell's light over its squared step: any share of it may be lit
+_DOUBT = (
+    1.0 / 12.0
+)  # variance of a crossed cell's light over its squared step, if any share of it may be lit: uniform law
 _LEAST_PHOTONS = 1.0  # a pixel with fewer counts as one with so many
+# Choices between error and time, as docs/physics.md and docs/performance.md state them:
 _MOST_ROUNDS = 3  # after the first
 _FREE_RAYS, _MORE_RAYS = 24_000, 0.6  # after the first round: so many, and this multiple of those in the first
 _WORTH_A_ROUND = 0.2  # of those rays: with fewer left, another round costs more than it brings
-_MOST_ROOTS = 2**20  # coarse cells in a window
 _MOST_FINE = 2**18  # cells of a target in the first round that a narrow beam asks for
 _CELLS_OF_BEAM = 8  # across a beam, at least
 _GAUSSIAN_REACH = 3.5  # 1/e² radii; 2e-11 of the energy lands farther out
@@ -61,29 +63,11 @@ class AdaptiveSampling:
         """
         self._is_textured = is_textured
         self._receiver, self._shape = receiver, receiver.shape
-        boxes = boxes_in_cells(receiver, extent, np.inf)
-        fineness, of_beam = find_fineness(boxes, receiver.min_rays_per_target), _fineness_of_beam(laser, receiver)
-        if laser.offset is None and receiver.filter_width_nm is None:
-            boxes = boxes_in_cells(receiver, extent, _reach(laser, receiver, of_beam))
-        coarse = receiver.rays_per_side
-        spans = find_spans(boxes, *(side * coarse for side in self._shape))
-        height, width = spans[:, 1] - spans[:, 0], spans[:, 3] - spans[:, 2]
-        is_seen = (height > 0) & (width > 0)
-        # A beam that may light all of a target (beside the lens, or with the Sun) is resolved as well as memory allows.
-        sides = np.clip(
-            np.nan_to_num(boxes[:, 1] - boxes[:, 0], nan=0.0), 1.0 / of_beam, np.stack([height, width], 1) + 1.0
-        )
-        bounded = np.sqrt(_MOST_FINE / np.maximum(sides.prod(axis=1), 1e-12))
-        fineness = np.maximum(fineness, np.maximum(np.minimum(of_beam, bounded), 1.0).astype(np.int64))
-        # All cells become as fine as those of the target that needs it least, as long as their table stays small.
-        least = int(fineness[is_seen].min(initial=1)) if is_seen.any() else 1
-        area = int((height * width)[is_seen].max(initial=1))
-        finer = max(min(least, int((_MOST_ROOTS / area) ** 0.5)), 1)
-        self._k, levels = coarse * finer, find_levels(fineness / finer)
+        boxes, levels = _plan_cells(receiver, laser, extent)
+        self._k = receiver.rays_per_side
         outlines = outlines_in_cells(receiver, extent)
-        outlines = outlines._replace(corners=outlines.corners * finer, off=outlines.off * finer)
         self._root, self._first_row, self._first_col, self._nodes = plant_cells(
-            boxes * finer, levels, outlines, self._k, self._shape
+            boxes, levels, outlines, self._k, self._shape
         )
         self._ends, self._steps = _find_contour_images(receiver, laser, contours)
         self._is_active = np.ones(len(self._steps), bool)
@@ -164,9 +148,8 @@ class AdaptiveSampling:
         self._fresh = np.arange(first, first + new, dtype=np.int32)
         self._leaves = list_leaves(self._root, self._nodes, self._k)
 
-    @property
-    def hits(self) -> Hits:
-        """Hits of the rays of all cells, with the variance of each pixel's photons."""
+    def join_hits(self) -> Hits:
+        """Join the hits of the rays of all cells that were not divided, with the variance of each pixel's photons."""
         if len(self._batches) == 1:  # nothing was divided
             return replace(self._batches[0], photons_variance=self.photons_variance)
         _, pixel, weight = place_rays(self._nodes, self._leaves, self._k, self._shape[1])
@@ -185,6 +168,32 @@ class AdaptiveSampling:
         columns |= {"ray": ray.astype(np.int32), "weight": weight[ray]}
         rays = Rays(self._shape, direction.T, pixel, weight)
         return Hits(rays, **columns, photons_variance=self.photons_variance)
+
+
+def _plan_cells(receiver: Receiver, laser: Laser, extent: Extent) -> tuple[np.ndarray, np.ndarray]:
+    """Plan the cells of the first round.
+
+    Parameters
+    ----------
+    receiver, laser : the instrument.
+    extent : where targets are.
+
+    Returns
+    -------
+    Bounds (target, low_high, row_col) of the targets, where the beam may light them, in coarse cells; and the level of each
+    target's cells (target).
+    """
+    boxes = boxes_in_cells(receiver, extent, np.inf)
+    fineness, of_beam = find_fineness(boxes, receiver.min_rays_per_target), _fineness_of_beam(laser, receiver)
+    if laser.offset is None and receiver.filter_width_nm is None:
+        boxes = boxes_in_cells(receiver, extent, _reach(laser, receiver, of_beam))
+    spans = find_spans(boxes, *(side * receiver.rays_per_side for side in receiver.shape))
+    sizes = np.stack([spans[:, 1] - spans[:, 0], spans[:, 3] - spans[:, 2]], axis=1)  # (target, row_col)
+    # A beam that may light all of a target (beside the lens, or with the Sun) is resolved as well as memory allows.
+    sides = np.clip(np.nan_to_num(boxes[:, 1] - boxes[:, 0], nan=0.0), 1.0 / of_beam, sizes + 1.0)
+    bounded = np.sqrt(_MOST_FINE / np.maximum(sides.prod(axis=1), 1e-12))
+    fineness = np.maximum(fineness, np.maximum(np.minimum(of_beam, bounded), 1.0).astype(np.int64))
+    return boxes, find_levels(fineness)
 
 
 def _reach(laser: Laser, receiver: Receiver, fineness: int) -> float:

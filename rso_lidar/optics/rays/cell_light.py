@@ -12,11 +12,13 @@ from rso_lidar.kernels import kernel
 from rso_lidar.optics.rays.cell_tree import CHILD, COL, LEAF, LEVEL, NO_ROOT, ROW, SIDES, find_leaf
 
 # The variance of a cell's light over the sum of its two squared bends. White noise gives 1/3. Rays through the middles of
-# cells that an edge crosses do better. The figure is that of eight spacecraft (docs/validation.md).
+# cells that an edge crosses do better. This and the next figure were fitted to eight spacecraft, so that the label says the
+# true error: tests/physics/test_sampling_physics.py checks that it does.
 VARIANCE_PER_BEND = 0.15
-_STACK = 64  # nodes to visit
-_PER_SQUARED_STEP = 1.0 / 60.0  # of a contour in a cell, if its place there is unknown
-_BRIGHT_STEP = 0.5  # times the light around: a contour as strong as this counts even before a target
+_PER_SQUARED_STEP = 1.0 / 60.0  # least variance of a cell that a contour crosses, over the contour's squared step
+# Inside a target, a contour counts whose step is at least so many times the light around. A gap has the whole of it.
+_BRIGHT_STEP = 0.5
+_STACK = 80  # a line crosses at most five of nine children, and a tree is at most 17 levels deep
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.rays.cells import Outlines
-from rso_lidar.optics.rays.coverage import clip_to_parts, cover, find_spans
+from rso_lidar.optics.rays.coverage import clip_to_parts, cover, find_spans, find_window
 
 CHILD, LEVEL, ROW, COL = range(4)  # columns of the table of nodes
 LEAF, ABSENT = -1, -2  # instead of a child: a cell with a ray, and one that nothing covers
@@ -83,12 +83,7 @@ def plant_roots(
     The fields of `CellTree`.
     """
     spans = find_spans(boxes, n_rows * k, n_cols * k)
-    top, bottom, left, right = n_rows * k, 0, n_cols * k, 0
-    for t in range(len(boxes)):
-        if spans[t, 0] < spans[t, 1] and spans[t, 2] < spans[t, 3]:
-            top, bottom = min(top, spans[t, 0]), max(bottom, spans[t, 1])
-            left, right = min(left, spans[t, 2]), max(right, spans[t, 3])
-    top, left, bottom, right = top // k * k, left // k * k, -(-bottom // k) * k, -(-right // k) * k
+    top, bottom, left, right = find_window(spans, k)
     if bottom <= top or right <= left:
         return np.empty((0, 0), np.int32), 0, 0, np.empty((0, 4), np.int64)
     mark = np.zeros((bottom - top, right - left), np.int16)

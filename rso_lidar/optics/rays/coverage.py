@@ -126,6 +126,23 @@ def find_spans(boxes: np.ndarray, n_rows: int, n_cols: int) -> np.ndarray:
 
 
 @kernel
+def find_window(spans: np.ndarray, k: int) -> tuple[int, int, int, int]:
+    """Return the window of whole pixels about all spans: first row, one past the last, and columns alike [cells].
+
+    Parameters
+    ----------
+    spans : (target, 4) as `find_spans` returns them. Without any the window is empty.
+    k : cells along each side of a pixel.
+    """
+    top, bottom, left, right = 2**62, 0, 2**62, 0
+    for t in range(len(spans)):
+        if spans[t, 0] < spans[t, 1] and spans[t, 2] < spans[t, 3]:
+            top, bottom = min(top, spans[t, 0]), max(bottom, spans[t, 1])
+            left, right = min(left, spans[t, 2]), max(right, spans[t, 3])
+    return top // k * k, -(-bottom // k) * k, left // k * k, -(-right // k) * k
+
+
+@kernel
 def find_owners(
     boxes: np.ndarray,
     fineness: np.ndarray,
@@ -153,12 +170,7 @@ def find_owners(
     window's first cell, and the number of cells whose owner is 0.
     """
     spans = find_spans(boxes, n_rows * k, n_cols * k)
-    top, bottom, left, right = n_rows * k, 0, n_cols * k, 0
-    for t in range(len(boxes)):
-        if spans[t, 0] < spans[t, 1] and spans[t, 2] < spans[t, 3]:
-            top, bottom = min(top, spans[t, 0]), max(bottom, spans[t, 1])
-            left, right = min(left, spans[t, 2]), max(right, spans[t, 3])
-    top, left, bottom, right = top // k * k, left // k * k, -(-bottom // k) * k, -(-right // k) * k
+    top, bottom, left, right = find_window(spans, k)
     if bottom <= top or right <= left:
         return np.empty((0, 0), np.int16), 0, 0, 0
     owner = np.full((bottom - top, right - left), np.int16(NO_OWNER))

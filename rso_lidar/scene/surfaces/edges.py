@@ -1,14 +1,12 @@
 """Edges between the facets of a surface: where its brightness may change abruptly as the lidar sees it."""
 
-from collections import OrderedDict
 from dataclasses import dataclass
-from threading import Lock
 
 import numpy as np
 
+from rso_lidar.scene.surfaces.geometry_cache import GeometryCache
 from rso_lidar.scene.surfaces.surface import Surface
 
-_MOST_GEOMETRIES = 64  # beyond that the least recently used are found again
 NONE = -1  # instead of a facet or corner
 
 
@@ -30,19 +28,9 @@ class FacetEdges:
     beyond: np.ndarray
 
 
-_known: OrderedDict[str, FacetEdges] = OrderedDict()  # by the geometry's hash
-_lock = Lock()
-
-
 def find_edges(surface: Surface) -> FacetEdges:
     """Return the edges of a surface, found once for each geometry."""
-    with _lock:
-        if surface.content not in _known:
-            _known[surface.content] = _collect(surface)
-            while len(_known) > _MOST_GEOMETRIES:
-                _known.popitem(last=False)
-        _known.move_to_end(surface.content)
-        return _known[surface.content]
+    return _cache.get(surface)
 
 
 def _collect(surface: Surface) -> FacetEdges:
@@ -70,3 +58,6 @@ def _collect(surface: Surface) -> FacetEdges:
     for values in (points, *columns):
         values.flags.writeable = False
     return FacetEdges(points, *columns)
+
+
+_cache = GeometryCache(_collect)

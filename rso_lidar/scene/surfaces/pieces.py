@@ -4,16 +4,14 @@ Projected, they cover the target more closely than one hull of the whole, so tha
 """
 
 import heapq
-from collections import OrderedDict
 from dataclasses import dataclass
-from threading import Lock
 
 import numpy as np
 
 from rso_lidar.kernels import kernel, packed
+from rso_lidar.scene.surfaces.geometry_cache import GeometryCache
 from rso_lidar.scene.surfaces.surface import Surface
 
-_MOST_GEOMETRIES = 64  # geometries
 _MOST = 128  # pieces that are considered
 _BINS = 16  # places along each axis where a piece may be divided
 _WORTH = 0.004  # of the whole hull's area: what a piece must save to be worth its projection
@@ -38,19 +36,9 @@ class _Node:
     area: float = 0.0
 
 
-_known: OrderedDict[str, Pieces] = OrderedDict()  # by the geometry's hash
-_lock = Lock()
-
-
 def find_pieces(surface: Surface) -> Pieces:
     """Return the pieces of a surface, found once for each geometry. Each facet is inside the hull of one of them."""
-    with _lock:
-        if surface.content not in _known:
-            _known[surface.content] = _split(surface)
-            while len(_known) > _MOST_GEOMETRIES:
-                _known.popitem(last=False)
-        _known.move_to_end(surface.content)
-        return _known[surface.content]
+    return _cache.get(surface)
 
 
 def _split(surface: Surface) -> Pieces:
@@ -248,3 +236,6 @@ def _spread(number: int) -> np.ndarray:
     z = (np.arange(number) + 0.5) * (2.0 / number) - 1.0
     turn, across = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(number), np.sqrt(1.0 - z * z)
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
+
+
+_cache = GeometryCache(_split)

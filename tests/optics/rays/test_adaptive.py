@@ -37,9 +37,11 @@ def test_the_light_of_pixels_is_known_to_the_error_and_says_so(range_m):
     lit = true > 0.0
     weighted = math.sqrt(float(((got - true)[lit] ** 2 / true[lit]).sum() / true.sum()))
     said = math.sqrt(float((hits.photons_variance.ravel()[lit] / true[lit]).sum() / true.sum()))
-    assert weighted < 0.03
+    assert weighted < 0.03  # the error asked for is 2 %, and half as much is left for pixels that are dim
+    # A single craft; the mean over eight is held closer in tests/physics.
     assert 0.3 * weighted < said < 0.05
     assert true[lit & (got == 0.0)].sum() < 0.01 * true.sum()
+    # Some forty pixels with 2 % each: their sum has 0.3 %, and half as much again.
     assert got.sum() == pytest.approx(true.sum(), rel=5e-3)
 
 
