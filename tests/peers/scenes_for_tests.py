@@ -79,7 +79,7 @@ def spacecraft() -> Scene:
     """Return the catalogue's TDRS, 21 m long, turned so that no side faces the lidar."""
     mesh = load_mesh(shipped("models/tdrs.glb"))
     triangles = turned(mesh.vertices[mesh.facets], "xyz", [35.0, -25.0, 40.0])
-    return Scene("TDRS at 300 m", triangles, 300.0, 32, 4.2, 4.2, 320, 0.02, 16384)
+    return Scene("TDRS at 300 m", triangles, 300.0, 32, 4.2, 4.2, 512, 0.02, 16384)
 
 
 def corner() -> Scene:
