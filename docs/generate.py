@@ -24,6 +24,7 @@ import rso_lidar as rl
 from rso_lidar import part, records
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
+from rso_lidar.records.part_classes import PART_CLASSES
 from rso_lidar.shapes.materials import MATERIALS
 from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
@@ -44,7 +45,7 @@ ATTRIBUTES = {  # what each attribute of a recording means
     "seed": "of all noise",
     "start_utc": "ISO 8601",
     "texts_crc32": "CRC-32 of the texts that `rl.open` takes from `/` and `/truth`, for HDF5 has no checksum of texts",
-    "targets": "JSON list: name, model, mesh SHA-256, parts, materials and facets; labels are places in it",
+    "targets": "JSON list: name, model, mesh SHA-256, parts, part classes, materials and facets; labels are places in it",
     "quaternion_order": "always `xyzw`",
     "axes": "what the axes are, in words",
     "tree": "JSON: the parent of each node of the tree of axes",
@@ -76,7 +77,12 @@ def pages() -> dict[Path, str]:
         "glossary.md": {"classes": classes()},
         "architecture.md": {"floors": floors(), "rooms": rooms()},
         "calibration.md": {"measured": measured_materials()},
-        "models.md": {"models": shipped_models(), "sources": model_sources(), "materials": shipped_materials()},
+        "models.md": {
+            "part classes": part_classes(),
+            "models": shipped_models(),
+            "sources": model_sources(),
+            "materials": shipped_materials(),
+        },
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
 
@@ -464,6 +470,15 @@ def presets() -> str:
 
     rows = [(f"`{name}`", " ".join(table["what"].split())) for name, table in shipped().items()]
     return _table(("`[lidar] preset`", "what it is"), rows)
+
+
+def part_classes() -> str:
+    """Return the table of common part classes, with the number of shipped models that have parts of each."""
+    rows = ["| number | class | meaning | models |", "| ---: | --- | --- | ---: |"]
+    for number, (name, meaning) in enumerate(PART_CLASSES.items()):
+        count = sum(name in entry.part_classes.values() for entry in rl.scene.library.models().values())
+        rows.append(f"| {number} | `{name}` | {meaning} | {count} |")
+    return "\n".join(rows)
 
 
 def shipped_models() -> str:

@@ -21,7 +21,7 @@ from rso_lidar.scenario import Lidar, Scenario, require_scenario
 from rso_lidar.track.controller import Controller
 
 DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
-KEPT = ("rays", "hits", "photons", "taps", "waveforms", "oversampled")
+KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled")
 
 
 def simulate(
@@ -44,8 +44,9 @@ def simulate(
     threads : number of threads (None: one per core). The result is bit for bit the same.
     workers : number of processes that make frames, instead of threads, for machines with many cores. A script that
         uses them needs ``if __name__ == "__main__":`` around its own code. The result is bit for bit the same.
-    keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons, taps, waveforms, oversampled.
-        ``taps`` holds the signals between the stages of the detector.
+    keep : names of intermediate records to leave in ``frame.kept``: rays, hits, signal, photons, taps, waveforms,
+        oversampled. ``signal`` is the photons without stray light, which the labels describe. ``taps`` holds the signals
+        between the stages of the detector.
 
     Yields
     ------
@@ -226,7 +227,8 @@ def flash(
             hidden = None if sky is None else scene.find_hidden(sky.direction, surfaces, at)
             with_stray_light.append((hits, optics.add_stray_light(photons, hits, laser, receiver, sky, hidden)))
     hits, photons = optics.average_pulses(by_epoch, pulses, jitter)
-    labels = scene.label(hits, photons, lidar.max_returns)  # of what is really there: without stray light
+    signal = photons
+    labels = scene.label(hits, signal, lidar.max_returns)  # of what is really there: without stray light
     if with_stray_light:
         _, photons = optics.average_pulses(with_stray_light, pulses, jitter)
     taps = None
@@ -234,7 +236,7 @@ def flash(
         reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)
     else:
         reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
-    made: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "photons": photons}
+    made: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "signal": signal, "photons": photons}
     made |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:
         made["oversampled"] = optics.oversample(hits, laser, receiver)

@@ -27,6 +27,10 @@ def add(
         list[str] | None,
         typer.Option("--part-material", metavar="PART=NAME", help="Material of one part; again for more."),
     ] = None,
+    part_class: Annotated[
+        list[str] | None,
+        typer.Option("--part-class", metavar="PART=CLASS", help="Common class of one part; again for more."),
+    ] = None,
     center_of_mass: Annotated[
         str | None, typer.Option("--center-of-mass", metavar="X,Y,Z", help="In metres, in the mesh's axes.")
     ] = None,
@@ -60,7 +64,8 @@ def add(
         size_m=size_m,
         mesh_axes=axes,
         material=material,
-        part_materials=_parse_pairs(part_material or []),
+        part_materials=_parse_pairs("--part-material", "NAME", "bus=mli_gold", part_material or []),
+        part_classes=_parse_pairs("--part-class", "CLASS", "wing=solar_array", part_class or []),
         center_of_mass_m=_parse_point(center_of_mass),
         what=what,
         taxonomy={
@@ -110,13 +115,20 @@ def _check_word(option: str, value: str | None, words: object) -> str | None:
     return value
 
 
-def _parse_pairs(texts: list[str]) -> dict[str, str]:
+def _parse_pairs(option: str, value: str, example: str, texts: list[str]) -> dict[str, str]:
+    """Return the values of an option that is given once for each part, by part.
+
+    Parameters
+    ----------
+    option, value, example : name of the option, what stands behind the equals sign, and a valid pair, for messages.
+    texts : as given.
+    """
     pairs = {}
     for text in texts:
-        part, equals, material = text.rpartition("=")
-        if not equals or not part or not material:
-            raise MeshError(f"--part-material {text}: is not PART=NAME; write for example bus=mli_gold")
-        pairs[part] = material
+        part, equals, chosen = text.rpartition("=")
+        if not equals or not part or not chosen:
+            raise MeshError(f"{option} {text}: is not PART={value}; write for example {example}")
+        pairs[part] = chosen
     return pairs
 
 

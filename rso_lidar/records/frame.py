@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rso_lidar.records.part_classes import PartClass
 from rso_lidar.records.reading import Labels, Reading
 from rso_lidar.records.schema import Record, array
 from rso_lidar.records.taxonomy import Taxonomy
@@ -28,6 +29,7 @@ class TargetEntry:
     materials: tuple[str, ...]  # one for each part, in words
     facets: int  # in the source file, before repairs
     taxonomy: Taxonomy | None = None  # None if not stated
+    part_classes: tuple[PartClass, ...] = ()  # one for each part; empty in recordings older than part classes
 
 
 @dataclass(frozen=True)

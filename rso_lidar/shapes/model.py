@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rso_lidar.records.part_classes import PartClass
 from rso_lidar.records.taxonomy import Hinge, Taxonomy
+from rso_lidar.shapes.part_classes import classify_parts
 from rso_lidar.shapes.solids import Solid
 
 
@@ -56,6 +58,11 @@ class CraftModel:
     def materials(self) -> dict[str, str]:
         """Names of the materials by part name."""
         return {name: piece.material for name, piece in self.pieces.items()}
+
+    @property
+    def part_classes(self) -> dict[str, PartClass]:
+        """Common part classes by part name."""
+        return classify_parts(self.pieces)
 
     @property
     def facet_count(self) -> int:

@@ -64,6 +64,7 @@ def statement(model: CraftModel, content: bytes) -> dict[str, Any]:
         "inertia_kg_m2": [_rounded(row, 5) for row in model.inertia_kg_m2],
         "confidence": model.confidence,
         "parts": model.materials,
+        "part_classes": model.part_classes,
         "taxonomy": model.taxonomy.model_dump(),
         "hinge": [hinge.model_dump(exclude_none=True) for hinge in model.hinges],
     }

@@ -7,11 +7,14 @@ import pytest
 import trimesh
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.records.part_classes import PART_CLASSES
 from rso_lidar.records.taxonomy import classify_size
 from rso_lidar.scene import find_material
 from rso_lidar.scene.library.model_index import materials, models
 from rso_lidar.shapes import MATERIALS, build, builders
 from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
+from rso_lidar.shapes.part_classes import _PARTS as PART_TABLE
+from rso_lidar.shapes.part_classes import classify_parts
 from rso_lidar.shapes.solids import Solid
 from rso_lidar.shapes.write import glb, write
 
@@ -299,3 +302,36 @@ def test_writing_twice_writes_the_same(tmp_path, built):
 def test_unknown_shape_is_one_line_with_a_cure():
     with pytest.raises(ScenarioError, match=r"unknown shape 'tdrss'; did you mean 'tdrs'\? \(known: tdrs, "):
         build("tdrss")
+
+
+def test_every_part_of_every_model_has_a_common_class(built):
+    for name, entry in models().items():
+        assert entry.part_classes == built[name].part_classes
+        assert list(entry.part_classes) == list(entry.parts)
+    used = {kind for entry in models().values() for kind in entry.part_classes.values()}
+    assert used == set(PART_CLASSES)  # no class is without a part
+    known = [part for parts in PART_TABLE.values() for part in parts.split()]
+    assert len(known) == len(set(known))
+    assert set(known) == {part for entry in models().values() for part in entry.parts}
+
+
+def test_common_classes_mean_the_same_in_all_models(built):
+    cells, mirrors = {"solar_cell", "solar_cell_si"}, {"osr"}
+    for entry in models().values():
+        for part, kind in entry.part_classes.items():
+            assert (entry.parts[part] in cells) <= (kind == "solar_array"), part
+            assert (entry.parts[part] in mirrors) <= (kind == "radiator"), part
+            assert part.startswith("antenna_") <= (kind in ("antenna", "boom", "mechanism")), part
+            assert part.startswith("boom_") <= (kind == "boom"), part
+    for entry in models().values():
+        if entry.taxonomy.object_class in ("payload", "capsule"):
+            assert "bus" in entry.part_classes.values()
+        if entry.taxonomy.object_class == "rocket_body":
+            assert {"tank", "engine"} <= set(entry.part_classes.values())
+        if entry.taxonomy.shape_family == "box_wing":
+            assert "solar_array" in entry.part_classes.values()
+
+
+def test_a_part_without_a_class_names_the_table():
+    with pytest.raises(ScenarioError, match="part 'flag': has no common part class: add it to"):
+        classify_parts(["bus", "flag"])

@@ -12,6 +12,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.analysis.description import describe_gate
+from rso_lidar.detector.analysis.reported_light import bound_reports
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.geiger.counting import first_photon_moments, live_fraction, peak_probability
 from rso_lidar.detector.geiger.histogram import count_photons
@@ -196,14 +197,10 @@ def report_probability(array: GeigerArray, photons: Photons, mine: np.ndarray) -
         background_photons_per_s=None if sunlight is None else np.tile(sunlight.ravel()[lit], trials)[None],
     )
     reading, _ = detect(array, row, np.random.Generator(np.random.Philox(_TRIALS)))
-    near_m, far_m = np.full(lit.size, np.inf), np.full(lit.size, -np.inf)
-    at, range_m = np.searchsorted(lit, photons.pixel[mine]), photons.delay_s[mine] * units.RANGE_PER_DELAY_M_S
-    np.minimum.at(near_m, at, range_m)
-    np.maximum.at(far_m, at, range_m)
-    beside_m = (array.peak_s + photons.pulse_fwhm_s) * units.RANGE_PER_DELAY_M_S
+    low_m, high_m = (bounds[lit] for bounds in bound_reports(photons, mine))
     reported_m = np.asarray(reading.range_m, dtype=float).reshape(trials, lit.size)
     with np.errstate(invalid="ignore"):
-        inside = (reported_m >= near_m - beside_m) & (reported_m <= far_m + beside_m)
+        inside = (reported_m >= low_m) & (reported_m <= high_m)
     found[lit] = inside.mean(axis=0)
     return found
 

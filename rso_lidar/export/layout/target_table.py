@@ -20,7 +20,7 @@ def tabulate_targets(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:
 
 
 def read_targets(tables: Iterable[Mapping[str, Any]]) -> tuple[TargetEntry, ...]:
-    """Return the targets that a file holds as tables; files older than taxonomies have no taxonomy."""
+    """Return the targets that a file holds as tables; older files have no taxonomy or no part classes."""
     return tuple(
         TargetEntry(
             **{
@@ -28,6 +28,7 @@ def read_targets(tables: Iterable[Mapping[str, Any]]) -> tuple[TargetEntry, ...]
                 "parts": tuple(table["parts"]),
                 "materials": tuple(table["materials"]),
                 "taxonomy": Taxonomy(**table["taxonomy"]) if table.get("taxonomy") else None,
+                "part_classes": tuple(table.get("part_classes", ())),
             }
         )
         for table in tables

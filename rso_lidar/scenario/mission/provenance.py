@@ -18,7 +18,7 @@ from rso_lidar.part import Part, dump_part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.named_files import list_named_files
-from rso_lidar.scenario.mission.target_surfaces import find_taxonomy, place_mesh
+from rso_lidar.scenario.mission.target_surfaces import find_part_classes, find_taxonomy, place_mesh
 from rso_lidar.scenario.tables.library_model import describe_library_model
 from rso_lidar.scenario.tables.target import Target
 from rso_lidar.scene import Lambertian, Material, Named, Surface
@@ -47,6 +47,7 @@ def build_source(mission: Mission) -> Source:
                 materials=tuple(material.summarize() for material in surface.materials[: len(surface.mesh.part_names)]),
                 facets=surface.mesh.source_facets,
                 taxonomy=find_taxonomy(target),
+                part_classes=find_part_classes(target, surface.mesh),
             )
             for target, surface in _pair_meshes(mission)
         ),
@@ -144,6 +145,7 @@ def _resolve_library_model(target: Target) -> dict[str, Any]:
         "library": describe_library_model(entry).model_dump(),
         "center_of_mass_m": place_mesh(target, mesh, entry)[1],
         "taxonomy": kind.model_dump(),
+        "part_classes": dict(zip(mesh.part_names, find_part_classes(target, mesh), strict=True)),
     }
     if target.material is None:
         of_part: dict[str, Material] = {name: Named(name=material) for name, material in entry.parts.items()}

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rso_lidar.errors import RsoLidarWarning
+from rso_lidar.records.part_classes import OTHER, PartClass
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import apply_color_materials, apply_facet_materials
 from rso_lidar.scenario.tables.target import Target
@@ -73,6 +74,7 @@ def build_whole_surface(target: Target, file: Callable[[str], Path], wavelength_
         mesh = entry.mesh
         if target.material is None and target.library is None:  # otherwise the target lists its materials
             own = {part: Named(name=name) for part, name in entry.parts.items()}
+    mesh.check_parts("part_classes", target.part_classes)
     scale, center_of_mass_m = place_mesh(target, mesh, entry)
     surface = build_surface(
         target.name,
@@ -115,3 +117,9 @@ def find_taxonomy(target: Target) -> Taxonomy | None:
     if target.taxonomy is None and target.terrain is not None:
         return classify_terrain(target.terrain)
     return target.taxonomy or (None if target.is_path else model(target.shape).taxonomy)
+
+
+def find_part_classes(target: Target, mesh: Mesh) -> tuple[PartClass, ...]:
+    """Return the common class of each part of a target's mesh, from the scenario or the catalogue; else `other`."""
+    known = {} if target.is_path else model(target.shape).part_classes
+    return tuple(target.part_classes.get(part, known.get(part, OTHER)) for part in mesh.part_names)

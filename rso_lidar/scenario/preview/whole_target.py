@@ -19,8 +19,9 @@ import numpy as np
 from rso_lidar import optics, units
 from rso_lidar.detector import detect, report_probability
 from rso_lidar.detector.analysis.finding import at_least, estimate_k_of_n, k_of_n
+from rso_lidar.detector.analysis.reported_light import mark_reports
 from rso_lidar.pose import Link
-from rso_lidar.records import Photons, Reading, Truth
+from rso_lidar.records import Truth
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.aspects import build_truth, collect_attitudes, link_surfaces, rotation_between
 from rso_lidar.scenario.preview.geometry import Preview
@@ -34,7 +35,6 @@ _FLASHES = 8  # simulated for each of many attitudes and places, without a close
 FLASHES_ALONE = 256  # simulated for a single attitude and place: the standard error is at most 0.031
 _FIRST = 16  # of them after which no more are simulated if the target was found in all or in none
 _ENERGIES = 7  # nodes of the Gauss-Hermite rule over the energy of a pulse
-_NEAR_M = 5.0  # a report farther from the light of its pixel is a false alarm; a pulse length if that is more
 _SEED = 616  # random seed of the simulated flashes
 
 
@@ -113,29 +113,6 @@ def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.r
     _, light = optics.average_pulses([(seen.hits, light)], pulses, jitter)
     reading, _ = detect(light, lidar.detector, rng)
     return int(mark_reports(reading, light, mine).sum())
-
-
-def mark_reports(reading: Reading, light: Photons, mine: np.ndarray) -> np.ndarray:
-    """Mark the pixels (pixel) that report a target: lit by it, with a range near that of this light.
-
-    Parameters
-    ----------
-    reading : of the flash.
-    light : of the flash.
-    mine : (return) whether it comes from the target.
-    """
-    n_pixels = light.shape[0] * light.shape[1]
-    near_m, far_m = np.full(n_pixels, np.inf), np.full(n_pixels, -np.inf)
-    range_m = light.delay_s[mine] * units.RANGE_PER_DELAY_M_S
-    np.minimum.at(near_m, light.pixel[mine], range_m)
-    np.maximum.at(far_m, light.pixel[mine], range_m)
-    beside_m = max(_NEAR_M, light.pulse_fwhm_s * units.RANGE_PER_DELAY_M_S)
-    listed = reading.range_m if reading.return_range_m is None else reading.return_range_m
-    listed = np.asarray(listed, dtype=float).reshape(n_pixels, -1)
-    with np.errstate(invalid="ignore"):
-        inside = (listed >= near_m[:, None] - beside_m) & (listed <= far_m[:, None] + beside_m)
-    marked: np.ndarray = np.any(inside, axis=1)
-    return marked
 
 
 def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:

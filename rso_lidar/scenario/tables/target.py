@@ -11,6 +11,7 @@ from rso_lidar.motion import Body
 from rso_lidar.motion.bodies.body import RESERVED
 from rso_lidar.motion.bodies.hinge import HingeAxes
 from rso_lidar.part import Positive, Text, Vector
+from rso_lidar.records.part_classes import PartClass
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.joints import Joint, ModelPlacement, complete_joint
@@ -57,6 +58,13 @@ class Target(Body):
     part_materials: dict[Text, AnyMaterial] = Field(
         default_factory=dict,
         description="Materials of named parts, as tables or catalogue names; they override `material`.",
+    )
+    part_classes: dict[Text, PartClass] = Field(
+        default_factory=dict,
+        description=(
+            "Common part classes of named parts, such as `solar_array`; they override the catalogue's. Parts of another "
+            "mesh are `other`."
+        ),
     )
     color_materials: dict[Colour, AnyMaterial] = Field(
         default_factory=dict,

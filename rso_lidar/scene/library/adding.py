@@ -6,7 +6,7 @@ import functools
 import hashlib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,10 +17,12 @@ import numpy as np
 
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.files import hold_lock, write_atomically
+from rso_lidar.records.part_classes import OTHER, PART_CLASSES
 from rso_lidar.records.taxonomy import Taxonomy, classify_size
 from rso_lidar.scene.library.group_materials import materials_of
 from rso_lidar.scene.library.model_index import (
     ModelEntry,
+    guess_part_classes,
     materials,
     model,
     models,
@@ -59,7 +61,8 @@ class MeshOptions:
     """Properties of a mesh as the user gives them. What is None or empty is known for the file, guessed, or a default.
 
     `scale` is the metres in one unit of the file, `size_m` the longest side [m]; `material` is for all parts,
-    `part_materials` for some by name; `taxonomy` holds the fields of `Taxonomy` that are known.
+    `part_materials` for some by name; `part_classes` holds common part classes by name; `taxonomy` holds the fields of
+    `Taxonomy` that are known.
     """
 
     name: str | None = None
@@ -68,6 +71,7 @@ class MeshOptions:
     mesh_axes: Literal["z_up", "y_up"] = "z_up"
     material: str | None = None
     part_materials: Mapping[str, str] = field(default_factory=dict)
+    part_classes: Mapping[str, str] = field(default_factory=dict)
     center_of_mass_m: tuple[float, float, float] | None = None
     what: str | None = None
     taxonomy: Mapping[str, Any] = field(default_factory=dict)
@@ -247,6 +251,7 @@ def _table(
         "mesh_axes": given.mesh_axes,
         "left_out": [list(run) for run in left_out],
         "parts": _materials(mesh.part_names, given, report),
+        "part_classes": _part_classes(mesh.part_names, given, report),
         "taxonomy": Taxonomy(**fields).model_dump(mode="json"),
     }
     return table, report
@@ -334,9 +339,7 @@ def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) ->
         if name not in materials():
             guess = did_you_mean(name, materials())
             raise MeshError(f"material '{name}': is not in the catalogue{guess} (known: {', '.join(materials())})")
-    for part in given.part_materials:
-        if part not in parts:
-            raise MeshError(f"part '{part}': is not in the mesh{did_you_mean(part, parts)} ({', '.join(parts[:40])})")
+    _check_parts(given.part_materials, parts)
     by_name = {} if given.material else materials_of(parts)
     default = given.material or _DEFAULT
     chosen = {part: given.part_materials.get(part, by_name.get(part, default)) for part in parts}
@@ -347,9 +350,45 @@ def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) ->
         report.append(f"guessed    materials by name: {named}")
     bare = [part for part in parts if part not in by_name and part not in given.part_materials]
     if bare and not given.material:
-        listed = ", ".join(bare[:8]) + (f" and {len(bare) - 8:,} more" if len(bare) > 8 else "")
-        report.append(f"assumed    {_DEFAULT} for {listed}: correct with --material or --part-material")
+        report.append(f"assumed    {_DEFAULT} for {_list_parts(bare)}: correct with --material or --part-material")
     return chosen
+
+
+def _check_parts(named: Iterable[str], parts: tuple[str, ...]) -> None:
+    for part in named:
+        if part not in parts:
+            raise MeshError(f"part '{part}': is not in the mesh{did_you_mean(part, parts)} ({', '.join(parts[:40])})")
+
+
+def _list_parts(parts: list[str]) -> str:
+    return ", ".join(parts[:8]) + (f" and {len(parts) - 8:,} more" if len(parts) > 8 else "")
+
+
+def _part_classes(parts: tuple[str, ...], given: MeshOptions, report: list[str]) -> dict[str, str]:
+    """Return the common class of every part.
+
+    Parameters
+    ----------
+    parts : names of the parts.
+    given : properties that the user gives.
+    report : lines of the report, to which is appended.
+
+    Raises
+    ------
+    MeshError
+        If a class or a part is unknown.
+    """
+    _check_parts(given.part_classes, parts)
+    for kind in given.part_classes.values():
+        if kind not in PART_CLASSES:
+            known = ", ".join(PART_CLASSES)
+            raise MeshError(f"part class '{kind}': is unknown{did_you_mean(kind, PART_CLASSES)} (known: {known})")
+    guessed = guess_part_classes(part for part in parts if part not in given.part_classes)
+    if named := [f"{part} = {kind}" for part, kind in guessed.items() if kind != OTHER]:
+        report.append(f"guessed    part classes by name: {', '.join(named)}")
+    if others := [part for part, kind in guessed.items() if kind == OTHER]:
+        report.append(f"assumed    part class {OTHER} for {_list_parts(others)}: correct with --part-class")
+    return {part: given.part_classes.get(part, guessed.get(part, OTHER)) for part in parts}
 
 
 def _write_index(folder: Path, tables: list[dict[str, Any]]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -16,6 +16,7 @@ from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_me
 from rso_lidar.files import read_text
 from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole, explain
 from rso_lidar.part.toml_text import MOST_BYTES, parse_toml
+from rso_lidar.records.part_classes import OTHER, PART_CLASSES, PartClass
 from rso_lidar.records.taxonomy import Hinge, Taxonomy
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
@@ -47,6 +48,8 @@ class ModelEntry:
         Rows of the tensor about the centre of mass, in the axes of the mesh [kg m2], estimated; or None.
     parts
         Name of the material by name of the part.
+    part_classes
+        Common part class by name of the part.
     taxonomy
         Class, shape, size and rotation.
     hinges
@@ -75,6 +78,7 @@ class ModelEntry:
     mass_kg: float | None
     inertia_kg_m2: tuple[tuple[float, ...], ...] | None
     parts: Mapping[str, str]
+    part_classes: Mapping[str, PartClass]
     taxonomy: Taxonomy
     hinges: tuple[Hinge, ...]
     path: Path
@@ -277,6 +281,7 @@ class _ModelTable(BaseModel):
     mass_kg: Positive | None = None
     inertia_kg_m2: tuple[Vector, Vector, Vector] | None = None
     parts: dict[Text, Text]
+    part_classes: dict[Text, PartClass] = {}
     taxonomy: Taxonomy
     hinge: tuple[Hinge, ...] = ()
     scale: Positive = 1.0
@@ -288,6 +293,17 @@ class _ModelTable(BaseModel):
         if any(not 0 <= first <= last for first, last in self.left_out):
             raise ValueError("left_out: the first facet of a run is after its last; exchange them")
         return self
+
+
+def guess_part_classes(parts: Iterable[str]) -> dict[str, PartClass]:
+    """Return the common class of each part by its name, if a class or a part of a shipped model has it; else `other`.
+
+    >>> guess_part_classes(["antenna", "solar_array_left", "Object.003"])
+    {'antenna': 'antenna', 'solar_array_left': 'solar_array', 'Object.003': 'other'}
+    """
+    known = {part: kind for entry in _shipped_models().values() for part, kind in entry.part_classes.items()}
+    known |= {kind: kind for kind in PART_CLASSES}
+    return {part: known.get(part, OTHER) for part in parts}
 
 
 def _entry(path: Path, table: Any, cure: str = _WRITE_AGAIN, *, own: bool = False) -> ModelEntry:
@@ -320,7 +336,15 @@ def _entry(path: Path, table: Any, cure: str = _WRITE_AGAIN, *, own: bool = Fals
         raise MeshError(f"{path}: model '{name}': {explain(error, _ModelTable, table)}: {cure}") from None
     except ScenarioError as error:
         raise MeshError(f"{path}: model '{name}': {error}: {cure}") from None
-    values = {key: getattr(read, key) for key in _ModelTable.model_fields if key not in ("hinge", "parts")}
+    classes = (guess_part_classes(read.parts) if own else dict.fromkeys(read.parts, OTHER)) | read.part_classes
+    values = {
+        key: getattr(read, key) for key in _ModelTable.model_fields if key not in ("hinge", "parts", "part_classes")
+    }
     return ModelEntry(
-        **values, parts=MappingProxyType(dict(read.parts)), hinges=read.hinge, path=path.parent / read.file, own=own
+        **values,
+        parts=MappingProxyType(dict(read.parts)),
+        part_classes=MappingProxyType(classes),
+        hinges=read.hinge,
+        path=path.parent / read.file,
+        own=own,
     )

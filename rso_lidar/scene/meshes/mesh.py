@@ -4,7 +4,7 @@ import hashlib
 import logging
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import MeshError, RsoLidarWarning, has_warnings_enabled, warn
+from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError, did_you_mean, has_warnings_enabled, warn
 from rso_lidar.files import check_regular, read_bytes
 from rso_lidar.scene.meshes.gltf import MOST_FACETS, check_gltf
 from rso_lidar.scene.meshes.obj import read_obj
@@ -63,6 +63,23 @@ class Mesh:
         used = self.vertices[np.unique(self.facets)]
         sides: np.ndarray = used.max(axis=0) - used.min(axis=0)
         return sides
+
+    def check_parts(self, place: str, named: Iterable[str]) -> None:
+        """Check that the mesh has some parts.
+
+        Parameters
+        ----------
+        place : where the parts are named, for the message.
+        named : names of parts.
+
+        Raises
+        ------
+        ScenarioError : if the mesh lacks one.
+        """
+        for part in named:
+            if part not in self.part_names:
+                guess, known = did_you_mean(part, self.part_names), ", ".join(self.part_names)
+                raise ScenarioError(f"{place}: no part '{part}' in {self.path.name}{guess} ({known})")
 
 
 @lru_cache(maxsize=32)

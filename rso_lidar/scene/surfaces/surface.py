@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from rso_lidar.errors import MeshError, ScenarioError, add_place, did_you_mean
+from rso_lidar.errors import MeshError, add_place
 from rso_lidar.scene.embree.engine import Engine, Scene
 from rso_lidar.scene.embree.ray_by_ray import build_embreex
 from rso_lidar.scene.materials.phong import Lambertian
@@ -310,11 +310,7 @@ def build_surface(
     """
     overrides = dict(part_materials or {})
     for key, named in (("part_materials", overrides), ("smooth_parts", smooth_parts)):
-        for part in named:
-            if part not in mesh.part_names:
-                guess = did_you_mean(part, mesh.part_names)
-                known = ", ".join(mesh.part_names)
-                raise ScenarioError(f"{key}: no part '{part}' in {mesh.path.name}{guess} ({known})")
+        mesh.check_parts(key, named)
     vertices = body_from_mesh(mesh.vertices * scale - np.asarray(center_of_mass_m), mesh_axes)
     if not float(np.abs(vertices).max()) < FARTHEST_M:
         raise MeshError(

@@ -147,6 +147,30 @@ def test_materials_of_groups_are_guessed_by_name_and_said(library, tmp_path):
             add_model(tmp_path / "sat.glb", wanted, overwrite=True)
 
 
+def test_part_classes_are_given_or_those_of_parts_of_that_name(library, tmp_path):
+    meshes = [("solar_array_left", BOX), ("antenna", BOX + 3), ("Object.003", BOX + 6), ("wing", BOX + 9)]
+    (tmp_path / "sat.glb").write_bytes(glb(meshes, [{"mesh": k} for k in range(4)]))
+    entry, said = add_model(tmp_path / "sat.glb", MeshOptions(part_classes={"wing": "solar_array"}))
+    classes = {"solar_array_left": "solar_array", "antenna": "antenna", "Object.003": "other", "wing": "solar_array"}
+    assert dict(entry.part_classes) == classes == dict(model("sat").part_classes)
+    assert any("solar_array_left = solar_array, antenna = antenna" in line for line in said)
+    assert any(line.startswith("assumed    part class other for Object.003:") for line in said)
+    index = library / "index.toml"
+    text = index.read_text()
+    index.write_text(text.replace("[model.part_classes]", "[model.unknown]"))  # an index older than part classes
+    assert dict(model("sat").part_classes) == classes | {"wing": "other"}
+    index.write_text(text)
+    for wanted, says in (
+        (MeshOptions(part_classes={"wing": "solar_aray"}), "'solar_aray': is unknown; did you mean 'solar_array'"),
+        (MeshOptions(part_classes={"wings": "solar_array"}), "part 'wings': is not in the mesh; did you mean 'wing'"),
+    ):
+        with pytest.raises(MeshError, match=says):
+            add_model(tmp_path / "sat.glb", wanted, overwrite=True)
+    index.write_text(text.replace('antenna = "antenna"', 'antenna = "dish"'))
+    with pytest.raises(MeshError, match=r"part_classes.antenna: unknown value 'dish' \(known: bus"):
+        model("sat")
+
+
 def test_the_user_s_table_of_names_is_asked_first(library):
     library.mkdir()
     table = library / "material_names.toml"

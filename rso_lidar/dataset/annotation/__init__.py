@@ -1,0 +1,1 @@
+"""Labels of a frame for learning: common part classes, boxes, lit and reporting pixels, visibility."""
