@@ -383,6 +383,7 @@ def test_a_gltf_with_data_beside_it_is_not_torn_apart(library, tmp_path):
 
 @pytest.mark.parametrize("name", ["part.step", "part.igs"])
 def test_solids_come_in_through_the_extra(name, library):
+    assert (SOLIDS / name).is_file()  # without the extra too
     if importlib.util.find_spec("cascadio") is None:
         pytest.skip("needs the extra step: pip install 'rso-lidar[step]'")
     entry, said = add_model(SOLIDS / name)
