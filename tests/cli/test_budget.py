@@ -86,7 +86,13 @@ def test_refused(call, asked, said, tmp_path, monkeypatch):
 
 
 def test_how_far_a_body_is_found(call, tmp_path):
-    camera = ["gsfl_1064", "--set", 'lidar.detector={ type = "empirical" }']
+    camera = [
+        "gsfl_1064",
+        "--set",
+        'lidar.detector={ type = "empirical" }',
+        "--set",
+        "lidar.receiver.rays_per_pixel=100",
+    ]
     asked = ["--find", "cubesat_1u", "--pixels", "2", "--flashes", "2/3", "--attitudes", "4", "--range", "100m:1km"]
     out = call(*camera, *asked, "-o", str(tmp_path / "found.csv"))
     assert "2 pixels or more, in 2 of 3 flashes or more" in out and "worst attitude" in out

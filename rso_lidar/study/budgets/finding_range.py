@@ -190,7 +190,8 @@ def find_range(
     ScenarioError
         For values outside their limits, and a body that is not known.
 
-    >>> far = find_range("gsfl_1064", "cubesat_3u", attitudes=32)
+    >>> camera = Lidar(preset="gsfl_1064", receiver={"rays_per_pixel": 100})  # a fixed grid is quicker
+    >>> far = find_range(camera, "cubesat_3u", attitudes=32, range_m=(300.0, 3000.0))
     >>> 500.0 < far.max_range_m < 1000.0
     True
     """

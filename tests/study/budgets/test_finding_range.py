@@ -11,7 +11,8 @@ from rso_lidar.scenario import Finding
 from rso_lidar.study.budgets.body import choose_body
 from rso_lidar.study.budgets.finding_range import find_range
 
-FAST = rl.Lidar(preset="gsfl_1064", detector=rl.Empirical(), receiver={"fov_deg": 0.625, "n_rows": 32, "n_cols": 32})
+RECEIVER = {"fov_deg": 0.625, "n_rows": 32, "n_cols": 32, "rays_per_pixel": 100}  # a fixed grid is coarse, and fast
+FAST = rl.Lidar(preset="gsfl_1064", detector=rl.Empirical(), receiver=RECEIVER)
 FEW = {"attitudes": 6, "range_m": (600.0, 1500.0)}
 
 
