@@ -22,6 +22,7 @@ import numpy as np
 
 import rso_lidar as rl
 from rso_lidar import part, records
+from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.records.part_classes import PART_CLASSES
@@ -74,6 +75,7 @@ def pages() -> dict[Path, str]:
         "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
         "instrument.md": {"constants": constants(), "presets": presets()},
         "studies.md": {"merits": merits(), "study keys": study_keys()},
+        "datasets.md": {"arrays": shard_arrays(), "spec keys": dataset_keys()},
         "glossary.md": {"classes": classes()},
         "architecture.md": {"floors": floors(), "rooms": rooms()},
         "calibration.md": {"measured": measured_materials()},
@@ -282,6 +284,21 @@ def merits() -> str:
     return _table(("figure of merit", "unit", "better", "needs", "what it is"), rows)
 
 
+# ------------------------------------------------------------------------------------------------- datasets.md
+
+
+def dataset_keys() -> str:
+    """Return a section with a table of keys for each part of the specification of a dataset."""
+    found: dict[type[part.Part], Section] = {rl.dataset.DatasetSpec: Section("the dataset file", 3, [], False)}
+    _collect(rl.dataset.DatasetSpec, "", 4, found)
+    return _key_tables(found)
+
+
+def shard_arrays() -> str:
+    """Return the table of the arrays of a shard."""
+    return _array_table(LabelledFrame, "frame")
+
+
 # -------------------------------------------------------------------------------------------------- records.md
 
 
@@ -295,16 +312,21 @@ def record_tables() -> str:
         lines += [f"### {cls.__name__}", "", _prose(cls), ""]
         arrays = records.specs(cls)
         if arrays:
-            rows = [
-                (f"`{name}`", f"({', '.join(spec.dims)})", spec.dtype.str[1:], spec.unit, spec.meaning)
-                for name, spec in arrays.items()
-            ]
-            lines += [_table(("array", "dims", "dtype", "unit", "meaning"), rows), ""]
+            lines += [_array_table(cls), ""]
         others = [f"`{field.name}`: {field.type}" for field in dataclasses.fields(cls) if field.name not in arrays]
         if others:
             lines += [("Also " if arrays else "Fields: ") + "; ".join(others) + ".", ""]
         lines += _derived(cls)
     return "\n".join(lines)
+
+
+def _array_table(cls: type, *first: str) -> str:
+    """Return the table of a record's arrays, as they are stated, with further dimensions before their own."""
+    rows = [
+        (f"`{name}`", f"({', '.join((*first, *spec.dims))})", spec.dtype.str[1:], spec.unit, spec.meaning)
+        for name, spec in records.specs(cls).items()
+    ]
+    return _table(("array", "dims", "dtype", "unit", "meaning"), rows)
 
 
 def _is_own_dataclass(value: object, module: types.ModuleType) -> bool:

@@ -16,10 +16,11 @@ _watch_if_command_line()  # before the imports below, which are most of a short 
 from importlib.metadata import version as _version
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from rso_lidar import detector, export, motion, optics, orbit, records, rpo, scene, study, track, units
+from rso_lidar import dataset, detector, export, motion, optics, orbit, records, rpo, scene, study, track, units
 from rso_lidar.detector import Empirical, GeigerArray, Gsfl
 from rso_lidar.errors import (
     CatalogError,
+    DatasetError,
     MeshError,
     PropagationError,
     RecordingError,
@@ -83,6 +84,7 @@ __all__ = [
     "Constraints",
     "Corridor",
     "CratersAndBoulders",
+    "DatasetError",
     "Empirical",
     "FacetMaterials",
     "FirstOrder",
@@ -131,6 +133,7 @@ __all__ = [
     "Tumble",
     "World",
     "budget",
+    "dataset",
     "detector",
     "export",
     "flash",

@@ -70,6 +70,10 @@ class RecordingError(RsoLidarError, ValueError):
     """A recording that cannot be read, or an output that may not be written."""
 
 
+class DatasetError(RsoLidarError, ValueError):
+    """A dataset that cannot be made as specified, or a folder of one that is damaged or does not fit."""
+
+
 class RunError(RsoLidarError, RuntimeError):
     """A run that started but could not finish, such as on a full disk. The command line exits with status 1."""
 

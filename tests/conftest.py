@@ -60,25 +60,33 @@ def no_library(tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def no_network():
-    """Refuse every connection that leaves the machine, or could: only unix sockets connect."""
+    """Refuse every connection that leaves the machine, or could: only unix sockets and the loopback connect."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("connect", "connect_ex"):
             patch.setattr(socket.socket, name, _local_only(getattr(socket.socket, name)))
-        patch.setattr(socket, "getaddrinfo", _no_lookup)
+        patch.setattr(socket, "getaddrinfo", _loopback_lookup(socket.getaddrinfo))
         yield
+
+
+LOOPBACK = ("127.0.0.1", "::1", "localhost", b"127.0.0.1")
 
 
 def _local_only(connect):
     def guarded(self, address):
-        if self.family != socket.AF_UNIX:
+        if self.family != socket.AF_UNIX and address[0] not in LOOPBACK:
             raise RuntimeError(f"tests have no network: connection to {address!r} refused")
         return connect(self, address)
 
     return guarded
 
 
-def _no_lookup(host, *_, **__):
-    raise RuntimeError(f"tests have no network: look-up of {host!r} refused")
+def _loopback_lookup(look_up):
+    def guarded(host, *given, **named):
+        if host not in LOOPBACK:
+            raise RuntimeError(f"tests have no network: look-up of {host!r} refused")
+        return look_up(host, *given, **named)
+
+    return guarded
 
 
 BENCH = """

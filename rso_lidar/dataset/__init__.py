@@ -1,8 +1,64 @@
-"""Many frames recorded for learning, with labels that training needs."""
+"""Datasets for learning: many samples of a scenario drawn by laws, flown, labelled and written in shards."""
 
 from rso_lidar.dataset.annotation.frame_labels import FrameLabels, label_frame
+from rso_lidar.dataset.making.make import make
+from rso_lidar.dataset.reading.dataset import Dataset, Split
+from rso_lidar.dataset.reading.dataset import open_dataset as open
+from rso_lidar.dataset.specification.laws import (
+    Choice,
+    LogUniform,
+    Normal,
+    Shell,
+    Uniform,
+    UniformDirection,
+    UniformRotation,
+    WholeNumber,
+)
+from rso_lidar.dataset.specification.spec import DatasetSpec
+from rso_lidar.dataset.specification.tables import (
+    ClassOfTargets,
+    Clutter,
+    DrawnField,
+    FrameSequence,
+    ModelSplit,
+    OptionalLabels,
+    RandomSplit,
+    ReferencePointing,
+    SensorEntry,
+    SensorSplit,
+    TaxonomyFilter,
+    View,
+)
 from rso_lidar.public_names import limit_dir
 
-__all__ = ["FrameLabels", "label_frame"]
+__all__ = [
+    "Choice",
+    "ClassOfTargets",
+    "Clutter",
+    "Dataset",
+    "DatasetSpec",
+    "DrawnField",
+    "FrameLabels",
+    "FrameSequence",
+    "LogUniform",
+    "ModelSplit",
+    "Normal",
+    "OptionalLabels",
+    "RandomSplit",
+    "ReferencePointing",
+    "SensorEntry",
+    "SensorSplit",
+    "Shell",
+    "Split",
+    "TaxonomyFilter",
+    "Uniform",
+    "UniformDirection",
+    "UniformRotation",
+    "View",
+    "WholeNumber",
+    "label_frame",
+    "make",
+    "open",
+]
 
 __dir__ = limit_dir(__name__)

@@ -112,7 +112,7 @@ class Record:
                 given = " ".join(f"{value!r:.60}".split())
                 raise RecordError(f"{place}: needs an array of {spec.dtype}, not {given}; convert it") from None
             dims, shape = spec.dims, values.shape
-            if dims[0] == "…":  # single, or batched over epochs
+            if dims and dims[0] == "…":  # single, or batched over epochs
                 dims, shape = dims[1:], shape[1 - len(dims) :]
             if len(shape) != len(dims):
                 raise RecordError(f"{place}: needs dims ({', '.join(spec.dims)}), got {values.shape}; reshape it")

@@ -112,8 +112,8 @@ def number_part_classes(source: Source, part_classes: Sequence[str]) -> np.ndarr
     """
     numbers = {name: number for number, name in enumerate(part_classes)}
     most = max((len(target.parts) for target in source.targets), default=0)
-    classes = np.full((len(source.targets), max(most, 1)), numbers[OTHER], np.int8)
-    for row, target in zip(classes, source.targets, strict=True):
+    classes = np.full((max(len(source.targets), 1), max(most, 1)), numbers[OTHER], np.int8)
+    for row, target in zip(classes, source.targets, strict=False):
         for part, name in enumerate(target.part_classes):
             row[part] = numbers.get(name, numbers[OTHER])
     return classes

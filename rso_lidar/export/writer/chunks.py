@@ -13,6 +13,26 @@ from rso_lidar.export.writer.deflate import bound_stream, deflate_planes
 from rso_lidar.kernels import kernel, packed
 
 
+class ImageEncoder:
+    """Encoder of images as HDF5's filters shuffle, gzip and fletcher32 store them, at a fraction of their cost.
+
+    Parameters
+    ----------
+    largest : bytes of the largest image.
+    """
+
+    def __init__(self, largest: int) -> None:
+        self._changes, self._tokens = np.empty(largest, np.int64), np.empty(largest, np.uint16)
+        self._out = np.empty(bound_stream(largest) + CHECKSUM_BYTES, np.uint8)
+
+    def encode(self, entry: np.ndarray) -> np.ndarray:
+        """Encode an image, contiguous, as a chunk; it is valid until the next call."""
+        data = packed(entry.reshape(-1).view(np.uint8))
+        words = data[: len(data) // 8 * 8].view(np.uint64)
+        length = deflate_planes(data, words, entry.itemsize, self._changes, self._tokens, self._out)
+        return self._out[: append_fletcher32(self._out, 0, length)]
+
+
 class ChunkWriter:
     """The datasets of an open HDF5 file that grow by one chunk per frame.
 
@@ -32,9 +52,7 @@ class ChunkWriter:
         self._images = [path for path, one in variables.items() if one.is_image]
         self._small = [path for path, one in variables.items() if not one.is_image]
         self._small_ends = np.cumsum([variables[path].frame_bytes + CHECKSUM_BYTES for path in self._small])
-        largest = max((variables[path].frame_bytes for path in self._images), default=0)
-        self._changes, self._tokens = np.empty(largest, np.int64), np.empty(largest, np.uint16)
-        self._out = np.empty(bound_stream(largest) + CHECKSUM_BYTES, np.uint8)
+        self._encoder = ImageEncoder(max((variables[path].frame_bytes for path in self._images), default=0))
 
     def append(self, entries: Mapping[str, np.ndarray], place: int) -> None:
         """Write one frame and flush it, /time last: a frame is complete once its time is in the file.
@@ -45,7 +63,7 @@ class ChunkWriter:
         place : index of the frame on the first axis.
         """
         for path in self._images:
-            self._append(path, self._encode_image(entries[path]), place)
+            self._append(path, self._encoder.encode(entries[path]), place)
         chunks = self._encode_small(entries)
         last = chunks.pop("time")
         for path, chunk in chunks.items():
@@ -66,13 +84,6 @@ class ChunkWriter:
         dataset, shape, corner = self._datasets[path]
         dataset.set_extent((place + 1, *shape))
         dataset.write_direct_chunk((place, *corner), chunk)
-
-    def _encode_image(self, entry: np.ndarray) -> np.ndarray:
-        """Encode an image with the filters shuffle, gzip and fletcher32; the chunk is valid until the next call."""
-        data = packed(entry.reshape(-1).view(np.uint8))
-        words = data[: len(data) // 8 * 8].view(np.uint64)
-        length = deflate_planes(data, words, entry.itemsize, self._changes, self._tokens, self._out)
-        return self._out[: append_fletcher32(self._out, 0, length)]
 
     def _encode_small(self, entries: Mapping[str, np.ndarray]) -> dict[str, memoryview]:
         """Encode all entries that are not images with the filter fletcher32."""

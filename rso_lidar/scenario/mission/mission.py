@@ -22,7 +22,7 @@ from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.exposure import Exposure
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
-from rso_lidar.scenario.mission.validation import read_toml, validate_toml
+from rso_lidar.scenario.mission.validation import read_toml, validate_tables, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
 from rso_lidar.scenario.tables.finding import Finding
 from rso_lidar.scenario.tables.lidar import Lidar
@@ -109,6 +109,28 @@ class Mission(Part):
             For a text that is not a valid scenario.
         """
         scenario = validate_toml(cls, text, where, settings)
+        scenario._folder, scenario._where, scenario._trust_code = folder, where, trust_code
+        return scenario
+
+    @classmethod
+    def from_tables(
+        cls, tables: dict[str, Any], *, folder: Path | None = None, where: str = "scenario", trust_code: bool = False
+    ) -> Self:
+        """Build a scenario from the tables of a TOML text, for those that make many of one.
+
+        Parameters
+        ----------
+        tables : by key, as TOML gives them.
+        folder : start of relative paths (None: the working folder).
+        where : name of the scenario in error messages.
+        trust_code : as in `loads`.
+
+        Raises
+        ------
+        ScenarioError
+            For tables that are not a valid scenario.
+        """
+        scenario = validate_tables(cls, tables, where)
         scenario._folder, scenario._where, scenario._trust_code = folder, where, trust_code
         return scenario
 

@@ -6,6 +6,7 @@ import datetime
 import hashlib
 import importlib.metadata
 import platform
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +36,7 @@ def build_source(mission: Mission) -> Source:
         title=mission.name,
         start_utc=format_utc(mission.time.start_utc, 0.0),
         seed=mission.seed,
-        versions={"rso_lidar": importlib.metadata.version("rso-lidar"), "python": platform.python_version()}
-        | {name: importlib.metadata.version(name) for name in _LIBRARIES}
-        | {"arithmetic": describe_arithmetic()},
+        versions=_list_versions() | {"arithmetic": describe_arithmetic()},
         targets=tuple(
             TargetEntry(
                 name=target.name,
@@ -52,6 +51,13 @@ def build_source(mission: Mission) -> Source:
             for target, surface in _pair_meshes(mission)
         ),
     )
+
+
+@cache
+def _list_versions() -> dict[str, str]:
+    """Return the versions of this package, of Python and of the libraries by name."""
+    own = {"rso_lidar": importlib.metadata.version("rso-lidar"), "python": platform.python_version()}
+    return own | {name: importlib.metadata.version(name) for name in _LIBRARIES}
 
 
 def describe_arithmetic() -> str:

@@ -3,9 +3,12 @@
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 from rso_lidar.errors import RsoLidarWarning
+from rso_lidar.part import Part
 from rso_lidar.records.part_classes import OTHER, PartClass
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import apply_color_materials, apply_facet_materials
@@ -13,6 +16,7 @@ from rso_lidar.scenario.tables.target import Target
 from rso_lidar.scenario.tables.terrain import build_terrain_mesh, classify_terrain
 from rso_lidar.scene import (
     Hinged,
+    Lambertian,
     Material,
     Mesh,
     Named,
@@ -38,19 +42,25 @@ def build_surfaces(
     file : finds a file that the scenario names.
     wavelength_m : of the laser [m].
     """
-    whole = replace(build_whole_surface(target, file, wavelength_m), target=number)
+    whole = build_whole_surface(target, file, wavelength_m, number)
     hinged = [Hinged(target.joint_axes(joint), joint.parts, joint.position_m) for joint in target.joints]
     return split_at_hinges(whole, hinged)
 
 
-def build_whole_surface(target: Target, file: Callable[[str], Path], wavelength_m: float) -> Surface:
+def build_whole_surface(
+    target: Target, file: Callable[[str], Path], wavelength_m: float, number: int | None = None
+) -> Surface:
     """Build the surface of a target with all hinges at zero.
+
+    Surfaces of shipped and of user's models are kept: what is derived from one, such as its planes, is computed once for all
+    scenarios of a process that contain it.
 
     Parameters
     ----------
     target : the target.
     file : finds a mesh that the scenario names.
     wavelength_m : of the laser, for the materials [m].
+    number : index of the target in the scenario, None for a surface without one.
     """
     entry: ModelEntry | None = None
     own: Mapping[str, Material] = {}
@@ -76,17 +86,14 @@ def build_whole_surface(target: Target, file: Callable[[str], Path], wavelength_
             own = {part: Named(name=name) for part, name in entry.parts.items()}
     mesh.check_parts("part_classes", target.part_classes)
     scale, center_of_mass_m = place_mesh(target, mesh, entry)
-    surface = build_surface(
-        target.name,
-        mesh,
-        scale=scale,
-        mesh_axes=target.mesh_axes,
-        center_of_mass_m=center_of_mass_m,
-        material=target.material,
-        part_materials={**own, **target.part_materials},
-        smooth_parts=target.smooth_parts,
-        wavelength_m=wavelength_m,
+    materials = {**own, **target.part_materials}
+    form = _Form(
+        target.name, mesh, scale, target.mesh_axes, center_of_mass_m, target.smooth_parts, wavelength_m, number
     )
+    build: Callable[..., Surface] = (
+        _build_once if _is_lasting((target.material or Lambertian(), *materials.values())) else _build
+    )
+    surface = build(form, target.material, tuple(materials.items()))
     if target.terrain is None:
         warn_of_size(mesh, scale, target.name)
     if target.color_materials:
@@ -94,6 +101,53 @@ def build_whole_surface(target: Target, file: Callable[[str], Path], wavelength_
     if target.facet_materials is not None:
         return apply_facet_materials(surface, target.facet_materials, file, wavelength_m)
     return surface
+
+
+def _is_lasting(materials: tuple[Material, ...]) -> bool:
+    """Return whether materials are parts, which do not change, and can be compared quickly."""
+    try:
+        hash(materials)
+    except TypeError:
+        return False
+    return all(isinstance(one, Part) for one in materials)
+
+
+class _Form(NamedTuple):
+    """What decides a surface beside its materials; see `scene.build_surface`."""
+
+    name: str
+    mesh: Mesh
+    scale: float
+    mesh_axes: str
+    center_of_mass_m: tuple[float, float, float]
+    smooth_parts: tuple[str, ...]
+    wavelength_m: float
+    number: int | None
+
+
+def _build(form: _Form, material: Material | None, part_materials: tuple[tuple[str, Material], ...]) -> Surface:
+    """Build a surface.
+
+    Parameters
+    ----------
+    form : of the surface.
+    material, part_materials : of all parts, and of single parts by name.
+    """
+    made = build_surface(
+        form.name,
+        form.mesh,
+        scale=form.scale,
+        mesh_axes=form.mesh_axes,
+        center_of_mass_m=form.center_of_mass_m,
+        material=material,
+        part_materials=dict(part_materials),
+        smooth_parts=form.smooth_parts,
+        wavelength_m=form.wavelength_m,
+    )
+    return replace(made, target=form.number)
+
+
+_build_once = lru_cache(maxsize=32)(_build)
 
 
 def place_mesh(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[float, tuple[float, float, float]]:

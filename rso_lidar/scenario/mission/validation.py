@@ -39,11 +39,28 @@ def validate_toml(
     """
     tree = parse_toml(text, where, ScenarioError)
     for setting in settings:
-        _apply_setting(tree, setting)
+        apply_setting(tree, setting)
         if table and set(tree) != {table}:
             raise SettingError(f"--set {setting}: {where} has only the table {table}; set a field of that")
     if table:
         tree, where = tree[table], f"{where}: {table}"
+    return validate_tables(part, tree, where)
+
+
+def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str) -> AnyPart:
+    """Build a part from the tables of a TOML text.
+
+    Parameters
+    ----------
+    part : class of the part.
+    tree : tables by key, as TOML gives them.
+    where : start of error messages.
+
+    Raises
+    ------
+    ScenarioError
+        For values that the part refuses.
+    """
     try:
         return part.model_validate(tree)
     except ValidationError as error:
@@ -51,49 +68,74 @@ def validate_toml(
         raise FieldError(f"{where}: {explain(error, part, tree)}", problems) from None
 
 
-def _apply_setting(tree: dict[str, Any], setting: str) -> None:
-    """Set one field of a TOML tree: ``lidar.laser.energy_mj=20``, ``target.0.model=juno``, ``target.tdrs.model=juno``."""
+def apply_setting(tree: dict[str, Any], setting: str) -> None:
+    """Set one field of a TOML tree: ``lidar.laser.energy_mj=20``, ``target.0.model=juno``, ``target.tdrs.model=juno``.
+
+    Raises
+    ------
+    SettingError : for a setting that is not place=value, or leads nowhere.
+    """
     place, equals, text = setting.partition("=")
-    steps = [step.strip() for step in re.sub(r"\[(\w+)\]", r".\1", place).split(".")]
-    if not equals or not all(steps):
+    if not equals or not place.strip():
         raise SettingError(f"--set {setting:.80}: is not place=value; write for example lidar.laser.energy_mj=20")
-    if len(steps) > DEEPEST:
-        raise SettingError(f"--set {setting:.80}: has over {DEEPEST} steps; no table lies so deep")
     try:
         value = parse_toml(f"value = {text}", "--set", SettingError)["value"]
     except SettingError:
         value = text.strip()  # a bare word is a text
+    set_field(tree, place, value, f"--set {setting}")
+
+
+def set_field(tree: dict[str, Any], place: str, value: Any, where: str) -> None:
+    """Set one field of a TOML tree.
+
+    Parameters
+    ----------
+    tree : tables by key, changed in place.
+    place : dotted key, such as ``target.tdrs.model`` or ``target[0].model``.
+    value : as TOML gives it.
+    where : start of error messages.
+
+    Raises
+    ------
+    SettingError
+        For a place that leads nowhere.
+    """
+    steps = [step.strip() for step in re.sub(r"\[(\w+)\]", r".\1", place).split(".")]
+    if not all(steps):
+        raise SettingError(f"{where:.90}: is not place=value; write for example lidar.laser.energy_mj=20")
+    if len(steps) > DEEPEST:
+        raise SettingError(f"{where:.90}: has over {DEEPEST} steps; no table lies so deep")
     here: Any = tree
     for step in steps[:-1]:
-        here = _descend_to(here, step, setting)
+        here = _descend_to(here, step, where)
     if isinstance(here, list):
-        here[_find_entry(here, steps[-1], setting)] = value
+        here[_find_entry(here, steps[-1], where)] = value
     else:
         here[steps[-1]] = value
 
 
-def _descend_to(here: Any, step: str, setting: str) -> Any:
+def _descend_to(here: Any, step: str, where: str) -> Any:
     """Return the table or list inside a TOML tree that one step of a key leads to.
 
     Parameters
     ----------
     here, step : a table or list, and a key or entry of it.
-    setting : the whole setting, for the message.
+    where : start of error messages.
     """
-    inner = here[_find_entry(here, step, setting)] if isinstance(here, list) else here.setdefault(step, {})
+    inner = here[_find_entry(here, step, where)] if isinstance(here, list) else here.setdefault(step, {})
     if not isinstance(inner, dict | list):
-        raise SettingError(f"--set {setting}: '{step}' is a value, not a table; shorten the key")
+        raise SettingError(f"{where}: '{step}' is a value, not a table; shorten the key")
     return inner
 
 
-def _find_entry(entries: list[Any], step: str, setting: str) -> int:
+def _find_entry(entries: list[Any], step: str, where: str) -> int:
     """Return the index of an entry of a list.
 
     Parameters
     ----------
     entries : the list.
     step : number or name of the entry.
-    setting : the whole setting, for error messages.
+    where : start of error messages.
     """
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
     if step in names:
@@ -101,4 +143,4 @@ def _find_entry(entries: list[Any], step: str, setting: str) -> int:
     if step.isascii() and step.isdigit() and int(step) < len(entries):
         return int(step)
     known = ", ".join(str(name) for name in names if name)
-    raise SettingError(f"--set {setting}: no entry '{step}' among {len(entries)} ({known}); give a name or a number")
+    raise SettingError(f"{where}: no entry '{step}' among {len(entries)} ({known}); give a name or a number")

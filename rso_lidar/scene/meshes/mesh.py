@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +57,7 @@ class Mesh:
     degenerate: int
     left_out: int = 0
 
-    @property
+    @cached_property
     def size_m(self) -> np.ndarray:
         """Sides (xyz) of the box about the mesh, in its own unit."""
         used = self.vertices[np.unique(self.facets)]

@@ -1,0 +1,38 @@
+"""`rso-lidar dataset check`: a specification before it is made, or a folder after."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar.cli.progress import announce_compiling
+from rso_lidar.cli.terminal import echo
+from rso_lidar.dataset.checking.folder_check import check_folder
+from rso_lidar.dataset.checking.spec_check import check_spec
+
+
+def check(
+    path: Annotated[Path, typer.Argument(metavar="SPEC|FOLDER", help="Specification (TOML), or folder of a dataset.")],
+    samples: Annotated[
+        int, typer.Option("--samples", min=0, max=10_000, help="Samples of a folder that are made again.")
+    ] = 4,
+    files: Annotated[
+        Path | None,
+        typer.Option(
+            "--files", metavar="FOLDER", help="Where relative paths of meshes and orbit files of a folder start."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed of the choice of these samples.")] = 0,
+) -> None:
+    """Check a specification (sizes, time, balance, leaks) or a folder (hashes, random samples made again bit for bit).
+
+    The exit status is 1 if a shard of a folder is damaged or missing, or a frame differs.
+    """
+    with announce_compiling():
+        if not path.is_dir():
+            echo(check_spec(path).describe())
+            return
+        found = check_folder(path, samples=samples, files=files, seed=seed)
+    echo(found.describe())
+    if found.problems:
+        raise typer.Exit(1)

@@ -1,0 +1,68 @@
+"""`rso-lidar dataset make`: a dataset from its specification, shard by shard."""
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar import dataset
+from rso_lidar.cli.progress import Bar, announce_compiling, show_progress
+from rso_lidar.cli.terminal import echo, to_one_line
+from rso_lidar.errors import DatasetError, did_you_mean
+from rso_lidar.interruption import set_advice
+
+
+def make(
+    spec: Annotated[Path, typer.Argument(metavar="SPEC", help="Specification of the dataset (TOML).")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder of the dataset.")],
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=1, max=256, help="Processes (else one per core); changes no byte."),
+    ] = None,
+    engine: Annotated[
+        str, typer.Option("--engine", metavar="pool|dask", help="What makes the shards: processes here, or dask.")
+    ] = "pool",
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS|local", help="Scheduler of dask; local starts one, with --workers."
+        ),
+    ] = None,
+    shards: Annotated[
+        str | None,
+        typer.Option(
+            "--shards",
+            metavar="A:B|I/N",
+            help="Make only these shards, or the I-th of N equal parts (from 0), such as one task of a cluster's array.",
+        ),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue a folder that was begun before.")] = False,
+) -> None:
+    """Make a dataset: frames with labels in HDF5 shards, split for training and test.
+
+    A run that is interrupted loses at most the shards that it was making; --resume goes on.
+    """
+    if engine not in ("pool", "dask"):
+        raise DatasetError(
+            f"--engine {engine}: is not an engine{did_you_mean(engine, ('pool', 'dask'))}; take pool or dask"
+        )
+    if scheduler is not None and engine != "dask":
+        raise DatasetError(f"--scheduler {scheduler}: is for --engine dask; add it, or leave out --scheduler")
+    by = (scheduler or "local") if engine == "dask" else None
+    set_advice(lambda: to_one_line(f"finished shards are kept in {output}; the same command with --resume goes on"))
+    with ExitStack() as stack:
+        bars: list[Bar] = []
+
+        def show(done: int, count: int) -> None:
+            if not bars:
+                stack.enter_context(announce_compiling())
+                bars.append(stack.enter_context(show_progress(count, done, "making", of="shard")))
+            else:
+                bars[0].advance()
+
+        made = dataset.make(spec, output, workers=workers, scheduler=by, shards=shards, resume=resume, on_shard=show)
+    for name in made.splits:
+        split = made.split(name)
+        echo(f"{name:6} {len(split):9,} frames in {len(split.records):,} shards")
+    echo(str(output))

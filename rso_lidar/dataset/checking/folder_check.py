@@ -1,0 +1,173 @@
+"""The check of a folder: every shard against its hash, and random samples made again, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
+from rso_lidar.dataset.drawing.plan import Plan, make_plan
+from rso_lidar.dataset.drawing.sample import draw_sample
+from rso_lidar.dataset.making.flight import fly_sample, list_names
+from rso_lidar.dataset.reading.dataset import SPEC_FILE, Dataset, Split
+from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame
+from rso_lidar.dataset.shards.shard_file import hash_file
+from rso_lidar.dataset.specification.spec import DatasetSpec
+from rso_lidar.errors import DatasetError, suppress_warnings
+from rso_lidar.records.schema import specs
+
+
+@dataclass(frozen=True, eq=False)
+class FolderCheck:
+    """What the check of a folder found: damaged and missing shards, frames that differ when made again, and statistics."""
+
+    dataset: Dataset
+    n_shards: int
+    problems: tuple[str, ...]
+    remade: int
+    statistics: LabelStatistics | None
+
+    def describe(self) -> str:
+        """Return shards, frames, remade frames, balance, warnings and problems as text."""
+        made = self.dataset.records
+        lines = [
+            f"{self.dataset.constants.title}: {len(made):,} of {self.n_shards:,} shards, "
+            f"{sum(one.frames for one in made):,} frames, {sum(one.size_bytes for one in made) / 1e9:.3g} GB",
+            f"{self.remade:,} frames were made again and compared bit for bit",
+        ]
+        if self.statistics is not None:
+            lines += ["", *self.statistics.tabulate()]
+            lines += [f"warning: {line}" for line in self.statistics.warn()]
+        return "\n".join([*lines, *(f"problem: {line}" for line in self.problems)])
+
+
+def check_folder(
+    folder: str | Path,
+    *,
+    samples: int = 4,
+    files: Path | None = None,
+    seed: int = 0,
+    on_shard: Callable[[int, int], None] | None = None,
+) -> FolderCheck:
+    """Check a dataset: hash every shard, and make random samples again.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+    samples : number of samples that are made again.
+    files : folder in which relative paths of meshes and orbit files start (None: the dataset's folder).
+    seed : random seed of the choice of these samples.
+    on_shard : called with the number of hashed shards and that of all.
+
+    Returns
+    -------
+    FolderCheck
+
+    Raises
+    ------
+    DatasetError
+        If the folder is no dataset, or was made from files that have changed.
+    """
+    dataset = Dataset(folder)
+    plan = load_plan(dataset, files)
+    problems, tell = [], on_shard or (lambda done, count: None)
+    for done, record in enumerate(dataset.records, 1):
+        path = dataset.folder / record.path
+        if not path.is_file():
+            problems.append(f"{path}: is missing; make with --resume")
+        elif hash_file(path) != record.sha256:
+            problems.append(f"{path}: differs from its hash in the manifest; delete it, and make with --resume")
+        tell(done, len(dataset.records))
+    missing = plan.n_shards - len(dataset.records)
+    if missing > 0:
+        problems.append(f"{dataset.folder}: {missing:,} of {plan.n_shards:,} shards are not made; make with --resume")
+    remade = 0
+    if not any("differs" in line or "is missing" in line for line in problems):
+        remade, unlike = _make_again(dataset, plan, samples, np.random.default_rng(seed))
+        problems += unlike
+        statistics = collect_statistics(dataset)
+        return FolderCheck(dataset, plan.n_shards, tuple(problems), remade, statistics)
+    return FolderCheck(dataset, plan.n_shards, tuple(problems), remade, None)
+
+
+def load_plan(dataset: Dataset, files: Path | None = None) -> Plan:
+    """Load the plan of a dataset in a folder.
+
+    Parameters
+    ----------
+    dataset : the dataset.
+    files : folder in which relative paths start (None: the dataset's).
+
+    Raises
+    ------
+    DatasetError
+        If the plan is not the one that made the shards, as with another mesh of the same name.
+    """
+    plan = make_plan(DatasetSpec.load(dataset.folder / SPEC_FILE), files=files)
+    if plan.sha256 != dataset.constants.sha256:
+        raise DatasetError(
+            f"{dataset.folder}: its {SPEC_FILE}, its scenario or a mesh is not the one that made its shards; restore it, or "
+            "make the dataset in another folder"
+        )
+    return plan
+
+
+def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
+    """Collect the labels of all frames that statistics need; None for a dataset without frames."""
+    splits = [dataset.split(name) for name in dataset.splits]
+    if not splits:
+        return None
+    drawn = [name for name in splits[0].names if name.startswith(VARIABLE_PREFIX)]
+    columns = {name: np.concatenate([split.column(name) for split in splits]) for name in (*COLUMNS, *drawn)}
+    return LabelStatistics(
+        {name.removeprefix(VARIABLE_PREFIX): values for name, values in columns.items()}, dataset.classes
+    )
+
+
+def _make_again(dataset: Dataset, plan: Plan, count: int, rng: np.random.Generator) -> tuple[int, list[str]]:
+    """Make random samples again, and return how many frames were compared, and a line for each that differs.
+
+    Parameters
+    ----------
+    dataset, plan : the dataset.
+    count : number of samples.
+    rng : that chooses them.
+    """
+    frames, problems = 0, []
+    names = list_names(plan)
+    for _ in range(count if dataset.splits else 0):
+        split = dataset.split(dataset.splits[int(rng.integers(len(dataset.splits)))])
+        index = int(split.read([int(rng.integers(len(split)))], ("sample",))["sample"][0])
+        rows = np.flatnonzero(split.column("sample") == index)
+        with suppress_warnings():
+            for row, (frame, drawn) in zip(rows.tolist(), fly_sample(plan, draw_sample(plan, index)), strict=True):
+                frames += 1
+                unlike = _compare(split, row, frame, [drawn.get(name, np.nan) for name in names], names)
+                if unlike:
+                    problems.append(
+                        f"sample {index}, made again, differs in {', '.join(unlike)}; other versions of libraries or "
+                        "another processor made it (see manifest.jsonl), or the shard was changed"
+                    )
+    return frames, problems
+
+
+def _compare(split: Split, row: int, frame: LabelledFrame, drawn: list[float], names: tuple[str, ...]) -> list[str]:
+    """Return the names of the arrays in which a frame differs from the one in its shard.
+
+    Parameters
+    ----------
+    split, row : where the frame is.
+    frame : made again.
+    drawn, names : drawn numbers, and their names.
+    """
+    stored = split[row]
+    made = {name: getattr(frame, name) for name in specs(LabelledFrame)}
+    made |= {VARIABLE_PREFIX + name: value for name, value in zip(names, drawn, strict=True)}
+    return [
+        name
+        for name, value in made.items()
+        if value is not None and np.asarray(value, stored[name].dtype).tobytes() != np.asarray(stored[name]).tobytes()
+    ]

@@ -1,0 +1,140 @@
+"""The check of a specification: sizes, time, counts by class and split, balance and leaks, from samples that are flown."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.dataset.checking.leaks import find_leaks
+from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
+from rso_lidar.dataset.drawing.plan import Plan, make_plan
+from rso_lidar.dataset.drawing.sample import draw_sample
+from rso_lidar.dataset.making.flight import fly_sample, list_names, list_numbers
+from rso_lidar.dataset.making.make import check_samples
+from rso_lidar.dataset.shards.layout import LabelledFrame
+from rso_lidar.dataset.shards.shard_file import write_shard
+from rso_lidar.dataset.specification.spec import DatasetSpec
+from rso_lidar.dataset.specification.tables import SPLITS
+from rso_lidar.errors import suppress_warnings
+from rso_lidar.interruption import make_temporary_folder
+
+_FLOWN = 64  # samples, of all classes together
+_DRAWN = 1000  # samples whose drawn numbers are compared
+
+
+@dataclass(frozen=True, eq=False)
+class SpecCheck:
+    """What a specification would make.
+
+    Parameters
+    ----------
+    plan : of the dataset.
+    statistics : of the frames that were flown.
+    drawn_warnings : leaks in drawn numbers, found without flying.
+    frame_s : time of one process for a frame [s].
+    frame_bytes : bytes of a frame on disk.
+    """
+
+    plan: Plan
+    statistics: LabelStatistics
+    drawn_warnings: tuple[str, ...]
+    frame_s: float
+    frame_bytes: float
+
+    @property
+    def warnings(self) -> list[str]:
+        """One line for each leak and finding."""
+        return list(dict.fromkeys([*self.drawn_warnings, *self.statistics.warn()]))
+
+    def describe(self) -> str:
+        """Return sizes, time, counts, balance and warnings as text."""
+        spec, plan = self.plan.spec, self.plan
+        frames, cores = spec.n_samples * spec.frames_per_sample, os.cpu_count() or 1
+        hours = frames * self.frame_s / cores / 3600.0
+        counts = plan.count_samples()
+        lines = [
+            f"{spec.name}: {spec.n_samples:,} samples, {frames:,} frames in {plan.n_shards:,} shards",
+            f"about {frames * self.frame_bytes / 1e9:.3g} GB, and {hours:.3g} h on {cores} cores "
+            f"({self.frame_s * 1e3:.0f} ms and {self.frame_bytes / 1e3:.0f} kB for a frame, measured here)",
+            "",
+            f"{'samples':20} " + " ".join(f"{name:>8}" for name in SPLITS),
+            *(
+                f"{one.name:20} " + " ".join(f"{n:8,}" for n in row)
+                for one, row in zip(spec.classes, counts.tolist(), strict=True)
+            ),
+            "",
+            f"of {len(self.statistics.columns['draw']):,} frames that were flown for this check:",
+            *self.statistics.tabulate(),
+        ]
+        return "\n".join([*lines, *(f"warning: {line}" for line in self.warnings)])
+
+
+def check_spec(spec: DatasetSpec | str | Path) -> SpecCheck:
+    """Check a specification: draw a thousand samples, fly some of them, and look for leaks.
+
+    Parameters
+    ----------
+    spec : the specification, or its TOML file.
+
+    Returns
+    -------
+    SpecCheck
+
+    Raises
+    ------
+    ScenarioError, DatasetError
+        For a specification that is not valid.
+    """
+    plan = make_plan(spec)
+    check_samples(plan)
+    flown: list[LabelledFrame] = []
+    numbers: list[dict[str, float]] = []
+    took_s: list[float] = []
+    with suppress_warnings():
+        for index in _choose(plan, _FLOWN):
+            began_s = time.perf_counter()
+            for frame, drawn in fly_sample(plan, draw_sample(plan, index)):
+                flown.append(frame)
+                numbers.append(drawn)
+            took_s.append(time.perf_counter() - began_s)
+    statistics = LabelStatistics(_collect(flown), plan.classes)
+    with make_temporary_folder() as folder:
+        file = Path(folder, "shard.h5")
+        write_shard(file, flown, numbers, list_names(plan), dataset=plan.sha256)
+        frame_bytes = file.stat().st_size / len(flown)
+    per_frame = float(np.median(took_s)) / plan.spec.frames_per_sample
+    return SpecCheck(plan, statistics, _compare_drawn(plan), per_frame, frame_bytes)
+
+
+def _choose(plan: Plan, count: int) -> list[int]:
+    """Return the numbers of some samples, evenly from each class."""
+    owner = plan.membership.target_class
+    each = max(1, count // len(plan.spec.classes))
+    chosen = []
+    for k in range(len(plan.spec.classes)):
+        mine = np.flatnonzero(owner == k)
+        chosen += mine[np.unique(np.linspace(0, len(mine) - 1, min(each, len(mine))).astype(int))].tolist()
+    return chosen
+
+
+def _collect(frames: list[LabelledFrame]) -> dict[str, Any]:
+    return {name: np.array([getattr(frame, name) for frame in frames]) for name in COLUMNS}
+
+
+def _compare_drawn(plan: Plan) -> tuple[str, ...]:
+    """Return one line for each drawn number that tells the class."""
+    rows, owner = [], []
+    with suppress_warnings():
+        for index in _choose(plan, _DRAWN):
+            sample = draw_sample(plan, index)
+            if sample.class_id >= 0:
+                rows.append(list_numbers(sample))
+                owner.append(sample.class_id)
+    names = dict.fromkeys(name for row in rows for name in row)
+    columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+    return tuple(find_leaks(columns, np.array(owner), plan.classes))

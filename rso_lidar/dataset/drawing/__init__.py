@@ -1,0 +1,1 @@
+"""From the number of a sample to the scenario that it flies."""

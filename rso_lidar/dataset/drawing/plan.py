@@ -1,0 +1,306 @@
+"""The plan of a dataset: its samples in their order, by class, split and shard, and the inputs of them all."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import hashlib
+import json
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rso_lidar.dataset.drawing.shares import draw_shares
+from rso_lidar.dataset.specification.spec import DatasetSpec, check_model_split
+from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, ModelSplit, RandomSplit
+from rso_lidar.errors import DatasetError, MeshError, ScenarioError, add_place, did_you_mean
+from rso_lidar.files import convert_path, expand_user
+from rso_lidar.part.toml_text import parse_toml
+from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.validation import apply_setting, read_toml
+from rso_lidar.scene import load_mesh
+from rso_lidar.scene.library.model_index import model, models, own_models
+from rso_lidar.shipped import find
+
+
+class Membership(NamedTuple):
+    """Class and split of samples (sample)."""
+
+    target_class: np.ndarray  # i2, index of the class
+    number: np.ndarray  # i8, number of the sample in its class
+    split: np.ndarray  # i1, index in SPLITS
+
+
+class ShardPlace(NamedTuple):
+    """One shard: its split, its number in the split, and the numbers of its samples."""
+
+    split: str
+    number: int
+    samples: np.ndarray
+
+    @property
+    def path(self) -> str:
+        """Path in the dataset's folder."""
+        return f"{self.split}/{self.number:06d}.h5"
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """All inputs of a dataset, which worker processes receive.
+
+    `tables` hold the base scenario with the settings of the specification; `class_models` the models of each class.
+    """
+
+    spec: DatasetSpec
+    tables: dict[str, Any]
+    folder: Path
+    where: str
+    class_models: tuple[tuple[str, ...], ...]
+    mesh_sha256: dict[str, str]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields without what is computed from them, which another process computes again."""
+        return {field.name: self.__dict__[field.name] for field in dataclasses.fields(self)}
+
+    @cached_property
+    def target_index(self) -> int:
+        """Index of the scenario's target that classes replace."""
+        return _find_target(self.spec, self.tables)
+
+    @cached_property
+    def models(self) -> tuple[str, ...]:
+        """Names of all models of all classes, each once, in the order of the classes."""
+        return tuple(dict.fromkeys(name for names in self.class_models for name in names))
+
+    @cached_property
+    def classes(self) -> tuple[str, ...]:
+        """Names of the classes with targets."""
+        return tuple(one.name for one in self.spec.classes if not one.empty)
+
+    @cached_property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors."""
+        return tuple(one.name for one in self.spec.sensor) or ("sensor",)
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of everything that decides the samples: the specification, the base scenario and the meshes."""
+        own = self.spec.model_dump(exclude_none=True, exclude={"scenario", "set"})  # both are in the tables
+        text = json.dumps([own, self.mesh_sha256, self.tables], sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def scenario(self) -> Scenario:
+        """Build the base scenario."""
+        return Scenario.from_tables(copy.deepcopy(self.tables), folder=self.folder, where=self.where, trust_code=True)
+
+    @cached_property
+    def membership(self) -> Membership:
+        """Class, number and split of all samples.
+
+        Classes are interleaved evenly, and a class that gets more samples keeps those that it had.
+        """
+        counts = np.array([one.samples for one in self.spec.classes])
+        period = counts // math.gcd(*counts.tolist())
+        place = np.concatenate([(np.arange(n) + 0.5) / n for n in period])
+        owner = np.repeat(np.arange(len(period)), period)
+        order = np.lexsort((owner, place))
+        owner = owner[order].astype(np.int16)
+        rank = np.empty(len(owner), np.int64)
+        for k in range(len(period)):
+            rank[owner == k] = np.arange(period[k])
+        rounds = int(counts.sum() // period.sum())
+        target_class = np.tile(owner, rounds)
+        number = (np.arange(rounds)[:, None] * period[owner] + rank).ravel()
+        split = np.zeros(len(number), np.int8)
+        for k, one in enumerate(self.spec.classes):
+            mine = np.flatnonzero(target_class == k)
+            split[mine] = self._assign(one, k, number[mine])
+        return Membership(target_class, number, split)
+
+    def _assign(self, one: ClassOfTargets, k: int, number: np.ndarray) -> np.ndarray:
+        """Return the split (sample) of samples of one class.
+
+        Parameters
+        ----------
+        one, k : the class, and its index.
+        number : (sample) numbers in the class.
+        """
+        rule = self.spec.split
+        if isinstance(rule, RandomSplit):
+            share = draw_shares(self.spec.seed, one.name, number, "split")[:, 0]
+            return np.where(share < rule.test, 2, np.where(share < rule.test + rule.val, 1, 0))
+        if isinstance(rule, ModelSplit):
+            names = list(self.class_models[k])
+            chosen = self.choose_model(k, number)
+        else:
+            names = list(self.sensors)
+            chosen = self.choose_sensor(k, number)
+        of = np.array([2 if name in rule.test else 1 if name in rule.val else 0 for name in names])
+        assigned: np.ndarray = of[chosen]
+        return assigned
+
+    def choose_model(self, k: int, number: np.ndarray) -> np.ndarray:
+        """Return the index (sample) of each sample's model among those of its class.
+
+        Parameters
+        ----------
+        k : index of the class.
+        number : (sample) numbers in the class.
+        """
+        return self._choose(k, number, "model", len(self.class_models[k]))
+
+    def choose_sensor(self, k: int, number: np.ndarray) -> np.ndarray:
+        """Return the index (sample) of each sample's sensor.
+
+        Parameters
+        ----------
+        k : index of the class.
+        number : (sample) numbers in the class.
+        """
+        return self._choose(k, number, "sensor", len(self.sensors))
+
+    def _choose(self, k: int, number: np.ndarray, what: str, count: int) -> np.ndarray:
+        share = draw_shares(self.spec.seed, self.spec.classes[k].name, number, what)[:, 0]
+        chosen: np.ndarray = (share * count).astype(np.int64)
+        return chosen
+
+    @cached_property
+    def _members(self) -> tuple[np.ndarray, ...]:
+        """Numbers of the samples of each split, ascending."""
+        return tuple(np.flatnonzero(self.membership.split == k) for k in range(len(SPLITS)))
+
+    def count_samples(self) -> np.ndarray:
+        """Count samples (class, split)."""
+        counts = np.zeros((len(self.spec.classes), len(SPLITS)), np.int64)
+        np.add.at(counts, (self.membership.target_class, self.membership.split), 1)
+        return counts
+
+    @cached_property
+    def n_shards(self) -> int:
+        """Number of shards of all splits."""
+        return sum(self._count_shards())
+
+    def _count_shards(self) -> tuple[int, ...]:
+        return tuple(-(-len(members) // self.spec.samples_per_shard) for members in self._members)
+
+    def shard(self, number: int) -> ShardPlace:
+        """Return one shard by its number among those of all splits, train first."""
+        for k, count in enumerate(self._count_shards()):
+            if number < count:
+                each = self.spec.samples_per_shard
+                return ShardPlace(SPLITS[k], number, self._members[k][number * each : (number + 1) * each])
+            number -= count
+        raise DatasetError(f"{self.spec.where}: has {self.n_shards} shards; choose one of them")
+
+
+def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None) -> Plan:
+    """Make the plan of a dataset, after a check of its base scenario, models and split.
+
+    Parameters
+    ----------
+    given : the specification, or its TOML file.
+    files : folder in which relative paths of meshes and orbit files start (None: that of the scenario).
+
+    Raises
+    ------
+    ScenarioError, DatasetError
+        For a specification or a scenario that is not valid.
+    """
+    spec = given if isinstance(given, DatasetSpec) else DatasetSpec.load(convert_path(given, ScenarioError))
+    path = find(expand_user(spec.scenario), spec.folder)
+    if path is None:
+        raise DatasetError(
+            f"{spec.where}: scenario: no file '{spec.scenario}' beside it nor among the shipped data; check the name"
+        )
+    tables = parse_toml(read_toml(path), path.name, ScenarioError)
+    with add_place(spec.where):
+        for setting in spec.set:
+            apply_setting(tables, setting)
+    folder = files or path.parent
+    plan = Plan(spec, tables, folder, path.name, (), {})
+    with add_place(spec.where):
+        base = plan.scenario()
+        _find_target(spec, tables)
+        named = tuple(_list_models(spec, one, base) for one in spec.classes)
+        check_model_split(spec, list(named))
+        used = {name for names in named for name in names} | ({*spec.clutter.models} if spec.clutter else set())
+        hashes = {name: _hash_mesh(name, folder) for name in sorted(used)}
+    plan = Plan(spec, tables, folder, path.name, named, hashes)
+    _check_split(plan)
+    return plan
+
+
+def _find_target(spec: DatasetSpec, tables: dict[str, Any]) -> int:
+    """Return the index of the target that classes replace, or raise `DatasetError`."""
+    names = [one.get("name") for one in tables.get("target", [])]
+    if not names:
+        raise DatasetError("target: the scenario has no target for the classes to replace; add a [[target]]")
+    if spec.target is None:
+        return 0
+    if spec.target not in names:
+        raise DatasetError(f"target: none is named '{spec.target}'{did_you_mean(spec.target, names)}; correct the name")
+    return names.index(spec.target)
+
+
+def _list_models(spec: DatasetSpec, one: ClassOfTargets, base: Scenario) -> tuple[str, ...]:
+    """Return the models of a class.
+
+    Parameters
+    ----------
+    spec : the specification.
+    one : the class.
+    base : the scenario, whose own target is taken where the class names none.
+    """
+    if one.empty:
+        return ()
+    if one.taxonomy is not None:
+        asked = one.taxonomy.model_dump(exclude_none=True)
+        shipped = {name: entry for name, entry in models().items() if name not in own_models()}
+        found = tuple(
+            name
+            for name, entry in sorted(shipped.items())
+            if entry.taxonomy is not None and all(getattr(entry.taxonomy, key) == value for key, value in asked.items())
+        )
+        if not found:
+            said = ", ".join(f"{key} = {value}" for key, value in asked.items())
+            raise DatasetError(f"classes: '{one.name}' has no shipped model with {said}; ask for less, or name models")
+        return found
+    if one.models:
+        return one.models
+    place = [target.name for target in base.target].index(spec.target) if spec.target else 0
+    return (base.target[place].shape,)
+
+
+def _hash_mesh(name: str, folder: Path) -> str:
+    """Return the SHA-256 of a model's mesh.
+
+    Parameters
+    ----------
+    name : of the catalogue, or a path.
+    folder : start of a relative path.
+    """
+    if not any(sign in name for sign in "/\\."):
+        return model(name).mesh.sha256
+    path = find(name, folder)
+    if path is None:
+        raise MeshError(f"no mesh '{name}' beside the scenario nor among the shipped data; check the name")
+    return load_mesh(path).sha256
+
+
+def _check_split(plan: Plan) -> None:
+    """Raise `DatasetError` for a class that is absent from a split that others are in."""
+    spec = plan.spec
+    if not isinstance(spec.split, RandomSplit):
+        return
+    counts = plan.count_samples()
+    wanted = np.array([True, spec.split.val > 0.0, spec.split.test > 0.0])
+    for k, one in enumerate(spec.classes):
+        for split in np.flatnonzero(wanted & (counts[k] == 0)).tolist():
+            raise DatasetError(
+                f"{spec.where}: split: no sample of class '{one.name}' is in {SPLITS[split]}; give it more samples, or "
+                "another share"
+            )

@@ -1,0 +1,238 @@
+"""One sample of a dataset: what is drawn for it, and the scenario that it flies."""
+
+from __future__ import annotations
+
+import copy
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.dataset.drawing.plan import Plan
+from rso_lidar.dataset.drawing.shares import HaltonPoints, draw_seed, draw_shares
+from rso_lidar.dataset.specification.laws import Choice, UniformDirection, UniformRotation
+from rso_lidar.dataset.specification.spec import DatasetSpec
+from rso_lidar.dataset.specification.tables import SPLITS, View
+from rso_lidar.errors import DatasetError, add_place
+from rso_lidar.motion.aim import lidar_from_ptu
+from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scenario.mission.validation import apply_setting, set_field, validate_tables
+
+_OF_ANY_MODEL = ("name", "motion", "attitude", "material", "axes")  # fields of a target that another model keeps
+_AROUND = UniformDirection()
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """What is drawn for one sample: indices of what it holds, its scenario, its frames, and the seeds of its noise."""
+
+    index: int
+    class_id: int  # among the classes with targets; -1 without a target
+    model: str | None
+    sensor_id: int
+    split: str
+    values: dict[str, Any]  # drawn values by variable
+    frames: tuple[int, ...]
+    seeds: tuple[int, ...]  # of each noise draw
+    scenario: Scenario
+    target: int | None  # index of the target in the scenario
+
+
+class _Draws:
+    """The values of one sample's variables, by their laws."""
+
+    def __init__(self, spec: DatasetSpec, k: int, number: int) -> None:
+        self._spec, self._group, self._number = spec, spec.classes[k].name, number
+        self.values: dict[str, Any] = {}
+        self._left = np.zeros(0)
+        if spec.sampling == "halton" and (dimensions := _count_dimensions(spec, k)):
+            self._left = _halton(spec.seed, self._group, dimensions).at(number)
+
+    def draw(self, variable: str, law: Any) -> Any:
+        """Draw the value of a variable, and keep it.
+
+        Parameters
+        ----------
+        variable : its name, which decides the random numbers.
+        law : of its values.
+        """
+        if self._spec.sampling == "halton" and not variable.startswith("clutter."):
+            share, self._left = self._left[: law.dimensions], self._left[law.dimensions :]
+        else:
+            share = draw_shares(self._spec.seed, self._group, np.array([self._number]), variable, law.dimensions)[0]
+        self.values[variable] = value = law.at(share)
+        return value
+
+
+@lru_cache(maxsize=256)
+def _halton(seed: int, group: str, dimensions: int) -> HaltonPoints:
+    return HaltonPoints(seed, group, dimensions)
+
+
+def _list_laws(spec: DatasetSpec, k: int) -> list[Any]:
+    """List the laws that apply to a class, in the order in which they are drawn."""
+    laws: list[Any] = [one.law for one in spec.variable if not one.classes or spec.classes[k].name in one.classes]
+    if (view := spec.view) is not None and not spec.classes[k].empty:
+        laws += [view.range_m, view.offset_fraction, view.attitude]
+        laws += [] if view.spin_deg_s is None else [view.spin_deg_s, _AROUND]
+    if view is not None and view.sun is not None:
+        laws.append(view.sun)
+    return laws
+
+
+def _count_dimensions(spec: DatasetSpec, k: int) -> int:
+    return sum(law.dimensions for law in _list_laws(spec, k))
+
+
+def draw_sample(plan: Plan, index: int) -> Sample:
+    """Draw one sample. It depends on the plan and its number only.
+
+    Parameters
+    ----------
+    plan : of the dataset.
+    index : of the sample.
+
+    Raises
+    ------
+    DatasetError, ScenarioError
+        If what is drawn is not a valid scenario.
+    """
+    spec = plan.spec
+    k, number = int(plan.membership.target_class[index]), int(plan.membership.number[index])
+    one = spec.classes[k]
+    at = np.array([number])
+    name = None if one.empty else plan.class_models[k][int(plan.choose_model(k, at)[0])]
+    sensor = int(plan.choose_sensor(k, at)[0])
+    draws = _Draws(spec, k, number)
+    tables = copy.deepcopy(plan.tables)
+    with add_place(f"{spec.where}: sample {index} (class '{one.name}')"):
+        for setting in (*(spec.sensor[sensor].set if spec.sensor else ()), *one.set):
+            apply_setting(tables, setting)
+        _choose_target(tables, plan, name, changes=bool(one.models or one.taxonomy))
+        for drawn in spec.variable:
+            if not drawn.classes or one.name in drawn.classes:
+                value = draws.draw(drawn.field, drawn.law)
+                set_field(tables, drawn.field, value, f"variable {drawn.field}")
+        if spec.view is not None:
+            _place_view(tables, plan, spec.view, draws, has_target=name is not None)
+        seeds = tuple(draw_seed(spec.seed, one.name, number, draw) for draw in range(spec.draws))
+        tables["seed"] = seeds[0]
+        scenario = Scenario.from_tables(tables, folder=plan.folder, where=plan.where, trust_code=True)
+        frames = _choose_frames(spec, scenario, draw_shares(spec.seed, one.name, at, "start")[0, 0])
+    class_id = -1 if one.empty else plan.classes.index(one.name)
+    split = SPLITS[int(plan.membership.split[index])]
+    target = None if one.empty else plan.target_index
+    return Sample(index, class_id, name, sensor, split, draws.values, frames, seeds, scenario, target)
+
+
+def _choose_target(tables: dict[str, Any], plan: Plan, name: str | None, *, changes: bool) -> None:
+    """Give the target of the scenario the model of a sample, or leave it out.
+
+    Parameters
+    ----------
+    tables : of the scenario, changed in place.
+    plan : of the dataset.
+    name : the model; None for no target.
+    changes : whether the class says the model, and not the scenario.
+    """
+    targets = tables["target"]
+    if name is None:
+        del targets[plan.target_index]
+    elif changes:
+        kept = {key: value for key, value in targets[plan.target_index].items() if key in _OF_ANY_MODEL}
+        targets[plan.target_index] = kept | {"model": name}
+
+
+def _place_view(tables: dict[str, Any], plan: Plan, view: View, draws: _Draws, *, has_target: bool) -> None:
+    """Place the target and the clutter of a sample in front of the lidar.
+
+    Parameters
+    ----------
+    tables : of the scenario, changed in place.
+    plan, view : of the dataset.
+    draws : of the sample.
+    has_target : whether the sample has a target.
+    """
+    if "ptu" in tables:
+        raise DatasetError(
+            "view: places the target before a lidar that does not turn; remove [ptu] from the scenario, or leave out [view]"
+        )
+    seat = _read_lidar(json.dumps(tables["lidar"], default=str))
+    if has_target:
+        target = tables["target"][plan.target_index]
+        range_m = draws.draw("view.range_m", view.range_m)
+        target["motion"] = _place(range_m, draws.draw("view.offset_fraction", view.offset_fraction), seat)
+        attitude: dict[str, Any] = {"type": "fixed", "quaternion_xyzw": draws.draw("view.attitude", view.attitude)}
+        if view.spin_deg_s is not None:
+            rate = draws.draw("view.spin_deg_s", view.spin_deg_s)
+            axis = draws.draw("view.spin_axis", _AROUND)
+            attitude |= {"type": "spin", "axis": axis, "rate_deg_s": rate}
+        target["attitude"] = attitude
+    if view.sun is not None:
+        tables.setdefault("world", {})["sun_direction"] = draws.draw("view.sun", view.sun)
+    if (clutter := plan.spec.clutter) is not None:
+        for k in range(draws.draw("clutter.count", clutter.count)):
+            body: dict[str, Any] = {"name": f"clutter_{k}"}
+            body["model"] = draws.draw(f"clutter.{k}.model", Choice(values=clutter.models))
+            range_m = draws.draw(f"clutter.{k}.range_m", clutter.range_m)
+            offset = draws.draw(f"clutter.{k}.offset_fraction", clutter.offset_fraction)
+            body["motion"] = _place(range_m, offset, seat)
+            turn = draws.draw(f"clutter.{k}.attitude", UniformRotation())
+            body["attitude"] = {"type": "fixed", "quaternion_xyzw": turn}
+            tables["target"].append(body)
+
+
+@lru_cache(maxsize=64)
+def _read_lidar(text: str) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+    """Return position [m] and rotation matrix of the lidar in follower axes, and the tangents of its half field.
+
+    Parameters
+    ----------
+    text : the lidar's tables as JSON.
+    """
+    lidar = validate_tables(Lidar, json.loads(text), "lidar")
+    receiver = lidar.receiver
+    half = 0.5 * receiver.pixel_pitch_m / receiver.focal_length_m
+    turn = (lidar.mount.rotation * lidar_from_ptu().inv()).as_matrix()
+    return np.array(lidar.mount.position_m, float), turn, (half * receiver.n_cols, half * receiver.n_rows)
+
+
+def _place(
+    range_m: float, offset: list[float], seat: tuple[np.ndarray, np.ndarray, tuple[float, float]]
+) -> dict[str, Any]:
+    """Return the motion of a body that is fixed in front of the lidar.
+
+    Parameters
+    ----------
+    range_m : distance from the lidar [m].
+    offset : right and down from the boresight, 1 at the edge of the field.
+    seat : position and rotation of the lidar in follower axes, and the tangents of its half field.
+    """
+    position, turn, (across, down) = seat
+    ray = np.array([offset[0] * across, offset[1] * down, 1.0])
+    at = position + turn @ (range_m * ray / np.linalg.norm(ray))
+    return {"type": "fixed", "relative_to": "follower", "position_m": [float(x) for x in at]}
+
+
+def _choose_frames(spec: DatasetSpec, scenario: Scenario, share: float) -> tuple[int, ...]:
+    """Return the numbers of a sample's frames in its scenario.
+
+    Parameters
+    ----------
+    spec : the specification.
+    scenario : of the sample.
+    share : even number that decides the first frame, where it is drawn.
+    """
+    sequence, n_frames = spec.sequence, scenario.time.n_frames
+    last = n_frames - 1 - (sequence.frames - 1) * sequence.stride
+    start = sequence.start
+    if start is None:
+        start = 0 if spec.controller is not None else int(share * (last + 1))
+    if not 0 <= start <= last:
+        raise DatasetError(
+            f"sequence: {sequence.frames} frames with stride {sequence.stride} from frame {start} are more than the "
+            f"{n_frames} of the scenario; ask for fewer, or raise time.duration_s"
+        )
+    return tuple(range(start, start + sequence.frames * sequence.stride, sequence.stride))

@@ -1,0 +1,98 @@
+"""Even numbers from 0 to below 1 with an address: dataset, class, number in the class, and what they are for.
+
+They are words of Philox. So what is drawn for one sample depends neither on other samples nor on other variables.
+"""
+
+from __future__ import annotations
+
+import zlib
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.kernels import kernel, packed
+from rso_lidar.philox import draw_block
+
+_MOST_SEED = 2**63
+
+
+def hash_name(name: str) -> int:
+    """Return a word of 32 bits for a name: its CRC-32."""
+    return zlib.crc32(name.encode())
+
+
+@lru_cache(maxsize=64)
+def _key(seed: int) -> np.ndarray:
+    return packed(np.random.SeedSequence(seed).generate_state(2, np.uint32))
+
+
+def draw_shares(seed: int, group: str, number: np.ndarray, variable: str, dimensions: int = 1) -> np.ndarray:
+    """Draw even numbers (sample, dimension) from 0 to below 1.
+
+    Parameters
+    ----------
+    seed : of the dataset.
+    group : name of the class.
+    number : (sample) numbers of samples in the class.
+    variable : what is drawn.
+    dimensions : count of numbers for each sample.
+    """
+    shares = np.empty((len(number), dimensions))
+    fill_shares(_key(seed), packed(np.asarray(number, np.int64)), hash_name(group), hash_name(variable), shares)
+    return shares
+
+
+def draw_seed(seed: int, group: str, number: int, draw: int) -> int:
+    """Draw the random seed of one noise draw of a sample.
+
+    Parameters
+    ----------
+    seed : of the dataset.
+    group, number : name of the class, and number of the sample in it.
+    draw : number of the noise draw.
+    """
+    words = draw_block(_key(seed), draw, number, hash_name(group), hash_name("noise"))
+    return (int(words[0]) << 32 | int(words[1])) % _MOST_SEED
+
+
+@kernel
+def fill_shares(key: np.ndarray, number: np.ndarray, group: int, variable: int, shares: np.ndarray) -> None:
+    """Write even numbers of 53 bits.
+
+    Parameters
+    ----------
+    key : (2) uint32.
+    number : (sample) numbers in the class.
+    group, variable : words of 32 bits.
+    shares : (sample, dimension), written.
+    """
+    for k in range(len(number)):
+        for dimension in range(shares.shape[1]):
+            block = draw_block(key, dimension, number[k], group, variable)
+            high, low = np.int64(block[0]) >> 5, np.int64(block[1]) >> 6
+            shares[k, dimension] = (np.float64(high) * 67108864.0 + np.float64(low)) / 9007199254740992.0
+
+
+class HaltonPoints:
+    """Points of a scrambled Halton sequence (Owen 2017), one for each sample of a class.
+
+    Parameters
+    ----------
+    seed : of the dataset.
+    group : name of the class.
+    dimensions : of a point.
+    """
+
+    def __init__(self, seed: int, group: str, dimensions: int) -> None:
+        from scipy.stats import qmc
+
+        rng = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, hash_name(group)])))
+        self._sequence: Any = qmc.Halton(dimensions, scramble=True, rng=rng)
+
+    def at(self, number: int) -> np.ndarray:
+        """Return a point (dimension) of the sequence by its number."""
+        self._sequence.reset()
+        self._sequence.fast_forward(number)
+        point: np.ndarray = self._sequence.random(1)[0]
+        return point

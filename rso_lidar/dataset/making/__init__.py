@@ -1,0 +1,1 @@
+"""Datasets made: samples flown and labelled, shards written by processes, folders resumed and checked."""

@@ -1,0 +1,172 @@
+"""The frames of one sample, each with its noise draws, as labelled frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.dataset.annotation.frame_labels import label_frame
+from rso_lidar.dataset.drawing.plan import Plan
+from rso_lidar.dataset.drawing.sample import Sample, draw_sample
+from rso_lidar.dataset.shards.layout import LabelledFrame
+from rso_lidar.dataset.specification.tables import OptionalLabels
+from rso_lidar.pose import ROOT, rotate_vectors
+from rso_lidar.records import Command, Frame, Observation
+from rso_lidar.scenario import Scenario
+from rso_lidar.simulate import DETECTION, flash, simulate
+from rso_lidar.track import Pointing
+
+
+def list_kept(labels: OptionalLabels) -> tuple[str, ...]:
+    """List the intermediate records that the labels of a dataset need."""
+    return (
+        "hits",
+        "signal",
+        *(("prediction",) if labels.prediction else ()),
+        *(("oversampled",) if labels.oversampled else ()),
+    )
+
+
+def fly_sample(plan: Plan, sample: Sample) -> Iterator[tuple[LabelledFrame, dict[str, float]]]:
+    """Fly one sample, and yield its labelled frames with the drawn numbers: by step, then by noise draw.
+
+    Parameters
+    ----------
+    plan : of the dataset.
+    sample : of the plan.
+    """
+    drawn = list_numbers(sample)
+    for step, frame, command in _fly(plan, sample):
+        yield label(plan, sample, frame, step, 0), drawn
+        for draw, seed in enumerate(sample.seeds[1:], 1):
+            yield label(plan, sample, _draw_again(plan, sample, frame, command, seed), step, draw), drawn
+
+
+def list_numbers(sample: Sample) -> dict[str, float]:
+    """List the drawn numbers of a sample by name; vectors by component."""
+    found: dict[str, float] = {}
+    for name, value in sample.values.items():
+        if name.startswith("clutter."):
+            continue
+        for place, one in enumerate(value) if isinstance(value, list | tuple) else ((None, value),):
+            if type(one) in (int, float):
+                found[name if place is None else f"{name}.{place}"] = float(one)
+    return found
+
+
+def _fly(plan: Plan, sample: Sample) -> Iterator[tuple[int, Frame, Command | None]]:
+    """Yield the frames of a sample with their places in the sequence and the commands that they were made under.
+
+    Parameters
+    ----------
+    plan, sample : of the dataset.
+    """
+    keep = list_kept(plan.spec.labels)
+    if plan.spec.controller is None:
+        for step, frame in enumerate(simulate(sample.scenario, frames=sample.frames, threads=1, keep=keep)):
+            yield step, frame, None
+        return
+    asked = plan.spec.controller.model_dump(exclude={"type"})
+    point = Pointing(**asked, mount=sample.scenario.lidar.mount)
+    commands: list[Command | None] = [None]
+
+    def control(observation: Observation) -> Command:
+        commands.append(point(observation))
+        return commands[-1] or Command()
+
+    steps = {frame: step for step, frame in enumerate(sample.frames)}
+    for frame in simulate(sample.scenario, control, threads=1, keep=keep):
+        if frame.index in steps:
+            yield steps[frame.index], frame, commands[frame.index]
+        if frame.index >= sample.frames[-1]:
+            return
+
+
+def _draw_again(plan: Plan, sample: Sample, frame: Frame, command: Command | None, seed: int) -> Frame:
+    """Make a frame again from the same poses, with the noise of another seed.
+
+    Parameters
+    ----------
+    plan, sample : of the dataset.
+    frame : the first draw.
+    command : under which it was made.
+    seed : of the other noise.
+    """
+    scenario = sample.scenario
+    lidar = scenario.instrument.at(frame.time_s, command)
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(frame.index, DETECTION))))
+    return flash(scenario, frame.truth, rng, 1, lidar=lidar, index=frame.index, keep=list_kept(plan.spec.labels))
+
+
+def label(plan: Plan, sample: Sample, frame: Frame, step: int, draw: int) -> LabelledFrame:
+    """Label one frame.
+
+    Parameters
+    ----------
+    plan, sample : of the dataset.
+    frame : of the sample, with the records of `list_kept`.
+    step, draw : place in the sequence, and number of the noise draw.
+    """
+    scenario, labels = sample.scenario, frame.labels
+    found = label_frame(frame, scenario, sample.target)
+    position, quaternion = np.full(3, np.nan), np.full(4, np.nan)
+    if sample.target is not None:
+        seen = frame.truth.pose("lidar", scenario.target[sample.target].name)
+        position, quaternion = np.asarray(seen.translation), seen.rotation.as_quat(canonical=True)
+    sun = rotate_vectors(frame.truth.pose("lidar", ROOT).rotation, frame.truth.sun_direction)
+    optional: dict[str, Any] = {}
+    if plan.spec.labels.prediction:
+        predicted: Any = frame.kept["prediction"]
+        optional |= {name: getattr(predicted, name) for name in ("detection_probability", "range_sigma_m")}
+    if plan.spec.labels.oversampled:
+        fine: Any = frame.kept["oversampled"]
+        optional |= {"oversampled_range_m": fine.range_m, "oversampled_photons": fine.photons}
+    return LabelledFrame(
+        range_m=frame.range_m,
+        intensity_counts=frame.intensity_counts,
+        saturated=frame.observation.reading.saturated,
+        true_range_m=labels.range_m,
+        photons=labels.photons,
+        target=labels.target,
+        part=labels.part,
+        part_class_id=found.part_class_id,
+        sample=sample.index,  # type: ignore[arg-type]  # records take what becomes an array
+        step=step,  # type: ignore[arg-type]
+        draw=draw,  # type: ignore[arg-type]
+        seed=sample.seeds[draw],  # type: ignore[arg-type]
+        frame_number=frame.index,  # type: ignore[arg-type]
+        time_s=frame.time_s,  # type: ignore[arg-type]
+        class_id=sample.class_id,  # type: ignore[arg-type]
+        model_id=-1 if sample.model is None else plan.models.index(sample.model),  # type: ignore[arg-type]
+        sensor_id=sample.sensor_id,  # type: ignore[arg-type]
+        present=int(sample.target is not None),  # type: ignore[arg-type]
+        position_m=position,
+        quaternion_xyzw=quaternion,
+        range_to_target_m=np.linalg.norm(position),  # type: ignore[arg-type]
+        lit_pixels=found.lit_pixels,  # type: ignore[arg-type]
+        reporting_pixels=found.reporting_pixels,  # type: ignore[arg-type]
+        total_photons=found.total_photons,  # type: ignore[arg-type]
+        box_px=found.box_px,
+        intrinsics_px=_find_intrinsics(scenario, frame),
+        sun_direction=sun,
+        part_light_fraction=found.part_light_fraction,
+        **optional,
+    )
+
+
+def _find_intrinsics(scenario: Scenario, frame: Frame) -> np.ndarray:
+    """Return fx, fy, cx, cy [px] of a frame's lens without its distortion; (0, 0) is the centre of the first pixel."""
+    receiver = scenario.lidar.receiver
+    focal_px = frame.observation.settings["focal_length_m"] / receiver.pixel_pitch_m
+    return np.array([focal_px, focal_px, 0.5 * (receiver.n_cols - 1), 0.5 * (receiver.n_rows - 1)])
+
+
+def list_names(plan: Plan) -> tuple[str, ...]:
+    """List the names of all numbers that a dataset draws, from the first sample of each class."""
+    owner = plan.membership.target_class
+    names: dict[str, None] = {}
+    for k in range(len(plan.spec.classes)):
+        names |= dict.fromkeys(list_numbers(draw_sample(plan, int((owner == k).argmax()))))
+    return tuple(names)

@@ -1,0 +1,138 @@
+"""The folder of a dataset: begun, joined by later runs, and freed of what a killed run left."""
+
+from __future__ import annotations
+
+import copy
+import json
+from contextlib import suppress
+from pathlib import Path
+
+from rso_lidar.dataset.drawing.plan import Plan
+from rso_lidar.dataset.reading.dataset import SPEC_FILE
+from rso_lidar.dataset.shards.manifest import ShardRecord
+from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, Constants, read_constants, write_constants
+from rso_lidar.dataset.specification.tables import SPLITS
+from rso_lidar.errors import DatasetError
+from rso_lidar.files import advise_on_write, hold_lock, write_text
+from rso_lidar.records.part_classes import PART_CLASSES
+from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.validation import apply_setting
+from rso_lidar.scene import load_mesh
+from rso_lidar.scene.library.model_index import model
+from rso_lidar.shipped import find
+
+SCENARIO_FILE = "scenario.toml"
+_LOCK = ".dataset.lock"
+_LOCK_WAIT_S = 120.0  # beginning a folder takes seconds, with the meshes of all models
+
+
+def begin_folder(plan: Plan, folder: Path, *, join: bool) -> None:
+    """Begin the folder of a dataset, or join one that was begun with the same specification.
+
+    Parameters
+    ----------
+    plan : of the dataset.
+    folder : of the dataset.
+    join : whether a folder that was begun before may be continued.
+
+    Raises
+    ------
+    DatasetError
+        If the folder holds something else, or may not be written.
+    RunError
+        If writing fails.
+    """
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise DatasetError(f"{folder}: is a file; name a folder")
+        if (
+            folder.is_dir()
+            and not (folder / SENSOR_FILE).exists()
+            and any(
+                one.name not in (_LOCK, SPEC_FILE, SCENARIO_FILE, *SPLITS) and ".part" not in one.name
+                for one in folder.iterdir()
+            )
+        ):
+            raise DatasetError(f"{folder}: holds other files; name a new folder")
+        for split in SPLITS:
+            (folder / split).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DatasetError(f"{folder}: cannot be written ({error.strerror}); {advise_on_write(error.errno)}") from None
+    with hold_lock(folder / _LOCK, wait_s=_LOCK_WAIT_S, busy=f"{folder}: another run is beginning it; try again"):
+        if (folder / SENSOR_FILE).exists():
+            _check_joined(plan, folder, join=join)
+            return
+        import tomli_w
+
+        write_text(folder / SCENARIO_FILE, tomli_w.dumps(plan.tables), overwrite=True)
+        own = plan.spec.replace(scenario=SCENARIO_FILE, set=())
+        write_text(folder / SPEC_FILE, own.dumps(), overwrite=True)
+        write_constants(folder, list_constants(plan))  # last: a folder with this file is a dataset
+
+
+def _check_joined(plan: Plan, folder: Path, *, join: bool) -> None:
+    """Raise `DatasetError` for a folder that may not be continued.
+
+    Parameters
+    ----------
+    plan, folder : of the dataset.
+    join : whether a folder that was begun before may be continued.
+    """
+    if read_constants(folder).sha256 != plan.sha256:
+        raise DatasetError(f"{folder}: holds the dataset of another specification; name another folder")
+    if not join:
+        raise DatasetError(f"{folder}: holds this dataset already; continue it with --resume, or name another folder")
+
+
+def list_constants(plan: Plan) -> Constants:
+    """List the names and constants of a dataset."""
+    lidars, lines = {}, {}
+    for k, name in enumerate(plan.sensors):
+        tables = copy.deepcopy(plan.tables)
+        for setting in plan.spec.sensor[k].set if plan.spec.sensor else ():
+            apply_setting(tables, setting)
+        scenario = Scenario.from_tables(tables, folder=plan.folder, where=plan.where, trust_code=True)
+        lidars[name] = json.dumps(scenario.lidar.model_dump(mode="json", exclude_none=True))
+        lines[name] = scenario.instrument.receiver.line_of_sight
+    return Constants(
+        sha256=plan.sha256,
+        title=plan.spec.name,
+        classes=plan.classes,
+        models=plan.models,
+        sensors=plan.sensors,
+        part_classes=tuple(PART_CLASSES),
+        splits=SPLITS,
+        model_parts={name: _list_parts(name, plan.folder) for name in plan.models},
+        symmetries=dict.fromkeys(plan.models),
+        line_of_sight=lines,
+        lidars=lidars,
+    )
+
+
+def _list_parts(name: str, folder: Path) -> tuple[str, ...]:
+    """List the parts of a model in the order of their numbers.
+
+    Parameters
+    ----------
+    name : of the catalogue, or a path.
+    folder : start of a relative path.
+    """
+    if not any(sign in name for sign in "/\\."):
+        return model(name).mesh.part_names
+    path = find(name, folder)
+    return load_mesh(path).part_names if path is not None else ()
+
+
+def remove_drafts(folder: Path, finished: dict[str, ShardRecord]) -> None:
+    """Remove the temporary files that killed runs left of shards that are finished now.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+    finished : records of the finished shards, by path.
+    """
+    for split in SPLITS:
+        for draft in (folder / split).glob("*.part*.h5"):
+            if f"{split}/{draft.name.partition('.')[0]}.h5" in finished:
+                with suppress(OSError):
+                    draft.unlink()

@@ -1,0 +1,143 @@
+"""Datasets made by one call: begun or continued, shard by shard, and finished."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from rso_lidar.dataset.drawing.plan import Plan, make_plan
+from rso_lidar.dataset.drawing.sample import draw_sample
+from rso_lidar.dataset.making.dask_engine import make_shards_by_dask
+from rso_lidar.dataset.making.folder import begin_folder, remove_drafts
+from rso_lidar.dataset.making.shards import make_shards
+from rso_lidar.dataset.reading.dataset import Dataset
+from rso_lidar.dataset.shards.manifest import ShardRecord, append_record, read_manifest
+from rso_lidar.dataset.specification.spec import DatasetSpec
+from rso_lidar.errors import DatasetError, suppress_warnings
+from rso_lidar.files import convert_path
+
+_TRIED = 40  # samples that are drawn before the first shard, so that a wrong law is found at once
+
+
+def make(
+    spec: DatasetSpec | str | Path,
+    folder: str | os.PathLike[str],
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    shards: str | None = None,
+    resume: bool = False,
+    on_shard: Callable[[int, int], None] | None = None,
+) -> Dataset:
+    """Make a dataset in a folder. Every shard is written completely or not at all, so that a killed run loses one at most.
+
+    Parameters
+    ----------
+    spec : the specification, or its TOML file.
+    folder : of the dataset, new unless it is continued.
+    workers : number of processes (None: one per core; 1: this process). The bytes do not depend on it. A script that uses
+        workers keeps its own code under ``if __name__ == "__main__":``.
+    scheduler : address of a dask scheduler whose workers make the shards, or ``local`` for a cluster of `workers` processes
+        that is started here (None: a pool of processes, without dask). Needs the extra ``dask``.
+    shards : which shards to make: ``a:b``, or ``i/n`` for the i-th of n equal parts, from 0. Runs may share a folder.
+    resume : whether to continue a folder that was begun before.
+    on_shard : called with the number of finished shards and that of all, at the start and after each shard.
+
+    Returns
+    -------
+    Dataset
+        What the folder holds now.
+
+    Raises
+    ------
+    ScenarioError, DatasetError
+        For a specification that is not valid, and for a folder that holds something else.
+    RunError
+        If writing fails, or a worker ends early.
+    """
+    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
+        raise DatasetError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
+    place = convert_path(folder, DatasetError)
+    plan = make_plan(spec)
+    chosen = choose_shards(shards, plan.n_shards)
+    check_samples(plan)
+    begin_folder(plan, place, join=resume or shards is not None)
+    finished = read_manifest(place, plan.sha256)
+    left = [number for number in chosen if not _is_finished(plan, place, number, finished)]
+    tell = on_shard or (lambda done, count: None)
+    tell(len(chosen) - len(left), len(chosen))
+    count = workers or os.cpu_count() or 1
+    if scheduler is None:
+        records = make_shards(plan, place, left, count)
+    else:
+        records = make_shards_by_dask(plan, place, left, count, scheduler)
+    for done, record in enumerate(records, len(chosen) - len(left) + 1):
+        append_record(place, record, plan.sha256)
+        tell(done, len(chosen))
+    finished = read_manifest(place, plan.sha256)
+    remove_drafts(place, finished)
+    return Dataset(place)
+
+
+def _is_finished(plan: Plan, folder: Path, number: int, finished: Mapping[str, ShardRecord]) -> bool:
+    """Return whether a shard is in the manifest and in its place.
+
+    Parameters
+    ----------
+    plan, folder : of the dataset.
+    number : of the shard.
+    finished : records by path.
+    """
+    path = plan.shard(number).path
+    return path in finished and (folder / path).is_file()
+
+
+def choose_shards(text: str | None, count: int) -> Sequence[int]:
+    """Return the numbers of the shards that a text chooses: ``a:b``, ``i/n``, or all.
+
+    Parameters
+    ----------
+    text : the choice; None for all.
+    count : number of all shards.
+
+    Raises
+    ------
+    DatasetError
+        For another text, or one that chooses none.
+
+    >>> list(choose_shards("1/3", 8)), list(choose_shards("2:", 4))
+    ([1, 4, 7], [2, 3])
+    """
+    if text is None:
+        return range(count)
+    if (part := re.fullmatch(r"(\d+)/(\d+)", text)) is not None:
+        i, n = int(part[1]), int(part[2])
+        if i >= n:
+            raise DatasetError(
+                f"--shards {text}: parts are numbered 0 to {n - 1}" if n else f"--shards {text}: needs parts"
+            )
+        return range(i, count, n)  # may be empty where there are more parts than shards
+    if (span := re.fullmatch(r"(\d*):(\d*)", text)) is not None:
+        chosen = range(count)[int(span[1]) if span[1] else None : int(span[2]) if span[2] else None]
+        if not chosen:
+            raise DatasetError(f"--shards {text}: chooses none of the shards 0 to {count - 1}; choose some of them")
+        return chosen
+    raise DatasetError(f"--shards {text}: needs a:b or i/n, such as 0:100 or 3/16; correct it")
+
+
+def check_samples(plan: Plan) -> None:
+    """Draw some samples of each class, so that a law that makes no valid scenario is found before the first flash.
+
+    Parameters
+    ----------
+    plan : of the dataset.
+    """
+    owner = plan.membership.target_class
+    with suppress_warnings():
+        for k in range(len(plan.spec.classes)):
+            mine = (owner == k).nonzero()[0]
+            step = max(1, len(mine) * len(plan.spec.classes) // _TRIED)
+            for index in mine[::step].tolist():
+                draw_sample(plan, index)

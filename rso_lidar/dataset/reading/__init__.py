@@ -1,0 +1,1 @@
+"""Datasets read: random frames and whole columns as NumPy arrays."""

@@ -1,0 +1,253 @@
+"""A dataset in a folder: splits whose frames are read at random, as NumPy arrays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.dataset.shards.manifest import ShardRecord, read_manifest
+from rso_lidar.dataset.shards.sensor_file import Constants, read_constants
+from rso_lidar.dataset.shards.shard_file import open_shard
+from rso_lidar.dataset.specification.spec import DatasetSpec
+from rso_lidar.errors import DatasetError, did_you_mean
+from rso_lidar.files import convert_path
+
+SPEC_FILE = "dataset.toml"
+_MOST_OPEN = 256  # shards of a split that are kept open in a process
+
+
+class Dataset:
+    """A dataset in a folder, read on demand. It can be pickled; each process opens files of its own.
+
+    Parameters
+    ----------
+    folder : made by `rso-lidar dataset make`.
+
+    Raises
+    ------
+    DatasetError
+        If the folder is no dataset, or a file in it is damaged.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self.folder = convert_path(folder, DatasetError)
+        self.constants: Constants = read_constants(self.folder)
+        records = read_manifest(self.folder, self.constants.sha256)
+        self._records = {
+            split: tuple(records[path] for path in sorted(records) if path.startswith(f"{split}/"))
+            for split in self.constants.splits
+        }
+
+    def __repr__(self) -> str:
+        """Return title, frames and splits."""
+        sizes = ", ".join(f"{len(self.split(name)):,} {name}" for name in self.splits)
+        return f"<Dataset {self.constants.title!r}: {sizes}>"
+
+    @cached_property
+    def spec(self) -> DatasetSpec:
+        """Specification that made the dataset."""
+        return DatasetSpec.load(self.folder / SPEC_FILE)
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names of the classes, which `class_id` numbers."""
+        return self.constants.classes
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Names of the models, which `model_id` numbers."""
+        return self.constants.models
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors, which `sensor_id` numbers."""
+        return self.constants.sensors
+
+    @property
+    def part_classes(self) -> tuple[str, ...]:
+        """Names of the common part classes, which `part_class_id` numbers."""
+        return self.constants.part_classes
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """Names of the splits that hold frames."""
+        return tuple(name for name in self.constants.splits if self._records[name])
+
+    @property
+    def records(self) -> tuple[ShardRecord, ...]:
+        """Records of all shards."""
+        return tuple(record for records in self._records.values() for record in records)
+
+    def split(self, name: str) -> Split:
+        """Return one split.
+
+        Parameters
+        ----------
+        name : train, val or test.
+
+        Raises
+        ------
+        DatasetError
+            If the dataset has no such split.
+        """
+        if not self._records.get(name):
+            known = ", ".join(self.splits)
+            raise DatasetError(
+                f"{self.folder}: has no split '{name}'{did_you_mean(name, self.splits)} (known: {known})"
+            )
+        return Split(self.folder, name, self.constants.sha256, self._records[name])
+
+
+class Split:
+    """The frames of one split, in the order of their shards. It can be pickled; each process opens files of its own."""
+
+    def __init__(self, folder: Path, name: str, dataset: str, records: Sequence[ShardRecord]) -> None:
+        """Take the shards of a split.
+
+        Parameters
+        ----------
+        folder : of the dataset.
+        name : of the split.
+        dataset : hash of the dataset.
+        records : of the shards.
+        """
+        self.folder, self.name, self._dataset, self.records = folder, name, dataset, tuple(records)
+        self.ends = np.cumsum([record.frames for record in records])
+        self._forget()
+
+    def _forget(self) -> None:
+        self._files: dict[int, tuple[Any, dict[str, Any]]] = {}
+        self._process = os.getpid()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs, without open files."""
+        return {key: value for key, value in self.__dict__.items() if key not in ("_files", "_process")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._forget()
+
+    def __len__(self) -> int:
+        return int(self.ends[-1]) if len(self.ends) else 0
+
+    def __repr__(self) -> str:
+        """Return name, frames and shards."""
+        return f"<Split {self.name!r}: {len(self):,} frames in {len(self.records):,} shards>"
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all arrays."""
+        return tuple(sorted(self._open(0)[0]))
+
+    def _open(self, shard: int) -> tuple[Any, dict[str, Any]]:
+        """Return an open shard and the datasets that were used in it."""
+        if self._process != os.getpid():  # a forked process must not share the position in a file
+            self._forget()
+        if shard not in self._files:
+            if len(self._files) >= _MOST_OPEN:
+                self._files.pop(next(iter(self._files)))[0].close()
+            self._files[shard] = open_shard(self.folder / self.records[shard].path, self._dataset), {}
+        return self._files[shard]
+
+    def _array(self, shard: int, name: str) -> Any:
+        """Return an array of a shard as an h5py dataset.
+
+        Parameters
+        ----------
+        shard, name : number of the shard, and name of the array.
+        """
+        file, known = self._open(shard)
+        if name not in known:
+            if name not in file:
+                raise DatasetError(
+                    f"{self.folder}: the shards have no array '{name}'{did_you_mean(name, self.names)}; "
+                    "an optional label is asked for in [labels] of the specification"
+                )
+            known[name] = file[name]
+        return known[name]
+
+    def __getitem__(self, index: int) -> dict[str, np.ndarray]:
+        """Return all arrays of one frame."""
+        return {name: values[0] for name, values in self.read([index], self.names).items()}
+
+    def read(self, indices: Iterable[int], names: Iterable[str]) -> dict[str, np.ndarray]:
+        """Read some frames, in any order.
+
+        Parameters
+        ----------
+        indices : of the frames.
+        names : of the arrays.
+
+        Returns
+        -------
+        Arrays by name, each with the frame as its first dimension.
+
+        Raises
+        ------
+        DatasetError
+            For an index beyond the split, an array that it does not have, and a damaged shard.
+        """
+        rows = np.asarray(list(indices))
+        if rows.size and (rows.dtype.kind not in "iu" or rows.min() < -len(self) or rows.max() >= len(self)):
+            raise IndexError(f"{self!r}: has no frame {rows.max() if rows.dtype.kind in 'iu' else rows[0]}")
+        rows = np.where(rows < 0, rows + len(self), rows).astype(np.int64)
+        shards = np.searchsorted(self.ends, rows, side="right")
+        starts = np.concatenate(([0], self.ends))[shards] if rows.size else rows
+        found: dict[str, np.ndarray] = {}
+        for name in names:
+            pieces = [
+                self._read(int(shard), name, int(row - start))
+                for shard, row, start in zip(shards, rows, starts, strict=True)
+            ]
+            found[name] = np.stack(pieces) if pieces else self._array(0, name)[:0]
+        return found
+
+    def _read(self, shard: int, name: str, row: Any) -> np.ndarray:
+        """Read entries of an array of a shard.
+
+        Parameters
+        ----------
+        shard, name : number of the shard, and name of the array.
+        row : index or slice of frames.
+        """
+        try:
+            values: np.ndarray = self._array(shard, name)[row]
+        except OSError as error:
+            raise DatasetError(
+                f"{self.folder / self.records[shard].path}: {name} is damaged ({error}); delete the shard and make again "
+                "with --resume"
+            ) from None
+        return values
+
+    def column(self, name: str) -> np.ndarray:
+        """Read one array of all frames. Images of a large split need much memory.
+
+        Parameters
+        ----------
+        name : of the array.
+        """
+        return np.concatenate([self._read(shard, name, slice(None)) for shard in range(len(self.records))])
+
+
+def open_dataset(folder: str | os.PathLike[str]) -> Dataset:
+    """Open a dataset.
+
+    Parameters
+    ----------
+    folder : made by `rso-lidar dataset make`.
+
+    Returns
+    -------
+    Dataset
+
+    Raises
+    ------
+    DatasetError
+        If the folder is no dataset, or a file in it is damaged.
+    """
+    return Dataset(folder)

@@ -1,0 +1,1 @@
+"""The files of a dataset: shards of labelled frames in HDF5, the sensor file and the manifest."""

@@ -1,0 +1,82 @@
+"""The arrays of a shard: one labelled frame as a record, which states dims, dtype, unit and meaning of each array."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.records.schema import ArraySpec, Record, array, specs
+
+VARIABLE_PREFIX = "variable."  # of the arrays that hold drawn numbers
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LabelledFrame(Record):
+    """One frame of a dataset with its labels. In a shard every array has the frame as its first dimension.
+
+    Part classes are those that all models share. Poses are lidar_from_target of the sample's target; other bodies are
+    clutter. A frame without a target has NaN, -1 and 0 in their place.
+    """
+
+    range_m: np.ndarray = array("row col", "f4", "m", "measured slant range, NaN where nothing was reported")
+    intensity_counts: np.ndarray = array("row col", "u2", "count", "fitted pulse amplitude, 0 where none")
+    saturated: np.ndarray = array("row col", "u1", "1", "1 where the amplitude clipped")
+    true_range_m: np.ndarray = array("row col", "f4", "m", "true range of the brightest cluster, NaN for sky")
+    photons: np.ndarray = array("row col", "f4", "1", "expected photons of the whole pixel")
+    target: np.ndarray = array("row col", "i1", "1", "index of the target in the scenario, -1 for sky")
+    part: np.ndarray = array("row col", "i2", "1", "index of the part among those of its model, -1 for sky")
+    part_class_id: np.ndarray = array("row col", "i1", "1", "index of the common part class, -1 for sky")
+    sample: np.ndarray = array("", "i8", "1", "number of the sample in the dataset")
+    step: np.ndarray = array("", "i4", "1", "place of the frame in the sequence of its sample")
+    draw: np.ndarray = array("", "i2", "1", "number of the noise draw: same poses and light, other noise")
+    seed: np.ndarray = array("", "i8", "1", "random seed of the scenario")
+    frame_number: np.ndarray = array("", "i4", "1", "number of the frame in the scenario")
+    time_s: np.ndarray = array("", "f8", "s", "seconds since the start of the scenario")
+    class_id: np.ndarray = array("", "i2", "1", "index of the class, -1 without a target")
+    model_id: np.ndarray = array("", "i2", "1", "index of the model, -1 without a target")
+    sensor_id: np.ndarray = array("", "i2", "1", "index of the sensor")
+    present: np.ndarray = array("", "u1", "1", "1 where the sample has a target")
+    position_m: np.ndarray = array("xyz", "f8", "m", "position of the target's origin in lidar axes")
+    quaternion_xyzw: np.ndarray = array("quaternion", "f8", "1", "unit quaternion lidar_from_target, w at least 0")
+    range_to_target_m: np.ndarray = array("", "f8", "m", "distance of the target's origin from the lidar")
+    lit_pixels: np.ndarray = array("", "i4", "1", "pixels with at least one expected photon of the target")
+    reporting_pixels: np.ndarray = array("", "i4", "1", "pixels that reported the target")
+    total_photons: np.ndarray = array("", "f4", "1", "expected photons of the target in all pixels")
+    box_px: np.ndarray = array("edge", "i2", "1", "first row and column, last row and column of the lit pixels; -1")
+    intrinsics_px: np.ndarray = array(
+        "intrinsic",
+        "f8",
+        "1",
+        "fx, fy, cx, cy in pixels, (0, 0) the centre of the first; distortion is in the sensor file",
+    )
+    sun_direction: np.ndarray = array("xyz", "f4", "1", "unit vector to the Sun in lidar axes, NaN where there is none")
+    part_light_fraction: np.ndarray = array("part_class", "f4", "1", "share of the target's light by common part class")
+    detection_probability: np.ndarray | None = array(
+        "row col", "f4", "1", "probability that the pixel reports what is there, 0 for sky", optional=True
+    )
+    range_sigma_m: np.ndarray | None = array(
+        "row col", "f4", "m", "standard deviation of the range that it reports, NaN for sky", optional=True
+    )
+    part_visibility: np.ndarray | None = array(
+        "part_class", "f4", "1", "share of the class's silhouette that is not hidden, NaN if absent", optional=True
+    )
+    oversampled_range_m: np.ndarray | None = array(
+        "fine_row fine_col", "f4", "m", "true range on the finer grid of rays, NaN for sky", optional=True
+    )
+    oversampled_photons: np.ndarray | None = array(
+        "fine_row fine_col", "f4", "1", "expected photons on the finer grid of rays", optional=True
+    )
+
+
+def describe_array(name: str) -> ArraySpec:
+    """Return the statement of an array of a shard, without its first dimension, the frame.
+
+    Parameters
+    ----------
+    name : of the array.
+    """
+    if name.startswith(VARIABLE_PREFIX):
+        place = name.removeprefix(VARIABLE_PREFIX)
+        return ArraySpec((), np.dtype("f8"), "1", f"drawn value of {place}, in its unit; NaN where it is not drawn")
+    return specs(LabelledFrame)[name]

@@ -1,0 +1,90 @@
+"""The manifest of a dataset: one line for each finished shard, with its hash; and the folder that holds them."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rso_lidar.errors import DatasetError, RunError
+from rso_lidar.files import advise_on_write, hold_lock
+
+MANIFEST = "manifest.jsonl"
+_LOCK_WAIT_S = 60.0  # appending a line takes milliseconds
+
+
+@dataclass(frozen=True)
+class ShardRecord:
+    """One finished shard: its path in the folder, its frames, bytes and SHA-256, and the versions that made it."""
+
+    path: str
+    frames: int
+    samples: int
+    size_bytes: int
+    sha256: str
+    versions: str
+
+
+def read_manifest(folder: Path, dataset: str) -> dict[str, ShardRecord]:
+    """Read the records of finished shards, by path.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+    dataset : hash of the dataset that the lines must belong to.
+
+    Raises
+    ------
+    DatasetError
+        For a line that is damaged, unless it is the last, which a run that was killed may have left.
+    """
+    place = folder / MANIFEST
+    try:
+        lines = place.read_bytes().split(b"\n")
+    except FileNotFoundError:
+        return {}
+    except OSError as error:
+        raise DatasetError(f"{place}: cannot be read ({error.strerror}); check the folder") from None
+    found: dict[str, ShardRecord] = {}
+    for number, line in enumerate(lines[:-1], 1):
+        try:
+            record = json.loads(line)
+            of = record.pop("dataset")
+            found[record["path"]] = ShardRecord(**record)
+        except (ValueError, TypeError, KeyError, AttributeError):
+            raise DatasetError(f"{place}: line {number} is damaged; delete the line, and make with --resume") from None
+        if of != dataset:
+            raise DatasetError(f"{place}: line {number} belongs to another dataset; choose another folder")
+    return found
+
+
+def append_record(folder: Path, record: ShardRecord, dataset: str) -> None:
+    """Append the record of a finished shard; when this returns, it survives a kill of the process.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+    record : of the shard.
+    dataset : hash of the dataset.
+    """
+    place = folder / MANIFEST
+    line = json.dumps({"dataset": dataset, **asdict(record)}) + "\n"
+    with hold_lock(folder / f".{MANIFEST}.lock", wait_s=_LOCK_WAIT_S):
+        try:
+            with place.open("a+b") as stream:
+                whole = _find_whole_lines(place)
+                stream.truncate(whole)
+                stream.write(line.encode())
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise RunError(
+                f"{place}: cannot be written ({error.strerror}); {advise_on_write(error.errno)} and make with --resume"
+            ) from error
+
+
+def _find_whole_lines(place: Path) -> int:
+    """Return the length of a file up to the end of its last complete line."""
+    data = place.read_bytes()
+    return data.rfind(b"\n") + 1

@@ -1,0 +1,104 @@
+"""The sensor file: what does not change from frame to frame, such as names, lines of sight and symmetries."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.dataset.shards.shard_file import CONVENTIONS
+from rso_lidar.errors import DatasetError
+from rso_lidar.files import write_atomically
+
+SENSOR_FILE = "sensor.h5"
+_LISTS = ("classes", "models", "sensors", "part_classes", "splits")
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Names that a dataset's numbers refer to, and the constants of its sensors.
+
+    `model_parts` holds the part names of each model, and `line_of_sight` (row, col, xyz) the unit vectors of each sensor in
+    lidar axes. `lidars` holds the table of each instrument as JSON.
+    """
+
+    sha256: str
+    title: str
+    classes: tuple[str, ...]
+    models: tuple[str, ...]
+    sensors: tuple[str, ...]
+    part_classes: tuple[str, ...]
+    splits: tuple[str, ...]
+    model_parts: Mapping[str, tuple[str, ...]]
+    symmetries: Mapping[str, Any]
+    line_of_sight: Mapping[str, np.ndarray]
+    lidars: Mapping[str, str]
+
+
+def write_constants(folder: Path, constants: Constants) -> None:
+    """Write the sensor file.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+    constants : what it holds.
+    """
+    import h5py
+
+    with write_atomically(folder / SENSOR_FILE) as draft, h5py.File(draft, "w", libver=("v110", "v110")) as file:
+        file.attrs["Conventions"] = CONVENTIONS
+        file.attrs["dataset_sha256"], file.attrs["title"] = constants.sha256, constants.title
+        for name in _LISTS:
+            file.attrs[name] = json.dumps(list(getattr(constants, name)))
+        file.attrs["model_parts"] = json.dumps({name: list(parts) for name, parts in constants.model_parts.items()})
+        file.attrs["symmetries"] = json.dumps(dict(constants.symmetries))
+        for name in constants.sensors:
+            group = file.create_group(f"sensors/{name}")
+            group.attrs["lidar"] = constants.lidars[name]
+            made = group.create_dataset("line_of_sight", data=constants.line_of_sight[name].astype("f8"))
+            made.attrs["units"], made.attrs["dims"] = "1", "row col xyz"
+            made.attrs["long_name"] = "unit vector of each pixel's centre in lidar axes"
+
+
+def read_constants(folder: Path) -> Constants:
+    """Read the sensor file.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+
+    Raises
+    ------
+    DatasetError
+        If the folder is no dataset, or the file is damaged.
+    """
+    import h5py
+
+    place = folder / SENSOR_FILE
+    if not folder.is_dir() or not place.is_file():
+        raise DatasetError(f"{folder}: is not the folder of a dataset; `rso-lidar dataset make` makes one")
+    try:
+        with h5py.File(place, "r") as file:
+            if file.attrs["Conventions"] != CONVENTIONS:
+                raise DatasetError(
+                    f"{place}: is of another version ({file.attrs['Conventions']}); make the dataset again"
+                )
+            lists = {name: tuple(json.loads(file.attrs[name])) for name in _LISTS}
+            groups = {name: file[f"sensors/{name}"] for name in lists["sensors"]}
+            return Constants(
+                sha256=str(file.attrs["dataset_sha256"]),
+                title=str(file.attrs["title"]),
+                **lists,
+                model_parts={name: tuple(parts) for name, parts in json.loads(file.attrs["model_parts"]).items()},
+                symmetries=json.loads(file.attrs["symmetries"]),
+                line_of_sight={name: np.asarray(group["line_of_sight"]) for name, group in groups.items()},
+                lidars={name: str(group.attrs["lidar"]) for name, group in groups.items()},
+            )
+    except (OSError, KeyError, ValueError, RuntimeError) as error:
+        if isinstance(error, DatasetError):
+            raise
+        raise DatasetError(f"{place}: is damaged ({' '.join(str(error).split()):.80}); make with --resume") from None

@@ -1,0 +1,122 @@
+"""One shard: an HDF5 file in which every array has the frame as its first dimension."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, describe_array
+from rso_lidar.errors import DatasetError
+from rso_lidar.export.writer.chunks import ImageEncoder
+from rso_lidar.files import write_atomically
+from rso_lidar.records.schema import specs
+
+CONVENTIONS = "rso_lidar dataset 1"
+_IMAGE_DIMENSIONS = 2
+_BLOCK = 2**20  # bytes of a file that are read at once
+
+
+def write_shard(
+    path: Path,
+    frames: Iterable[LabelledFrame],
+    variables: Sequence[Mapping[str, float]],
+    names: Sequence[str],
+    *,
+    dataset: str,
+) -> None:
+    """Write a shard, completely or not at all. The same frames make the same bytes.
+
+    Parameters
+    ----------
+    path : of the file; an existing one is replaced.
+    frames : in order.
+    variables : (frame) drawn numbers by name.
+    names : of all numbers that the dataset draws.
+    dataset : hash of the dataset that the shard belongs to.
+    """
+    import h5py
+
+    rows = list(frames)
+    with write_atomically(path) as draft:
+        with h5py.File(draft, "w", libver=("v110", "v110")) as file:
+            file.attrs["Conventions"] = CONVENTIONS
+            file.attrs["dataset_sha256"] = dataset
+            for name in specs(LabelledFrame):
+                entries = [getattr(row, name) for row in rows]
+                if entries[0] is not None:
+                    _write_array(file, name, entries)
+            for name in names:
+                values = np.array([one.get(name, np.nan) for one in variables], float)
+                _write_array(file, VARIABLE_PREFIX + name, list(values))
+        with draft.open(
+            "rb"
+        ) as written:  # on the disk before it has its name: a crash of the machine leaves no half shard
+            os.fsync(written.fileno())
+
+
+def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
+    """Write one array of a shard.
+
+    Parameters
+    ----------
+    file : open h5py file.
+    name : of the array.
+    entries : (frame) its values.
+    """
+    spec = describe_array(name)
+    if len(spec.dims) == _IMAGE_DIMENSIONS:
+        encoder = ImageEncoder(max(entry.nbytes for entry in entries))
+        shape = (len(entries), *entries[0].shape)
+        options: dict[str, Any] = {"shuffle": True, "compression": "gzip", "compression_opts": 1, "fletcher32": True}
+        dataset = file.create_dataset(name, shape, spec.dtype, chunks=(1, *shape[1:]), **options)
+        for k, entry in enumerate(entries):
+            dataset.id.write_direct_chunk((k, 0, 0), encoder.encode(entry))
+    else:
+        values = np.array(entries, spec.dtype)
+        dataset = file.create_dataset(name, data=values, chunks=values.shape, fletcher32=True)
+    dataset.flush()  # chunks get their places now, and not when Python happens to close the dataset
+    dataset.attrs["units"] = spec.unit
+    dataset.attrs["long_name"] = spec.meaning
+    dataset.attrs["dims"] = " ".join(("frame", *spec.dims))
+
+
+def open_shard(path: Path, dataset: str) -> Any:
+    """Open a shard with h5py to read.
+
+    Parameters
+    ----------
+    path : of the file.
+    dataset : hash of the dataset that it must belong to.
+
+    Raises
+    ------
+    DatasetError
+        If it is absent, damaged, or of another dataset.
+    """
+    import h5py
+
+    try:
+        file = h5py.File(path, "r")
+    except FileNotFoundError:
+        raise DatasetError(f"{path}: the shard is missing; run `rso-lidar dataset make` again with --resume") from None
+    except OSError as error:
+        raise DatasetError(f"{path}: is not a readable shard ({error}); delete it and make the dataset again") from None
+    found = file.attrs.get("dataset_sha256")
+    if found != dataset:
+        file.close()
+        raise DatasetError(f"{path}: belongs to another dataset; move it away")
+    return file
+
+
+def hash_file(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while block := stream.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()

@@ -1,0 +1,236 @@
+"""The specification of a dataset: what is drawn around a scenario, how often, and how it is split."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from rso_lidar.dataset.specification.tables import (
+    ClassOfTargets,
+    Clutter,
+    DrawnField,
+    FrameSequence,
+    ModelSplit,
+    OptionalLabels,
+    RandomSplit,
+    ReferencePointing,
+    SensorEntry,
+    SensorSplit,
+    SplitRule,
+    View,
+)
+from rso_lidar.errors import DatasetError, ScenarioError, did_you_mean
+from rso_lidar.files import convert_path
+from rso_lidar.part import Count, Name, Part, Text, Whole
+from rso_lidar.scenario.mission.validation import read_toml, validate_toml
+
+MOST_SAMPLES = 10**8
+
+
+class DatasetSpec(Part):
+    """A dataset as its TOML file says it. Sample i depends on the specification and on i only."""
+
+    version: Literal[1] = Field(description="Version of the file format.")
+    name: Text = Field(description="Title of the dataset.")
+    scenario: Text = Field(
+        description="Path of the base scenario, beside this file or among the shipped examples; any scenario can be one."
+    )
+    set: tuple[Text, ...] = Field(
+        default=(), description="Settings that override the scenario for all samples, as `--set` takes them."
+    )
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(
+        default=0, description="Random seed of everything that is drawn, noise included."
+    )
+    sampling: Literal["random", "halton"] = Field(
+        default="random",
+        description=(
+            "How laws are sampled: pseudo-random, or by a scrambled Halton sequence, whose points cover all laws of a class "
+            "more evenly."
+        ),
+    )
+    draws: Annotated[Count, Field(le=64)] = Field(
+        default=1, description="Number of noise draws of each frame: the same poses and light, other noise."
+    )
+    target: Name | None = Field(
+        default=None, description="Name of the scenario's target that classes replace. If omitted, the first."
+    )
+    classes: Annotated[tuple[ClassOfTargets, ...], Field(min_length=1)] = Field(description="Classes of targets.")
+    view: View | None = Field(
+        default=None, description="Random views of the target. If omitted, the scenario's own motions and attitudes."
+    )
+    sequence: FrameSequence = Field(default=FrameSequence(), description="Frames of each sample.")
+    sensor: tuple[SensorEntry, ...] = Field(
+        default=(), description="Instruments, equally likely; the scenario's if none."
+    )
+    clutter: Clutter | None = Field(default=None, description="Other bodies in the field.")
+    variable: tuple[DrawnField, ...] = Field(default=(), description="Fields of the scenario that are drawn.")
+    controller: ReferencePointing | None = Field(
+        default=None, description="Controller of a closed loop. If omitted, the scenario is flown in open loop."
+    )
+    split: SplitRule = Field(default=RandomSplit(), description="Rule that assigns samples to train, val and test.")
+    labels: OptionalLabels = Field(default=OptionalLabels(), description="Optional labels.")
+    shard_frames: Annotated[Count, Field(le=65536)] = Field(
+        default=256, description="Greatest number of frames of a shard; a sample is never divided."
+    )
+    _folder: Path = PrivateAttr(default=Path())
+    _where: str = PrivateAttr(default="dataset")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Load a specification from a TOML file.
+
+        Parameters
+        ----------
+        path : of the file.
+
+        Raises
+        ------
+        ScenarioError
+            For a file that cannot be read, and for content that is not a valid specification.
+        """
+        path = convert_path(path, ScenarioError)
+        return cls.loads(read_toml(path), folder=path.parent, where=path.name)
+
+    @classmethod
+    def loads(cls, text: str, *, folder: Path | None = None, where: str = "dataset") -> Self:
+        """Load a specification from a TOML text.
+
+        Parameters
+        ----------
+        text : the TOML.
+        folder : start of relative paths (None: the working folder).
+        where : name of the text in error messages.
+
+        Raises
+        ------
+        ScenarioError
+            For a text that is not a valid specification.
+        """
+        spec = validate_toml(cls, text, where)
+        spec._folder, spec._where = folder or Path(), where
+        return spec
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed, validated like a new specification."""
+        changed = super().replace(**changes)
+        changed._folder, changed._where = self._folder, self._where
+        return changed
+
+    def dumps(self) -> str:
+        """Return the specification as TOML, with every default written out."""
+        import tomli_w
+
+        return tomli_w.dumps(self.model_dump(exclude_none=True))
+
+    @property
+    def folder(self) -> Path:
+        """Folder in which relative paths start."""
+        return self._folder
+
+    @property
+    def where(self) -> str:
+        """Name of the specification in messages."""
+        return self._where
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples of all classes."""
+        return sum(one.samples for one in self.classes)
+
+    @property
+    def frames_per_sample(self) -> int:
+        """Number of frames of a sample, all noise draws counted."""
+        return self.sequence.frames * self.draws
+
+    @property
+    def samples_per_shard(self) -> int:
+        """Number of samples of a full shard."""
+        return max(1, self.shard_frames // self.frames_per_sample)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        _check_names("classes", [one.name for one in self.classes])
+        _check_names("sensor", [one.name for one in self.sensor])
+        if self.n_samples > MOST_SAMPLES:
+            raise ValueError(f"classes: {self.n_samples:,} samples are over {MOST_SAMPLES:,}; divide the dataset")
+        if all(one.empty for one in self.classes):
+            raise ValueError("classes: all are empty, so no frame would hold a target; add a class with models")
+        known = [one.name for one in self.classes]
+        for k, drawn in enumerate(self.variable):
+            for name in drawn.classes:
+                if name not in known:
+                    raise ValueError(f"variable[{k}].classes: no class '{name}'{did_you_mean(name, known)}")
+        if self.clutter is not None and self.view is None:
+            raise ValueError("clutter: is placed by the laws of a view; add [view]")
+        if self.controller is not None and self.sequence.start not in (None, 0):
+            raise ValueError("sequence.start: under a controller frames depend on history; leave it out, or take 0")
+        self._check_split()
+        return self
+
+    def _check_split(self) -> None:
+        if isinstance(self.split, SensorSplit):
+            _check_split_names(self.split, [one.name for one in self.sensor], "sensor")
+        if isinstance(self.split, ModelSplit):
+            for one in self.classes:
+                if one.empty:
+                    raise ValueError(f"split: class '{one.name}' has no model to split by; take the type random")
+
+
+def _check_names(place: str, names: list[str]) -> None:
+    """Check that names differ.
+
+    Parameters
+    ----------
+    place : key of the list that holds them.
+    names : the names.
+    """
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise ValueError(f"{place}: two have the name '{name}'; rename one")
+
+
+def _check_split_names(split: Any, known: list[str], what: str) -> None:
+    """Check that the names of a split exist, and leave some to train on.
+
+    Parameters
+    ----------
+    split : rule with `val` and `test`.
+    known : names that exist.
+    what : kind of what is named.
+    """
+    for place in ("val", "test"):
+        for name in getattr(split, place):
+            if name not in known:
+                raise ValueError(
+                    f"split.{place}: no {what} '{name}'{did_you_mean(name, known)} (known: {', '.join(known)})"
+                )
+    if {*split.val, *split.test} >= {*known}:
+        raise ValueError(f"split: every {what} is for validation or test; leave one to train on")
+
+
+def check_model_split(spec: DatasetSpec, models: list[tuple[str, ...]]) -> None:
+    """Check the split of a dataset by model, once the models of its classes are known.
+
+    Parameters
+    ----------
+    spec : the specification.
+    models : (class) models of each class.
+
+    Raises
+    ------
+    DatasetError
+        If a name is no model, or a class has none to train on or none left out.
+    """
+    if not isinstance(spec.split, ModelSplit):
+        return
+    try:
+        _check_split_names(spec.split, sorted({name for names in models for name in names}), "model")
+    except ValueError as error:
+        raise DatasetError(f"{spec.where}: {error}") from None
+    for one, names in zip(spec.classes, models, strict=True):
+        if {*names} <= {*spec.split.val, *spec.split.test}:
+            raise DatasetError(
+                f"{spec.where}: split: class '{one.name}' has no model left to train on; give it another model"
+            )

@@ -1,0 +1,53 @@
+"""The check of a folder: a byte that changed, a shard that is missing, and frames made again."""
+
+import shutil
+
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.dataset.checking.folder_check import check_folder
+
+
+def test_a_whole_folder_has_no_problems(made):
+    found = check_folder(made[0].folder, samples=2)
+    assert not found.problems and found.remade == 4  # two noise draws of each
+    assert "made again and compared bit for bit" in found.describe() and "plate" in found.describe()
+
+
+def test_a_changed_byte_and_a_missing_shard_are_found(made, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(made[0].folder, folder)
+    first, second = sorted(folder.glob("*/*.h5"))[:2]
+    data = bytearray(first.read_bytes())
+    data[len(data) // 2] ^= 4
+    first.write_bytes(data)
+    second.unlink()
+    problems = check_folder(folder, samples=2).problems
+    assert len(problems) == 2
+    assert "differs from its hash" in problems[0] + problems[1] and "is missing" in problems[0] + problems[1]
+
+
+def test_a_frame_that_was_changed_differs_when_it_is_made_again(made, tmp_path):
+    import h5py
+
+    from rso_lidar.dataset.shards.shard_file import hash_file
+
+    folder = tmp_path / "copy"
+    shutil.copytree(made[0].folder, folder)
+    manifest = folder / "manifest.jsonl"
+    for path in folder.glob("*/*.h5"):
+        before = hash_file(path)
+        with h5py.File(path, "r+") as file:
+            file["position_m"][:] = file["position_m"][:] + 1e-9
+        manifest.write_text(manifest.read_text().replace(before, hash_file(path)))
+    found = check_folder(folder, samples=2)
+    assert found.problems and all("differs in position_m;" in line for line in found.problems)
+
+
+def test_a_specification_that_was_changed_is_refused(made, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(made[0].folder, folder)
+    spec = folder / "dataset.toml"
+    spec.write_text(spec.read_text().replace("seed = 11", "seed = 12"))
+    with pytest.raises(rl.DatasetError, match="is not the one that made its shards"):
+        check_folder(folder)

@@ -1,0 +1,107 @@
+"""The plan of a dataset: classes interleaved, splits by hash, models and sensors kept apart."""
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.dataset.drawing.plan import make_plan
+from tests.dataset.set_for_tests import SPEC, make_spec
+
+
+def classes(counts, **further):
+    """Return classes of a plate with these numbers of samples."""
+    return [{"name": name, "models": ["plate"], "samples": count, **further} for name, count in counts.items()]
+
+
+def test_classes_are_interleaved(tmp_path):
+    plan = make_plan(make_spec(tmp_path, classes=classes({"a": 40, "b": 20})))
+    owner = plan.membership.target_class
+    for stop in range(3, 60, 3):  # every third sample is of the smaller class
+        assert (owner[:stop] == 1).sum() == stop // 3
+    for k in (0, 1):
+        assert np.array_equal(plan.membership.number[owner == k], np.arange((owner == k).sum()))
+
+
+def test_a_set_that_grows_moves_no_sample(tmp_path):
+    small = make_plan(make_spec(tmp_path, classes=classes({"a": 40, "b": 40}))).membership
+    large = make_plan(make_spec(tmp_path, classes=classes({"a": 55, "b": 200}))).membership
+    for k in (0, 1):
+        before = dict(zip(small.number[small.target_class == k], small.split[small.target_class == k], strict=True))
+        after = dict(zip(large.number[large.target_class == k], large.split[large.target_class == k], strict=True))
+        assert before.items() <= after.items()
+
+
+def test_shares_of_a_random_split(tmp_path):
+    split = {"type": "random", "val": 0.1, "test": 0.4}
+    plan = make_plan(make_spec(tmp_path, classes=classes({"a": 3000, "b": 3000}), split=split))
+    shares = plan.count_samples() / 3000.0
+    assert np.abs(shares - [0.5, 0.1, 0.4]).max() < 5 * np.sqrt(0.25 / 3000)
+
+
+def test_every_sample_is_in_one_shard(tmp_path):
+    plan = make_plan(make_spec(tmp_path))
+    places = [plan.shard(number) for number in range(plan.n_shards)]
+    assert sorted(np.concatenate([place.samples for place in places])) == list(range(15))
+    assert len({place.path for place in places}) == plan.n_shards
+    assert all(len(place.samples) <= 3 for place in places)  # 6 frames of a shard, 2 draws of a sample
+
+
+def test_a_model_is_kept_for_the_test(tmp_path):
+    own = [{"name": "round", "models": ["sphere", "capsule"], "samples": 20}]
+    plan = make_plan(make_spec(tmp_path, classes=own, split={"type": "model", "test": ["capsule"]}))
+    chosen = plan.choose_model(0, plan.membership.number)
+    assert 0 < chosen.sum() < 20 and np.array_equal(plan.membership.split == 2, chosen == 1)
+
+
+def test_a_sensor_is_kept_for_the_test(tmp_path):
+    sensors = [{"name": "near"}, {"name": "far", "set": ["lidar.receiver.fov_deg=0.5"]}]
+    plan = make_plan(make_spec(tmp_path, sensor=sensors, split={"type": "sensor", "test": ["far"]}))
+    for k in range(3):
+        mine = plan.membership.target_class == k
+        assert np.array_equal(
+            plan.membership.split[mine] == 2, plan.choose_sensor(k, plan.membership.number[mine]) == 1
+        )
+
+
+def test_models_by_taxonomy(tmp_path):
+    own = [{"name": "cubesats", "taxonomy": {"subclass": "cubesat"}, "samples": 20}]
+    assert make_plan(make_spec(tmp_path, classes=own)).models == (
+        "cubesat_12u",
+        "cubesat_1u",
+        "cubesat_3u",
+        "cubesat_6u",
+    )
+
+
+@pytest.mark.parametrize(
+    ("changed", "to", "said"),
+    [
+        ("bench.toml", "other.toml", "no file 'other.toml'"),
+        ('models = ["plate"]', 'models = ["plait"]', "plait"),
+        ('models = ["plate"]', 'models = ["plate"], empty = true', "leave out all but one"),
+        ('models = ["plate"]', 'taxonomy = { subclass = "dragon" }', "no shipped model"),
+        ('models = ["plate"]', "taxonomy = {}", "gives no key"),
+        ("samples = 6", "samples = 0", "samples"),
+        ("samples = 3", "samples = 1", "no sample of class 'empty' is in"),
+        ('name = "round"', 'name = "plate"', "rename one"),
+        ("test = 0.4", "test = 1.0", "nothing is left to train on"),
+        ('"random", test = 0.4', '"model", test = ["sphere"]', "no model to split by"),
+        ('"random", test = 0.4', '"sensor", test = ["far"]', "no sensor 'far'"),
+        ("lidar.laser.energy_mj", "lidar.laser.energie", "energie"),
+        ("seed = 11", 'seed = 11\ntarget = "bodie"', "did you mean 'body'"),
+        ("seed = 11", 'seed = 11\nset = ["target.1.model=plate"]', "no entry '1'"),
+        ("seed = 11", "seed = 11\nsequence = { frames = 11 }", "more than the 10 of the scenario"),
+        ("seed = 11", 'seed = 11\nset = ["ptu.point.type=fixed"]', "ptu"),
+        (
+            "seed = 11",
+            "seed = 11\nclutter = { models = ['plate'], count = { type = 'whole', low = 1, high = 99 } }",
+            "16",
+        ),
+    ],
+)
+def test_bad_specifications_say_where(tmp_path, changed, to, said):
+    assert changed in SPEC
+    with pytest.raises((rl.ScenarioError, rl.DatasetError, rl.MeshError), match=said) as caught:
+        rl.dataset.make(make_spec(tmp_path, SPEC.replace(changed, to, 1)), tmp_path / "out", workers=1)
+    assert "\n" not in str(caught.value) and str(caught.value).startswith("spec.toml")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,49 @@
+"""Dask: the same bytes as one process, also where its workers are killed as they work."""
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.dataset.making import dask_engine
+from tests.dataset.making.test_make import hashes
+
+
+def test_killed_workers_lose_nothing(made, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
+    dataset, spec = made
+    killed = []
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+
+        def kill(done: int, _count: int) -> None:
+            if done in (0, 2):  # while the others are at work
+                threading.Timer(0.3, strike).start()
+
+        def strike() -> None:
+            worker = next(iter(cluster.workers.values()))
+            if worker.pid is not None:
+                killed.append(worker.pid)
+                os.kill(worker.pid, signal.SIGKILL)
+
+        rl.dataset.make(spec, tmp_path / "made", scheduler=cluster.scheduler_address, on_shard=kill)
+        until = time.monotonic() + 5.0
+        while len(killed) < 1 and time.monotonic() < until:
+            time.sleep(0.05)
+    assert killed and hashes(tmp_path / "made") == hashes(dataset.folder)
+    assert not list((tmp_path / "made").glob("**/*.part*"))
+
+
+def test_a_scheduler_that_does_not_answer(made, tmp_path, monkeypatch):
+    pytest.importorskip("distributed", reason="the extra dask is not installed")
+    monkeypatch.setattr(dask_engine, "_CONNECT_S", "0.2s")
+    with pytest.raises(rl.DatasetError, match="no scheduler answers"):
+        rl.dataset.make(made[1], tmp_path / "made", scheduler="tcp://127.0.0.1:9")
+
+
+def test_dask_that_is_not_installed(made, tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "dask", None)
+    with pytest.raises(rl.DatasetError, match=r"rso-lidar\[dask\]"):
+        rl.dataset.make(made[1], tmp_path / "made", scheduler="local")

@@ -1,0 +1,111 @@
+"""Datasets read: any order, other processes, and what a damaged folder says."""
+
+import json
+import pickle
+import shutil
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+
+
+def test_frames_in_any_order(made):
+    train = made[0].split("train")
+    order = np.random.default_rng(1).permutation(len(train))
+    drawn = train.read(order, ("range_m", "sample", "class_id"))
+    for name, values in drawn.items():
+        assert np.array_equal(values, train.column(name)[order], equal_nan=name == "range_m")
+    last = train[-1]
+    assert last["sample"] == train.column("sample")[-1] and set(last) == set(train.names)
+    with pytest.raises(IndexError):
+        train.read([len(train)], ("sample",))
+    with pytest.raises(rl.DatasetError, match="did you mean 'range_m'"):
+        train.read([0], ("range",))
+
+
+def test_numbers_have_names(made):
+    dataset, _ = made
+    assert dataset.classes == ("plate", "round") and dataset.models == ("plate", "sphere", "capsule")
+    for split in map(dataset.split, dataset.splits):
+        present = split.column("present") == 1
+        assert np.array_equal(present, split.column("class_id") >= 0)
+        models = np.array(dataset.models)[split.column("model_id")[present]]
+        assert np.array_equal(models == "plate", split.column("class_id")[present] == 0)
+        drawn = split.column("variable.lidar.laser.energy_mj")
+        assert (10 <= drawn).all() and (drawn < 60).all()
+
+
+def test_labels_agree_with_each_other(made):
+    train = made[0].split("train")
+    photons, target, lit = (train.column(name) for name in ("photons", "target", "lit_pixels"))
+    assert np.array_equal(lit, ((photons >= 1.0) & (target == 0)).sum(axis=(1, 2)))
+    range_m, reporting = train.column("range_m"), train.column("reporting_pixels")
+    assert (reporting <= np.isfinite(range_m).sum(axis=(1, 2))).all()
+    first_row, first_col, last_row, last_col = train.column("box_px").T
+    rows, cols = ((photons >= 1.0) & (target == 0)).any(axis=2), ((photons >= 1.0) & (target == 0)).any(axis=1)
+    shown = lit > 0
+    assert np.array_equal(first_row[shown], rows[shown].argmax(axis=1))
+    assert np.array_equal(last_col[shown], 15 - cols[shown][:, ::-1].argmax(axis=1))
+    assert np.array_equal(last_row[shown], 15 - rows[shown][:, ::-1].argmax(axis=1))
+    assert np.array_equal(first_col[shown], cols[shown].argmax(axis=1))
+    distance = np.linalg.norm(train.column("position_m"), axis=1)
+    np.testing.assert_allclose(distance, train.column("range_to_target_m"), rtol=1e-15)
+    assert np.nanmax(np.abs(train.column("part_light_fraction").sum(axis=1)[shown] - 1.0)) < 1e-5
+
+
+def test_a_dataset_pickles(made):
+    train = made[0].split("train")
+    _ = train[0]  # with open files
+    again = pickle.loads(pickle.dumps(train))
+    assert np.array_equal(again.column("sample"), train.column("sample"))
+    assert pickle.loads(pickle.dumps(made[0])).classes == made[0].classes
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda folder: (folder / "sensor.h5").write_bytes(b"text"), "is damaged"),
+        (lambda folder: (folder / "sensor.h5").unlink(), "is not the folder of a dataset"),
+        (lambda folder: (folder / "manifest.jsonl").write_text('{"path": 1}\n{}\n'), "line 1 is damaged"),
+        (lambda folder: sorted(folder.glob("train/*.h5"))[0].unlink(), "missing"),
+        (lambda folder: sorted(folder.glob("train/*.h5"))[0].write_bytes(b""), "is not a readable shard"),
+    ],
+)
+def test_a_damaged_folder_says_where(made, tmp_path, spoil, said):
+    folder = tmp_path / "copy"
+    shutil.copytree(made[0].folder, folder)
+    spoil(folder)
+    with pytest.raises(rl.DatasetError, match=said) as caught:
+        rl.dataset.open(folder).split("train").read([0], ("range_m",))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_damaged_image_is_found_as_it_is_read(made, tmp_path):
+    import h5py
+
+    folder = tmp_path / "copy"
+    shutil.copytree(made[0].folder, folder)
+    path = sorted(folder.glob("train/*.h5"))[0]
+    with h5py.File(path) as file:
+        at = file["range_m"].id.get_chunk_info(0)
+    data = bytearray(path.read_bytes())
+    data[at.byte_offset + at.size // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(rl.DatasetError, match="range_m is damaged"):
+        rl.dataset.open(folder).split("train").read([0], ("range_m",))
+
+
+def test_there_is_no_such_split(made):
+    with pytest.raises(rl.DatasetError, match="no split 'trian'; did you mean 'train'"):
+        made[0].split("trian")
+
+
+def test_shards_of_another_dataset_are_refused(made, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(made[0].folder, folder)
+    lines = [json.loads(line) for line in (folder / "manifest.jsonl").read_text().splitlines()]
+    lines[0]["dataset"] = "0" * 64
+    (folder / "manifest.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    with pytest.raises(rl.DatasetError, match="another dataset"):
+        rl.dataset.open(folder)

@@ -1,0 +1,39 @@
+"""A dataset that is cheap to make: small calibration bodies before a sensor of 16 x 16 pixels."""
+
+from pathlib import Path
+
+from rso_lidar.dataset import DatasetSpec
+
+SCENARIO = """
+version = 1
+name = "bodies on a bench"
+world = { axes = "local" }
+time = { start_utc = 2024-09-17T12:00:00Z, duration_s = 2, frame_rate_hz = 5 }
+follower = { motion = { type = "fixed", position_m = [0, 0, 0] } }
+lidar = { preset = "gsfl_1064", receiver = { n_rows = 16, n_cols = 16, fov_deg = 2.0, rays_per_pixel = 4 } }
+target = [{ name = "body", model = "plate", motion = { type = "fixed", position_m = [300, 0, 0] } }]
+"""
+SPEC = """
+version = 1
+name = "two bodies"
+scenario = "bench.toml"
+seed = 11
+draws = 2
+shard_frames = 6
+split = { type = "random", test = 0.4 }
+view = { range_m = { type = "log_uniform", low = 50, high = 400 } }
+variable = [{ field = "lidar.laser.energy_mj", law = { type = "uniform", low = 10, high = 60 } }]
+classes = [
+  { name = "plate", models = ["plate"], samples = 6 },
+  { name = "round", models = ["sphere", "capsule"], samples = 6 },
+  { name = "empty", empty = true, samples = 3 },
+]
+"""
+
+
+def make_spec(folder: Path, text: str = SPEC, **changes) -> DatasetSpec:
+    """Return a specification, with its base scenario written to a folder."""
+    (folder / "bench.toml").write_text(SCENARIO, encoding="utf-8")
+    (folder / "spec.toml").write_text(text, encoding="utf-8")
+    spec = DatasetSpec.load(folder / "spec.toml")
+    return spec.replace(**changes) if changes else spec
