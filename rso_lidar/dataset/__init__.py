@@ -2,9 +2,9 @@
 
 from rso_lidar.dataset.annotation.frame_labels import FrameLabels, label_frame
 from rso_lidar.dataset.making.make import make
-from rso_lidar.dataset.reading.dataset import Dataset, Split
-from rso_lidar.dataset.reading.dataset import open_dataset as open
-from rso_lidar.dataset.specification.laws import (
+from rso_lidar.dataset.reading.random_access import Dataset, Split
+from rso_lidar.dataset.reading.random_access import open_dataset as open
+from rso_lidar.dataset.specification.distributions import (
     Choice,
     LogUniform,
     Normal,
@@ -23,11 +23,11 @@ from rso_lidar.dataset.specification.tables import (
     ModelSplit,
     OptionalLabels,
     RandomSplit,
+    RandomView,
     ReferencePointing,
     SensorEntry,
     SensorSplit,
     TaxonomyFilter,
-    View,
 )
 from rso_lidar.public_names import limit_dir
 
@@ -45,6 +45,7 @@ __all__ = [
     "Normal",
     "OptionalLabels",
     "RandomSplit",
+    "RandomView",
     "ReferencePointing",
     "SensorEntry",
     "SensorSplit",
@@ -54,7 +55,6 @@ __all__ = [
     "Uniform",
     "UniformDirection",
     "UniformRotation",
-    "View",
     "WholeNumber",
     "label_frame",
     "make",

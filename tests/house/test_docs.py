@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.dataset.drawing.plan import make_plan as make_dataset_plan
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.plan import make_plan
 
@@ -66,6 +67,7 @@ def test_generated_pages_are_up_to_date(generator):
     assert {page.name for page in pages} == {
         "architecture.md",
         "calibration.md",
+        "datasets.md",
         "glossary.md",
         "scenario.md",
         "records.md",
@@ -144,6 +146,9 @@ def test_scenarios_of_the_pages_fly(page):
             continue
         if "merits" in said:
             make_plan(Study.loads(block, folder=ROOT))
+            continue
+        if "classes" in said:
+            make_dataset_plan(rl.dataset.DatasetSpec.loads(block, folder=ROOT / "examples" / "datasets"))
             continue
         frame = next(rl.simulate(rl.Scenario.loads(block), threads=1))
         assert frame.valid.any()

@@ -98,6 +98,18 @@ NO_SUFFIX = {  # name: why it needs none
     "transmission": "share of the light",
     "up": "a direction, of any length",
     "up_axis": "a direction, of any length",
+    "alpha": "share of each new angle",
+    "draws": "a number of draws",
+    "frames": "a number of frames",
+    "mean": "in the unit of the field that it is of",
+    "min_pixels": "a number of pixels",
+    "shard_frames": "a number of frames",
+    "sigma": "in the unit of the field that it is of",
+    "start": "the number of a frame",
+    "stride": "a number of frames",
+    "test": "share of the samples",
+    "val": "share of the samples",
+    "weights": "ratios",
     "zonal_degree": "of a harmonic",
 }
 

@@ -64,7 +64,7 @@ def problems(name, spec):
     """Return what is wrong with the statement of an array."""
     suffix = next((ending for ending in SUFFIXES if name.endswith(ending)), "")
     checks = {
-        "dims are words": spec.dims and all(re.fullmatch(r"…|[a-z][a-z_]*", dim) for dim in spec.dims),
+        "dims are words": all(re.fullmatch(r"…|[a-z][a-z_]*", dim) for dim in spec.dims),
         "dtype is of numbers": spec.dtype.kind in "fiub",
         "meaning is said": len(spec.meaning.split()) >= 2,
         "unit is known": spec.unit in UNIT_SUFFIX,

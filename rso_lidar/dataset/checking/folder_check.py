@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
-from rso_lidar.dataset.drawing.plan import Plan, make_plan
+from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names
-from rso_lidar.dataset.reading.dataset import SPEC_FILE, Dataset, Split
+from rso_lidar.dataset.reading.random_access import SPEC_FILE, Dataset, Split
 from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame
 from rso_lidar.dataset.shards.shard_file import hash_file
 from rso_lidar.dataset.specification.spec import DatasetSpec
@@ -93,7 +93,7 @@ def check_folder(
     return FolderCheck(dataset, plan.n_shards, tuple(problems), remade, None)
 
 
-def load_plan(dataset: Dataset, files: Path | None = None) -> Plan:
+def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
     """Load the plan of a dataset in a folder.
 
     Parameters
@@ -127,7 +127,7 @@ def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
     )
 
 
-def _make_again(dataset: Dataset, plan: Plan, count: int, rng: np.random.Generator) -> tuple[int, list[str]]:
+def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.Generator) -> tuple[int, list[str]]:
     """Make random samples again, and return how many frames were compared, and a line for each that differs.
 
     Parameters

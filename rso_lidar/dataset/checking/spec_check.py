@@ -12,7 +12,7 @@ import numpy as np
 
 from rso_lidar.dataset.checking.leaks import find_leaks
 from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
-from rso_lidar.dataset.drawing.plan import Plan, make_plan
+from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names, list_numbers
 from rso_lidar.dataset.making.make import check_samples
@@ -40,7 +40,7 @@ class SpecCheck:
     frame_bytes : bytes of a frame on disk.
     """
 
-    plan: Plan
+    plan: DatasetPlan
     statistics: LabelStatistics
     drawn_warnings: tuple[str, ...]
     frame_s: float
@@ -111,7 +111,7 @@ def check_spec(spec: DatasetSpec | str | Path) -> SpecCheck:
     return SpecCheck(plan, statistics, _compare_drawn(plan), per_frame, frame_bytes)
 
 
-def _choose(plan: Plan, count: int) -> list[int]:
+def _choose(plan: DatasetPlan, count: int) -> list[int]:
     """Return the numbers of some samples, evenly from each class."""
     owner = plan.membership.target_class
     each = max(1, count // len(plan.spec.classes))
@@ -126,7 +126,7 @@ def _collect(frames: list[LabelledFrame]) -> dict[str, Any]:
     return {name: np.array([getattr(frame, name) for frame in frames]) for name in COLUMNS}
 
 
-def _compare_drawn(plan: Plan) -> tuple[str, ...]:
+def _compare_drawn(plan: DatasetPlan) -> tuple[str, ...]:
     """Return one line for each drawn number that tells the class."""
     rows, owner = [], []
     with suppress_warnings():

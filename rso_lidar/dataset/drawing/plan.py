@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rso_lidar.dataset.drawing.shares import draw_shares
+from rso_lidar.dataset.drawing.uniform_numbers import draw_shares
 from rso_lidar.dataset.specification.spec import DatasetSpec, check_model_split
 from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, ModelSplit, RandomSplit
 from rso_lidar.errors import DatasetError, MeshError, ScenarioError, add_place, did_you_mean
@@ -49,7 +49,7 @@ class ShardPlace(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class DatasetPlan:
     """All inputs of a dataset, which worker processes receive.
 
     `tables` hold the base scenario with the settings of the specification; `class_models` the models of each class.
@@ -164,6 +164,14 @@ class Plan:
         return self._choose(k, number, "sensor", len(self.sensors))
 
     def _choose(self, k: int, number: np.ndarray, what: str, count: int) -> np.ndarray:
+        """Return the index (sample) of one of several equally likely things.
+
+        Parameters
+        ----------
+        k : index of the class.
+        number : (sample) numbers in the class.
+        what, count : what is chosen, and from how many.
+        """
         share = draw_shares(self.spec.seed, self.spec.classes[k].name, number, what)[:, 0]
         chosen: np.ndarray = (share * count).astype(np.int64)
         return chosen
@@ -197,7 +205,7 @@ class Plan:
         raise DatasetError(f"{self.spec.where}: has {self.n_shards} shards; choose one of them")
 
 
-def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None) -> Plan:
+def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None) -> DatasetPlan:
     """Make the plan of a dataset, after a check of its base scenario, models and split.
 
     Parameters
@@ -221,7 +229,7 @@ def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None) -> 
         for setting in spec.set:
             apply_setting(tables, setting)
     folder = files or path.parent
-    plan = Plan(spec, tables, folder, path.name, (), {})
+    plan = DatasetPlan(spec, tables, folder, path.name, (), {})
     with add_place(spec.where):
         base = plan.scenario()
         _find_target(spec, tables)
@@ -229,7 +237,7 @@ def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None) -> 
         check_model_split(spec, list(named))
         used = {name for names in named for name in names} | ({*spec.clutter.models} if spec.clutter else set())
         hashes = {name: _hash_mesh(name, folder) for name in sorted(used)}
-    plan = Plan(spec, tables, folder, path.name, named, hashes)
+    plan = DatasetPlan(spec, tables, folder, path.name, named, hashes)
     _check_split(plan)
     return plan
 
@@ -291,7 +299,7 @@ def _hash_mesh(name: str, folder: Path) -> str:
     return load_mesh(path).sha256
 
 
-def _check_split(plan: Plan) -> None:
+def _check_split(plan: DatasetPlan) -> None:
     """Raise `DatasetError` for a class that is absent from a split that others are in."""
     spec = plan.spec
     if not isinstance(spec.split, RandomSplit):

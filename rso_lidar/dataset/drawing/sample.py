@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.dataset.drawing.plan import Plan
-from rso_lidar.dataset.drawing.shares import HaltonPoints, draw_seed, draw_shares
-from rso_lidar.dataset.specification.laws import Choice, UniformDirection, UniformRotation
+from rso_lidar.dataset.drawing.plan import DatasetPlan
+from rso_lidar.dataset.drawing.uniform_numbers import HaltonPoints, draw_seed, draw_shares
+from rso_lidar.dataset.specification.distributions import Choice, UniformDirection, UniformRotation
 from rso_lidar.dataset.specification.spec import DatasetSpec
-from rso_lidar.dataset.specification.tables import SPLITS, View
+from rso_lidar.dataset.specification.tables import SPLITS, RandomView
 from rso_lidar.errors import DatasetError, add_place
 from rso_lidar.motion.aim import lidar_from_ptu
 from rso_lidar.scenario import Lidar, Scenario
@@ -44,6 +44,13 @@ class _Draws:
     """The values of one sample's variables, by their laws."""
 
     def __init__(self, spec: DatasetSpec, k: int, number: int) -> None:
+        """Begin the draws of a sample.
+
+        Parameters
+        ----------
+        spec : the specification.
+        k, number : index of the class, and number of the sample in it.
+        """
         self._spec, self._group, self._number = spec, spec.classes[k].name, number
         self.values: dict[str, Any] = {}
         self._left = np.zeros(0)
@@ -68,6 +75,12 @@ class _Draws:
 
 @lru_cache(maxsize=256)
 def _halton(seed: int, group: str, dimensions: int) -> HaltonPoints:
+    """Return the points of a class.
+
+    Parameters
+    ----------
+    seed, group, dimensions : of the dataset, the class, and a point.
+    """
     return HaltonPoints(seed, group, dimensions)
 
 
@@ -86,7 +99,7 @@ def _count_dimensions(spec: DatasetSpec, k: int) -> int:
     return sum(law.dimensions for law in _list_laws(spec, k))
 
 
-def draw_sample(plan: Plan, index: int) -> Sample:
+def draw_sample(plan: DatasetPlan, index: int) -> Sample:
     """Draw one sample. It depends on the plan and its number only.
 
     Parameters
@@ -127,7 +140,7 @@ def draw_sample(plan: Plan, index: int) -> Sample:
     return Sample(index, class_id, name, sensor, split, draws.values, frames, seeds, scenario, target)
 
 
-def _choose_target(tables: dict[str, Any], plan: Plan, name: str | None, *, changes: bool) -> None:
+def _choose_target(tables: dict[str, Any], plan: DatasetPlan, name: str | None, *, changes: bool) -> None:
     """Give the target of the scenario the model of a sample, or leave it out.
 
     Parameters
@@ -145,7 +158,9 @@ def _choose_target(tables: dict[str, Any], plan: Plan, name: str | None, *, chan
         targets[plan.target_index] = kept | {"model": name}
 
 
-def _place_view(tables: dict[str, Any], plan: Plan, view: View, draws: _Draws, *, has_target: bool) -> None:
+def _place_view(
+    tables: dict[str, Any], plan: DatasetPlan, view: RandomView, draws: _Draws, *, has_target: bool
+) -> None:
     """Place the target and the clutter of a sample in front of the lidar.
 
     Parameters

@@ -12,8 +12,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.dataset.drawing.plan import Plan
-from rso_lidar.dataset.making.shards import make_shard
+from rso_lidar.dataset.drawing.plan import DatasetPlan
+from rso_lidar.dataset.making.process_pool import make_shard
 from rso_lidar.dataset.shards.manifest import ShardRecord
 from rso_lidar.errors import DatasetError, RsoLidarError, RunError
 
@@ -24,7 +24,7 @@ _CONNECT_S = "20s"
 
 
 def make_shards_by_dask(
-    plan: Plan, folder: Path, numbers: Sequence[int], workers: int, scheduler: str
+    plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers: int, scheduler: str
 ) -> Iterator[ShardRecord]:
     """Make shards on a cluster of dask and yield the record of each when it is finished, in any order.
 

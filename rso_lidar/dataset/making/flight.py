@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.dataset.annotation.frame_labels import label_frame
-from rso_lidar.dataset.drawing.plan import Plan
+from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.sample import Sample, draw_sample
 from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.dataset.specification.tables import OptionalLabels
@@ -29,7 +29,7 @@ def list_kept(labels: OptionalLabels) -> tuple[str, ...]:
     )
 
 
-def fly_sample(plan: Plan, sample: Sample) -> Iterator[tuple[LabelledFrame, dict[str, float]]]:
+def fly_sample(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[LabelledFrame, dict[str, float]]]:
     """Fly one sample, and yield its labelled frames with the drawn numbers: by step, then by noise draw.
 
     Parameters
@@ -56,7 +56,7 @@ def list_numbers(sample: Sample) -> dict[str, float]:
     return found
 
 
-def _fly(plan: Plan, sample: Sample) -> Iterator[tuple[int, Frame, Command | None]]:
+def _fly(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[int, Frame, Command | None]]:
     """Yield the frames of a sample with their places in the sequence and the commands that they were made under.
 
     Parameters
@@ -84,7 +84,7 @@ def _fly(plan: Plan, sample: Sample) -> Iterator[tuple[int, Frame, Command | Non
             return
 
 
-def _draw_again(plan: Plan, sample: Sample, frame: Frame, command: Command | None, seed: int) -> Frame:
+def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Command | None, seed: int) -> Frame:
     """Make a frame again from the same poses, with the noise of another seed.
 
     Parameters
@@ -100,7 +100,7 @@ def _draw_again(plan: Plan, sample: Sample, frame: Frame, command: Command | Non
     return flash(scenario, frame.truth, rng, 1, lidar=lidar, index=frame.index, keep=list_kept(plan.spec.labels))
 
 
-def label(plan: Plan, sample: Sample, frame: Frame, step: int, draw: int) -> LabelledFrame:
+def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int) -> LabelledFrame:
     """Label one frame.
 
     Parameters
@@ -163,7 +163,7 @@ def _find_intrinsics(scenario: Scenario, frame: Frame) -> np.ndarray:
     return np.array([focal_px, focal_px, 0.5 * (receiver.n_cols - 1), 0.5 * (receiver.n_rows - 1)])
 
 
-def list_names(plan: Plan) -> tuple[str, ...]:
+def list_names(plan: DatasetPlan) -> tuple[str, ...]:
     """List the names of all numbers that a dataset draws, from the first sample of each class."""
     owner = plan.membership.target_class
     names: dict[str, None] = {}

@@ -7,12 +7,12 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from rso_lidar.dataset.drawing.plan import Plan, make_plan
+from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
+from rso_lidar.dataset.making.beginning import begin_folder, remove_drafts
 from rso_lidar.dataset.making.dask_engine import make_shards_by_dask
-from rso_lidar.dataset.making.folder import begin_folder, remove_drafts
-from rso_lidar.dataset.making.shards import make_shards
-from rso_lidar.dataset.reading.dataset import Dataset
+from rso_lidar.dataset.making.process_pool import make_shards
+from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record, read_manifest
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, suppress_warnings
@@ -81,7 +81,7 @@ def make(
     return Dataset(place)
 
 
-def _is_finished(plan: Plan, folder: Path, number: int, finished: Mapping[str, ShardRecord]) -> bool:
+def _is_finished(plan: DatasetPlan, folder: Path, number: int, finished: Mapping[str, ShardRecord]) -> bool:
     """Return whether a shard is in the manifest and in its place.
 
     Parameters
@@ -127,7 +127,7 @@ def choose_shards(text: str | None, count: int) -> Sequence[int]:
     raise DatasetError(f"--shards {text}: needs a:b or i/n, such as 0:100 or 3/16; correct it")
 
 
-def check_samples(plan: Plan) -> None:
+def check_samples(plan: DatasetPlan) -> None:
     """Draw some samples of each class, so that a law that makes no valid scenario is found before the first flash.
 
     Parameters

@@ -15,11 +15,11 @@ from rso_lidar.dataset.specification.tables import (
     ModelSplit,
     OptionalLabels,
     RandomSplit,
+    RandomView,
     ReferencePointing,
     SensorEntry,
     SensorSplit,
     SplitRule,
-    View,
 )
 from rso_lidar.errors import DatasetError, ScenarioError, did_you_mean
 from rso_lidar.files import convert_path
@@ -57,7 +57,7 @@ class DatasetSpec(Part):
         default=None, description="Name of the scenario's target that classes replace. If omitted, the first."
     )
     classes: Annotated[tuple[ClassOfTargets, ...], Field(min_length=1)] = Field(description="Classes of targets.")
-    view: View | None = Field(
+    view: RandomView | None = Field(
         default=None, description="Random views of the target. If omitted, the scenario's own motions and attitudes."
     )
     sequence: FrameSequence = Field(default=FrameSequence(), description="Frames of each sample.")

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from rso_lidar.dataset.specification.laws import (
+from rso_lidar.dataset.specification.distributions import (
     Law,
     LogUniform,
     NumberLaw,
@@ -68,7 +68,7 @@ class ClassOfTargets(Part):
         return self
 
 
-class View(Part):
+class RandomView(Part):
     """A random view: the target is placed in front of the lidar, in place of its own motion and attitude.
 
     The lidar must look along a fixed direction of the follower: a scenario with a PTU varies its own fields instead.

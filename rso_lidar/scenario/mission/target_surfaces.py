@@ -87,7 +87,7 @@ def build_whole_surface(
     mesh.check_parts("part_classes", target.part_classes)
     scale, center_of_mass_m = place_mesh(target, mesh, entry)
     materials = {**own, **target.part_materials}
-    form = _Form(
+    form = _SurfaceForm(
         target.name, mesh, scale, target.mesh_axes, center_of_mass_m, target.smooth_parts, wavelength_m, number
     )
     build: Callable[..., Surface] = (
@@ -112,7 +112,7 @@ def _is_lasting(materials: tuple[Material, ...]) -> bool:
     return all(isinstance(one, Part) for one in materials)
 
 
-class _Form(NamedTuple):
+class _SurfaceForm(NamedTuple):
     """What decides a surface beside its materials; see `scene.build_surface`."""
 
     name: str
@@ -125,7 +125,7 @@ class _Form(NamedTuple):
     number: int | None
 
 
-def _build(form: _Form, material: Material | None, part_materials: tuple[tuple[str, Material], ...]) -> Surface:
+def _build(form: _SurfaceForm, material: Material | None, part_materials: tuple[tuple[str, Material], ...]) -> Surface:
     """Build a surface.
 
     Parameters

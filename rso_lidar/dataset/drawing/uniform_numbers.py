@@ -24,6 +24,7 @@ def hash_name(name: str) -> int:
 
 @lru_cache(maxsize=64)
 def _key(seed: int) -> np.ndarray:
+    """Return the key of Philox for the seed of a dataset."""
     return packed(np.random.SeedSequence(seed).generate_state(2, np.uint32))
 
 

@@ -1,4 +1,4 @@
-"""Even numbers of 53 bits from words of Philox in NumPy: the oracle of `rso_lidar.dataset.drawing.shares.fill_shares`."""
+"""Numbers of 53 bits from words of Philox: the oracle of `rso_lidar.dataset.drawing.uniform_numbers.fill_shares`."""
 
 import numpy as np
 

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy import stats
 
-from rso_lidar.dataset.drawing.shares import HaltonPoints, draw_seed, draw_shares, fill_shares
+from rso_lidar.dataset.drawing.uniform_numbers import HaltonPoints, draw_seed, draw_shares, fill_shares
 from rso_lidar.kernels import packed
-from tests.reference.dataset import shares as reference
+from tests.reference.dataset import uniform_numbers as reference
 
 
 def test_against_the_oracle():

@@ -62,7 +62,12 @@ class _Bounded(Part):
         return len(self.low) if isinstance(self.low, tuple) else 1
 
     def at(self, share: np.ndarray) -> Any:
-        """Return the value at `share` (dimension), numbers from 0 to below 1: a number, or a list of numbers."""
+        """Return the value at a place of the unit cube: a number, or a list of numbers.
+
+        Parameters
+        ----------
+        share : (dimension), numbers from 0 to below 1.
+        """
         values = _shorten(self.spread(share, *_list_bounds(self.low, self.high)))
         return values if isinstance(self.low, tuple) else values[0]
 
@@ -158,7 +163,12 @@ class WholeNumber(Part):
         return 1
 
     def at(self, share: np.ndarray) -> int:
-        """Return the value at `share` (dimension), numbers from 0 to below 1."""
+        """Return the value at a place of the unit cube.
+
+        Parameters
+        ----------
+        share : (dimension), numbers from 0 to below 1.
+        """
         return self.low + int(share[0] * (self.high - self.low + 1))
 
 
@@ -185,7 +195,12 @@ class Choice(Part):
         return 1
 
     def at(self, share: np.ndarray) -> Any:
-        """Return the value at `share` (dimension), numbers from 0 to below 1."""
+        """Return the value at a place of the unit cube.
+
+        Parameters
+        ----------
+        share : (dimension), numbers from 0 to below 1.
+        """
         weights = np.array(self.weights or [1.0] * len(self.values))
         ends = np.cumsum(weights) / weights.sum()
         return self.values[min(int(np.searchsorted(ends, share[0], side="right")), len(self.values) - 1)]
@@ -202,7 +217,12 @@ class UniformRotation(Part):
         return 3
 
     def at(self, share: np.ndarray) -> list[float]:
-        """Return the quaternion at `share` (dimension), numbers from 0 to below 1."""
+        """Return the quaternion at a place of the unit cube.
+
+        Parameters
+        ----------
+        share : (dimension), numbers from 0 to below 1.
+        """
         first, second = math.sqrt(1.0 - share[0]), math.sqrt(share[0])
         a, b = 2.0 * math.pi * share[1], 2.0 * math.pi * share[2]
         quaternion = np.array([first * math.sin(a), first * math.cos(a), second * math.sin(b), second * math.cos(b)])
@@ -224,7 +244,12 @@ class UniformDirection(Part):
         return 2
 
     def at(self, share: np.ndarray) -> list[float]:
-        """Return the unit vector at `share` (dimension), numbers from 0 to below 1."""
+        """Return the unit vector at a place of the unit cube.
+
+        Parameters
+        ----------
+        share : (dimension), numbers from 0 to below 1.
+        """
         cosine = 1.0 - share[0] * (1.0 - math.cos(self.half_angle_deg * units.DEG))
         sine, around = math.sqrt(max(0.0, 1.0 - cosine * cosine)), 2.0 * math.pi * share[1]
         axis = np.array(self.axis) / np.linalg.norm(self.axis)
@@ -256,7 +281,12 @@ class Shell(UniformDirection):
         return 3
 
     def at(self, share: np.ndarray) -> list[float]:
-        """Return the position [m] at `share` (dimension), numbers from 0 to below 1."""
+        """Return the position [m] at a place of the unit cube.
+
+        Parameters
+        ----------
+        share : (dimension), numbers from 0 to below 1.
+        """
         inner, outer, s = self.inner_m, self.outer_m, float(share[2])
         if self.even_in == "volume":
             radius = (inner**3 + s * (outer**3 - inner**3)) ** (1.0 / 3.0)

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.dataset.drawing.plan import Plan
+from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names
 from rso_lidar.dataset.shards.manifest import ShardRecord
@@ -21,7 +21,7 @@ from rso_lidar.processes import Processes
 _LIBRARIES = ("rso-lidar", "numpy", "scipy", "numba", "embreex")
 
 
-def make_shard(plan: Plan, folder: Path, number: int) -> ShardRecord:
+def make_shard(plan: DatasetPlan, folder: Path, number: int) -> ShardRecord:
     """Make one shard and write it, completely or not at all.
 
     Parameters
@@ -42,7 +42,7 @@ def make_shard(plan: Plan, folder: Path, number: int) -> ShardRecord:
     return ShardRecord(place.path, len(frames), len(place.samples), path.stat().st_size, hash_file(path), versions)
 
 
-def make_shards(plan: Plan, folder: Path, numbers: Sequence[int], workers: int) -> Iterator[ShardRecord]:
+def make_shards(plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers: int) -> Iterator[ShardRecord]:
     """Make shards and yield the record of each when it is finished, in any order.
 
     Parameters

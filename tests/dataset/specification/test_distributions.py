@@ -6,7 +6,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
-from rso_lidar.dataset.specification.laws import check_components
+from rso_lidar.dataset.specification.distributions import check_components
 
 SHARE = np.random.Generator(np.random.Philox(5)).random((4000, 3))
 CERTAIN = 1e-6  # probability of a false alarm of one test of a distribution

@@ -7,8 +7,8 @@ import json
 from contextlib import suppress
 from pathlib import Path
 
-from rso_lidar.dataset.drawing.plan import Plan
-from rso_lidar.dataset.reading.dataset import SPEC_FILE
+from rso_lidar.dataset.drawing.plan import DatasetPlan
+from rso_lidar.dataset.reading.random_access import SPEC_FILE
 from rso_lidar.dataset.shards.manifest import ShardRecord
 from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, Constants, read_constants, write_constants
 from rso_lidar.dataset.specification.tables import SPLITS
@@ -26,7 +26,7 @@ _LOCK = ".dataset.lock"
 _LOCK_WAIT_S = 120.0  # beginning a folder takes seconds, with the meshes of all models
 
 
-def begin_folder(plan: Plan, folder: Path, *, join: bool) -> None:
+def begin_folder(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
     """Begin the folder of a dataset, or join one that was begun with the same specification.
 
     Parameters
@@ -70,7 +70,7 @@ def begin_folder(plan: Plan, folder: Path, *, join: bool) -> None:
         write_constants(folder, list_constants(plan))  # last: a folder with this file is a dataset
 
 
-def _check_joined(plan: Plan, folder: Path, *, join: bool) -> None:
+def _check_joined(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
     """Raise `DatasetError` for a folder that may not be continued.
 
     Parameters
@@ -84,7 +84,7 @@ def _check_joined(plan: Plan, folder: Path, *, join: bool) -> None:
         raise DatasetError(f"{folder}: holds this dataset already; continue it with --resume, or name another folder")
 
 
-def list_constants(plan: Plan) -> Constants:
+def list_constants(plan: DatasetPlan) -> Constants:
     """List the names and constants of a dataset."""
     lidars, lines = {}, {}
     for k, name in enumerate(plan.sensors):

@@ -230,6 +230,10 @@ class Split:
         Parameters
         ----------
         name : of the array.
+
+        Returns
+        -------
+        The array, with the frame as its first dimension.
         """
         return np.concatenate([self._read(shard, name, slice(None)) for shard in range(len(self.records))])
 
