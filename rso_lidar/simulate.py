@@ -21,7 +21,7 @@ from rso_lidar.scenario import Lidar, Scenario, require_scenario
 from rso_lidar.track.controller import Controller
 
 DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
-KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled")
+KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled", "prediction")
 
 
 def simulate(
@@ -45,8 +45,8 @@ def simulate(
     workers : number of processes that make frames, instead of threads, for machines with many cores. A script that
         uses them needs ``if __name__ == "__main__":`` around its own code. The result is bit for bit the same.
     keep : names of intermediate records to leave in ``frame.kept``: rays, hits, signal, photons, taps, waveforms,
-        oversampled. ``signal`` is the photons without stray light, which the labels describe. ``taps`` holds the signals
-        between the stages of the detector.
+        oversampled, prediction. ``signal`` is the photons without stray light, which the labels describe. ``taps`` holds the
+        signals between the stages of the detector, ``prediction`` the probability and the scatter of each pixel's report.
 
     Yields
     ------
@@ -240,6 +240,8 @@ def flash(
     made |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:
         made["oversampled"] = optics.oversample(hits, laser, receiver)
+    if "prediction" in keep:
+        made["prediction"] = detector.predict_pixels(photons, lidar.detector, labels.range_m, threads=threads)
     kept = {name: record for name in keep if (record := made[name]) is not None}
     return _assemble_frame(scenario, truth, lidar, index, reading, labels, kept)
 

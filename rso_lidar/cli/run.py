@@ -42,7 +42,9 @@ def run(
     keep: Annotated[
         str | None,
         typer.Option(
-            "--keep", metavar="A,B", help="Record intermediate products as well: photons, waveforms, oversampled."
+            "--keep",
+            metavar="A,B",
+            help="Record intermediate products as well: photons, waveforms, oversampled, prediction.",
         ),
     ] = None,
     overwrite: Overwrite = False,

@@ -3,6 +3,7 @@
 from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.analysis.user_detector import Detector, check_traits
+from rso_lidar.detector.bench.pixel_prediction import predict_pixels
 from rso_lidar.detector.bench.prediction import predict
 from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
 from rso_lidar.detector.detect import (
@@ -84,6 +85,7 @@ __all__ = [
     "list_neglected_effects",
     "noise_growth",
     "predict",
+    "predict_pixels",
     "report_probability",
     "simulate_walk_curve",
 ]

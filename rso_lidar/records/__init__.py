@@ -8,7 +8,7 @@ return has NaN in ranges and 0 in intensities. Sky is -1 in an integer label.
 from rso_lidar.public_names import limit_dir
 from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
 from rso_lidar.records.light import Bounces, Contours, Extent, Hits, Oversampled, Photons, Rays, Sky
-from rso_lidar.records.reading import Labels, Reading, Taps, Waveforms
+from rso_lidar.records.reading import Labels, PixelPrediction, Reading, Taps, Waveforms
 from rso_lidar.records.schema import ArraySpec, Record, array, specs
 from rso_lidar.records.truth import BodyState, PtuAngles, Truth
 
@@ -26,6 +26,7 @@ __all__ = [
     "Observation",
     "Oversampled",
     "Photons",
+    "PixelPrediction",
     "PtuAngles",
     "Rays",
     "Reading",

@@ -85,6 +85,21 @@ class Reading(Record):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class PixelPrediction(Record):
+    """Expected reports of each pixel for the light of one flash, over many draws of the sensor's noise.
+
+    What is there is the cluster that `Labels` describe. Without light the probability is 0 and the deviation NaN.
+    """
+
+    detection_probability: np.ndarray = array(
+        "row col", "f4", "1", "probability that the pixel reports what is there, and not noise or another cluster"
+    )
+    range_sigma_m: np.ndarray = array(
+        "row col", "f4", "m", "standard deviation of the range that it then reports, NaN where nothing is lit"
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Labels(Record):
     """True content of each pixel, as far as it is lit.
 

@@ -20,6 +20,7 @@ from rso_lidar.records import (
     Observation,
     Oversampled,
     Photons,
+    PixelPrediction,
     PtuAngles,
     Reading,
     Source,
@@ -48,7 +49,7 @@ SOURCE = Source(
 )
 
 
-KEEP = ("waveforms", "photons", "oversampled")
+KEEP = ("waveforms", "photons", "oversampled", "prediction")
 RETURNS, SAMPLES, FINER = 3, 20, 4
 
 
@@ -165,7 +166,9 @@ def make_kept(rng, shape, valid):
     oversampled = Oversampled(
         np.where(seen, rng.uniform(300, 301, fine), np.nan), np.where(seen, rng.uniform(0, 60, fine), 0)
     )
-    return {"waveforms": waveforms, "photons": photons, "oversampled": oversampled}
+    sigma_m = np.where(valid.reshape(shape), rng.uniform(0.05, 0.2, shape), np.nan)
+    prediction = PixelPrediction(np.where(np.isnan(sigma_m), 0.0, rng.uniform(0.0, 1.0, shape)), sigma_m)
+    return {"waveforms": waveforms, "photons": photons, "oversampled": oversampled, "prediction": prediction}
 
 
 def make_frames(count, **how):

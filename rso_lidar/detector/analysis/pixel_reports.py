@@ -15,12 +15,14 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import LaserPulse, predict_gsfl
 from rso_lidar.detector.analysis.description import list_neglected_gsfl
-from rso_lidar.detector.analysis.noise_effects import noise_growth_gsfl
+from rso_lidar.detector.analysis.noise_effects import split_sunlight
 from rso_lidar.detector.chain.camera import build_camera, false_alarms_per_s
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.focal_plane import Timing
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.stages.false_triggers import rates_per_s
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Photons
 
@@ -29,7 +31,6 @@ _BINS = 16
 _REACH = 32  # bins to each side of the pulse's peak
 _LEVELS = np.array([0.25, 0.4, 0.55, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4, 1.6, 2.0, 2.5])  # photons over the threshold's
 _SURE_PHOTONS = 8.0  # times the threshold: a cluster this bright is detected, wherever its light is within it
-_NOISE_GROWTH = 1.02  # by sunlight, up to which the closed form in the dark holds
 _DEPTHS = np.array([0.0, 0.5, 1.0, 2.0, 4.0])  # of light, in pulse lengths
 _LEAST = 1e-9  # probability at which a curve ends
 
@@ -45,31 +46,28 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
 
     Returns
     -------
-    (pixel) probability, or None where a setting or the sunlight is not in the closed form.
+    (pixel) probability, or None where a setting is not in the closed form.
     """
     neglected = [name for name in list_neglected_gsfl(gsfl) if not name.startswith(gsfl.ranging.algorithm)]
-    if neglected or gsfl.zero_crossing is not None or _is_sunlit(gsfl, photons):
+    if neglected or gsfl.zero_crossing is not None:
         return None
     n_pixels = photons.shape[0] * photons.shape[1]
-    shape = shape_pulse(gsfl, photons)
-    threshold_photons = gsfl.threshold_photons / shape.peak
-    signal = _sum_clusters(photons, shape, _SURE_PHOTONS * threshold_photons)
     pixel = photons.cluster_pixel
-    rate = np.zeros(signal.shape)
+    sunlight = np.zeros(len(pixel))
+    if photons.background_photons_per_s is not None:
+        sunlight = photons.background_photons_per_s.ravel()[pixel]
+    rate = np.zeros(len(pixel))
+    detected = np.zeros(len(pixel))
     try:
-        if gsfl.gate is None:
+        for level, weight in split_sunlight(gsfl, sunlight):
+            detected += weight * _detect_clusters(_raise_dark_current(gsfl, level), gsfl, photons)
+        if gsfl.gate is None and sunlight.any():
             camera = build_camera(gsfl, n_pixels)
-            taps = photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), photons.pulse_fwhm_s
-            curve = _tabulate_curve(gsfl, threshold_photons, *taps)
-            total = np.bincount(photons.cluster, photons.photons, len(pixel))
-            level = signal / np.where(total > 0.0, total, 1.0)
-            levels, gains = _tabulate_depths(gsfl, threshold_photons, *taps)
-            detected = curve.read(signal * np.interp(level, levels[::-1], gains[::-1]), camera.threshold[pixel])
+            threshold = gsfl.trigger.threshold_electrons * camera.threshold[pixel]
+            base = camera.dark_per_s[pixel] + gsfl.quantum_efficiency * sunlight
+            rate = rates_per_s(gsfl.apd, gsfl.amplifier, threshold, base)
+        elif gsfl.gate is None:
             rate = false_alarms_per_s(gsfl, n_pixels)[pixel]
-        else:
-            pulse = LaserPulse(photons.pulse_step_s, photons.pulse_power_per_s, photons.pulse_fwhm_s)
-            predicted = predict_gsfl(gsfl, pulse, signal, np.zeros(signal.shape), only_probability=True)
-            detected = predicted.probability * (1.0 - gsfl.gate.false_alarm_probability)
     except ScenarioError:  # the amplifier is too fast for the closed form
         return None
     lists_several = gsfl.gate is not None and (gsfl.returns != "first" or gsfl.max_returns > 1)
@@ -93,12 +91,48 @@ def report_probability_empirical(empirical: Empirical, photons: Photons, mine: n
     return _combine_clusters(photons, mine, empirical.detection_probability(signal), rate, window, lists_several=False)
 
 
-def _is_sunlit(gsfl: Gsfl, photons: Photons) -> bool:
-    """Return whether sunlight raises the noise of a lit pixel noticeably."""
-    if photons.background_photons_per_s is None or not photons.pixel.size:
-        return False
-    brightest = float(photons.background_photons_per_s.ravel()[photons.pixel].max())
-    return noise_growth_gsfl(gsfl, brightest) > _NOISE_GROWTH
+def _raise_dark_current(gsfl: Gsfl, background_photons_per_s: float) -> Gsfl:
+    """Return a detector whose noise in the dark is that of this one under sunlight, without what the closed form ignores.
+
+    Photoelectrons of sunlight and of the dark current are multiplied alike, and the baseline takes the mean of both. What
+    differs from frame to frame without an effect on a pixel that looks at light is set to one value, so that tables made
+    for one frame serve the others.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    background_photons_per_s : sunlight [photons/s].
+    """
+    extra_na = gsfl.quantum_efficiency * background_photons_per_s * units.ELEMENTARY_CHARGE_C / units.NA
+    gate = None if gsfl.gate is None else gsfl.gate.replace(delay_ns=0.0)
+    apd = gsfl.apd.replace(dark_current_na=gsfl.apd.dark_current_na + extra_na)
+    window = {"armed_from_m": 0.0, "armed_to_m": 1.0}
+    return gsfl.replace(apd=apd, gate=gate, camera_seed=0, timing=Timing(), returns="first", max_returns=1, **window)
+
+
+def _detect_clusters(dark: Gsfl, gsfl: Gsfl, photons: Photons) -> np.ndarray:
+    """Return the probability (cluster) that each cluster triggers, or is found in the gate, if it is alone in its pixel.
+
+    Parameters
+    ----------
+    dark : the detector with the noise in force, in the dark.
+    gsfl : the detector whose camera looks.
+    photons : light on every pixel.
+    """
+    shape = shape_pulse(dark, photons)
+    threshold_photons = dark.threshold_photons / shape.peak
+    signal = _sum_clusters(photons, shape, _SURE_PHOTONS * threshold_photons)
+    if dark.gate is not None:
+        pulse = LaserPulse(photons.pulse_step_s, photons.pulse_power_per_s, photons.pulse_fwhm_s)
+        predicted = predict_gsfl(dark, pulse, signal, np.zeros(signal.shape), only_probability=True)
+        return predicted.probability * (1.0 - dark.gate.false_alarm_probability)
+    camera = build_camera(gsfl, photons.shape[0] * photons.shape[1])
+    taps = photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), photons.pulse_fwhm_s
+    curve = _tabulate_curve(dark, threshold_photons, *taps)
+    total = np.bincount(photons.cluster, photons.photons, len(photons.cluster_pixel))
+    level = signal / np.where(total > 0.0, total, 1.0)
+    levels, gains = _tabulate_depths(dark, threshold_photons, *taps)
+    return curve.read(signal * np.interp(level, levels[::-1], gains[::-1]), camera.threshold[photons.cluster_pixel])
 
 
 def _combine_clusters(

@@ -27,7 +27,12 @@ _LOOKED_FOR = 8  # returns in a trace: more do not fit between its ends
 
 
 def measure(
-    gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Generator, threads: int | None = 1
+    gsfl: Gsfl,
+    waveforms: Waveforms,
+    pulse: Pulse,
+    rng: np.random.Generator,
+    threads: int | None = 1,
+    camera: CameraPixels | None = None,
 ) -> Reading:
     """Measure range and intensity of the stored samples.
 
@@ -38,13 +43,14 @@ def measure(
     pulse : shape of the pulse behind the amplifier, which the sensor uses as known.
     rng : random generator of its jitter.
     threads : number of threads (None: one for each core). The result is the same to the bit.
+    camera : the pixels that look (None: those of the detector's camera).
 
     Returns
     -------
     range, intensity and saturation of all pixels.
     """
     n_pixels = waveforms.shape[0] * waveforms.shape[1]
-    camera = build_camera(gsfl, n_pixels)
+    camera = camera or build_camera(gsfl, n_pixels)
     flashes = math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # each jitters independently
     jitter_s = _draw_normal(waveforms.pixel, n_pixels, rng) * (gsfl.timing.pixel_jitter_ns * units.NS / flashes)
     jitter_s += rng.standard_normal() * (gsfl.timing.frame_jitter_ns * units.NS / flashes)

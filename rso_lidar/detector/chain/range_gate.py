@@ -9,13 +9,20 @@ from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.detector.stages.sampling import merge_low_gain, store_samples
 from rso_lidar.detector.stages.time_axis import place_gate_rows
 from rso_lidar.records import Photons, Taps, Waveforms
 
 
 def store_gate(
-    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False, threads: int | None = 1
+    gsfl: Gsfl,
+    photons: Photons,
+    rng: np.random.Generator,
+    *,
+    with_taps: bool = False,
+    threads: int | None = 1,
+    camera: CameraPixels | None = None,
 ) -> tuple[Waveforms, Taps | None]:
     """Simulate the samples of the gate that all pixels store, averaged over its pulses; nothing triggers.
 
@@ -26,6 +33,7 @@ def store_gate(
     rng : random generator.
     with_taps : also return the signals between the stages.
     threads : number of threads (None: one for each core). The result is the same to the bit.
+    camera : the pixels that look (None: those of the detector's camera).
 
     Returns
     -------
@@ -33,7 +41,7 @@ def store_gate(
     """
     assert gsfl.gate is not None
     n_pixels = photons.shape[0] * photons.shape[1]
-    camera = build_camera(gsfl, n_pixels)
+    camera = camera or build_camera(gsfl, n_pixels)
     plan = plan_time(gsfl, photons.pulse_fwhm_s)
     n_samples = gsfl.gate.n_samples(gsfl.readout.sample_s)
     rows, sample = place_gate_rows(gsfl.gate, gsfl.readout, plan, n_pixels)

@@ -34,7 +34,13 @@ _CERTAIN_DETECTION = 10.0  # light over threshold above which a row of any shape
 
 
 def store_traces(
-    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False, threads: int | None = 1
+    gsfl: Gsfl,
+    photons: Photons,
+    rng: np.random.Generator,
+    *,
+    with_taps: bool = False,
+    threads: int | None = 1,
+    camera: CameraPixels | None = None,
 ) -> tuple[Waveforms, Taps | None]:
     """Simulate the stored samples of self-triggering pixels.
 
@@ -47,13 +53,14 @@ def store_traces(
     rng : random generator.
     with_taps : also return the signals between the stages.
     threads : number of threads (None: one for each core). The result is the same to the bit.
+    camera : the pixels that look (None: those of the detector's camera).
 
     Returns
     -------
     the stored samples, and the signals between the stages (None unless requested).
     """
     n_pixels = photons.shape[0] * photons.shape[1]
-    camera = build_camera(gsfl, n_pixels)
+    camera = camera or build_camera(gsfl, n_pixels)
     plan = plan_time(gsfl, photons.pulse_fwhm_s, _earliest_s(gsfl, photons))
     per_sample = plan.steps_per_sample
     dark = _DARK * gsfl.threshold_photons

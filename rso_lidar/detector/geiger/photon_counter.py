@@ -175,6 +175,27 @@ def report_probability(array: GeigerArray, photons: Photons, mine: np.ndarray) -
     lit = np.unique(photons.pixel[mine])
     if not lit.size:
         return found
+    low_m, high_m = (bounds[lit] for bounds in bound_reports(photons, mine))
+    reported_m = try_lit_pixels(array, photons, lit)
+    with np.errstate(invalid="ignore"):
+        inside = (reported_m >= low_m) & (reported_m <= high_m)
+    found[lit] = inside.mean(axis=0)
+    return found
+
+
+def try_lit_pixels(array: GeigerArray, photons: Photons, lit: np.ndarray) -> np.ndarray:
+    """Simulate the reports of some pixels over several frames, with a fixed random seed.
+
+    Parameters
+    ----------
+    array : the detector.
+    photons : light on every pixel, of each pulse.
+    lit : (lit) ascending numbers of pixels with light.
+
+    Returns
+    -------
+    (trial, lit) reported ranges [m], NaN where none. The number of trials falls with that of pixels, from 32 to 8.
+    """
     trials = max(min(_TRIALS, _MOST_TRIALS // lit.size), _FEWEST_TRIALS)
     n = trials * lit.size
     place, delay_s, light, spread_s = _merge_returns(photons, lit)
@@ -194,15 +215,12 @@ def report_probability(array: GeigerArray, photons: Photons, mine: np.ndarray) -
         cluster_pixel=pixel,
         filled_fraction=None,
         photons_variance=None,
+        epoch=None,
+        pulse_epoch=None,
         background_photons_per_s=None if sunlight is None else np.tile(sunlight.ravel()[lit], trials)[None],
     )
     reading, _ = detect(array, row, np.random.Generator(np.random.Philox(_TRIALS)))
-    low_m, high_m = (bounds[lit] for bounds in bound_reports(photons, mine))
-    reported_m = np.asarray(reading.range_m, dtype=float).reshape(trials, lit.size)
-    with np.errstate(invalid="ignore"):
-        inside = (reported_m >= low_m) & (reported_m <= high_m)
-    found[lit] = inside.mean(axis=0)
-    return found
+    return np.asarray(reading.range_m, dtype=float).reshape(trials, lit.size)
 
 
 def _merge_returns(photons: Photons, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

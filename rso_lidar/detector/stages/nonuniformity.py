@@ -1,6 +1,8 @@
 """The pixels of one camera: what differs from pixel to pixel and stays the same in every flash."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
@@ -21,6 +23,10 @@ class CameraPixels:
     dead: np.ndarray  # bool
     hot: np.ndarray  # bool
     dark_per_s: np.ndarray  # dark current [primary electrons/s]
+
+    def select(self, pixel: np.ndarray) -> CameraPixels:
+        """Return some of the pixels, or the same ones several times."""
+        return CameraPixels(*(getattr(self, one.name)[pixel] for one in fields(self)))
 
 
 @lru_cache(maxsize=8)

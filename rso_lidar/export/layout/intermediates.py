@@ -1,4 +1,4 @@
-"""Intermediate records that a recording keeps on request: waveforms, photon images and oversampled images.
+"""Records that a recording keeps on request: waveforms, images of photons, oversampled images, predictions.
 
 All frames of a recording have arrays of one shape. Traces are therefore stored on the focal plane, with NaN in pixels
 without a trace, and photons are summed in each pixel. Rays and hits have no fixed shape and cannot be recorded.
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.records import ArraySpec, Oversampled, Photons, Record, Waveforms, array, specs
+from rso_lidar.records import ArraySpec, Oversampled, Photons, PixelPrediction, Record, Waveforms, array, specs
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,7 +28,12 @@ class PhotonImage(Record):
     )
 
 
-RECORDS: dict[str, type[Record]] = {"waveforms": Waveforms, "photons": PhotonImage, "oversampled": Oversampled}
+RECORDS: dict[str, type[Record]] = {
+    "waveforms": Waveforms,
+    "photons": PhotonImage,
+    "oversampled": Oversampled,
+    "prediction": PixelPrediction,
+}
 
 FIELDS = {  # by group of the file: name in the file, and in the record
     "waveforms": {
@@ -39,6 +44,7 @@ FIELDS = {  # by group of the file: name in the file, and in the record
     },
     "photons": {"image": "photons", "background": "background_photons_per_s"},
     "oversampled": {"range": "range_m", "photons": "photons"},
+    "prediction": {"detection_probability": "detection_probability", "range_sigma": "range_sigma_m"},
 }
 CONSTANTS = {"waveforms": ("sample_s", "baseline_counts")}  # attributes of a group: the same in all frames
 _DIMS = {"trace": ("row", "col")}  # a trace is stored at its pixel

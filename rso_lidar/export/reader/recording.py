@@ -26,6 +26,8 @@ class Recording(RecordingFile, Sequence[Frame]):
 
     The temporary file of a running or killed simulation can be read like a finished recording. It has the frames that
     were complete when it was opened, and `complete` is False.
+
+    A recording can be pickled, such as for the processes of a data loader. Each process opens the file itself.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -115,6 +117,11 @@ class Recording(RecordingFile, Sequence[Frame]):
     def oversampled(self) -> SimpleNamespace:
         """Kept images on the grid of rays (time, fine_row, fine_col): range_m and photons."""
         return self._kept_arrays("oversampled")
+
+    @property
+    def prediction(self) -> SimpleNamespace:
+        """Kept predictions (time, row, col): detection_probability and range_sigma_m."""
+        return self._kept_arrays("prediction")
 
     @property
     def lens(self) -> StoredArray:

@@ -42,6 +42,7 @@ class RecordingFile:
             If there is no recording at the path, or it is damaged.
         """
         self.path = Path(path)
+        self._absolute = self.path.absolute()  # for another process, whose working folder may differ
         self.complete = TEMPORARY.search(self.path.name) is None
         zarr = self.path.suffix.lower() == SUFFIX
         self._file: Any = open_zarr(self.path) if zarr else open_hdf5(self.path, swmr=not self.complete)
@@ -51,6 +52,18 @@ class RecordingFile:
         except BaseException:
             self.close()
             raise
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Describe the recording to another process, which opens the file again.
+
+        Raises
+        ------
+        RecordingError
+            If the file is closed.
+        """
+        if not self._file:
+            raise RecordingError(f"{self.path}: is closed; open it again")
+        return _reopen, (type(self), self._absolute, self._count)
 
     def __len__(self) -> int:
         return self._count
@@ -225,6 +238,29 @@ class RecordingFile:
                 tables = self._file["line_of_sight"]
                 self._sight = number, tables[_check_index(number, tables.shape[0])] if self.changes_lens else tables[:]
         return self._sight[1]
+
+
+def _reopen(kind: type[RecordingFile], path: Path, count: int) -> RecordingFile:
+    """Open a recording in another process, with the frames that the first process saw.
+
+    Parameters
+    ----------
+    kind : class of the recording.
+    path : of the file.
+    count : number of frames.
+
+    Raises
+    ------
+    RecordingError
+        If the file has fewer frames, or cannot be opened.
+    """
+    again = kind(path)
+    if len(again) < count:
+        held = len(again)
+        again.close()
+        raise RecordingError(f"{path}: has {held} frames and had {count} in another process; open it again")
+    again._count = count
+    return again
 
 
 def _extract_between(start: str, text: str, end: str) -> str:

@@ -162,6 +162,10 @@ def test_arrays_are_there_by_the_names_of_the_records(recording):
     )
     np.testing.assert_array_equal(recording.oversampled.range_m[3], frames[3].kept["oversampled"].range_m)
     np.testing.assert_array_equal(recording.oversampled.photons[3], frames[3].kept["oversampled"].photons)
+    for name in ("detection_probability", "range_sigma_m"):
+        np.testing.assert_array_equal(
+            getattr(recording.prediction, name)[3], getattr(frames[3].kept["prediction"], name)
+        )
 
 
 def test_plain_h5py_reads_the_layout(saved):
@@ -177,6 +181,8 @@ def test_plain_h5py_reads_the_layout(saved):
         "photons/background": ("f4", "s-1", ("time", "row", "col")),
         "oversampled/range": ("f4", "m", ("time", "oversampled/fine_row", "oversampled/fine_col")),
         "oversampled/photons": ("f4", "1", ("time", "oversampled/fine_row", "oversampled/fine_col")),
+        "prediction/detection_probability": ("f4", "1", ("time", "row", "col")),
+        "prediction/range_sigma": ("f4", "m", ("time", "row", "col")),
     }
     with h5py.File(saved) as file:
         for path, (dtype, unit, dims) in wanted.items():
@@ -258,7 +264,7 @@ def test_what_has_no_fixed_shape_cannot_be_recorded(tmp_path):
     hits = Hits(rays, *[[]] * 9)
     for name, record in {"rays": rays, "hits": hits, "waveforms": hits}.items():
         line = refused(tmp_path, with_kept(make_frame(0), **{name: record}))
-        assert f"kept {name}: cannot be recorded; keep waveforms, photons, oversampled, or leave it out" in line
+        assert f"kept {name}: cannot be recorded; keep waveforms, photons, oversampled, prediction, or" in line
 
 
 def test_frames_that_keep_otherwise_than_the_first_are_refused(tmp_path):
@@ -367,7 +373,7 @@ def test_info_says_what_is_held(tmp_path, capsys):
     for line in (
         "lens        3 tables of lines",
         "returns     up to 3",
-        "kept        waveforms, photons, oversampled\n",
+        "kept        waveforms, photons, oversampled, prediction\n",
     ):
         assert line in said
     assert "follower 100%\n" in said

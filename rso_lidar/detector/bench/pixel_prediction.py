@@ -1,0 +1,465 @@
+"""Prediction of every pixel of one flash: the probability that it reports what is there, and the scatter of that range.
+
+What is there is the labelled cluster of a pixel: its brightest, or the one at a given range. A report counts if it lies
+within 5 m of that cluster and nearer to it than to any other cluster of the pixel.
+
+Three ways lead to the numbers, of which each flash takes the first that holds for it:
+
+- Curves: the empirical detector states both.
+- Closed form and trials: the probability by `report_probability`, and the scatter from a table that the chain itself fills
+  once. The table is made of trials of separate pixels, by photons, depth and sunlight. Its standard error is 3 %.
+- Repetition: the flash is detected again and again with other noise. This holds for any detector and setting. The standard
+  error of a probability from n repetitions is at most 0.5 / √n.
+
+The prediction is that for the light given. The laser's jitter from pulse to pulse is drawn before, so it is not included.
+A jitter that all pixels of a frame share is included in the scatter of each.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.analysis.noise_effects import split_sunlight
+from rso_lidar.detector.bench.trial import make_plate, run_trial
+from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.full import run_chain
+from rso_lidar.detector.detect import AnyDetector, detect, report_probability
+from rso_lidar.detector.geiger import photon_counter
+from rso_lidar.detector.geiger.array import GeigerArray
+from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.errors import ScenarioError
+from rso_lidar.records import Photons, PixelPrediction
+from rso_lidar.ties import EQUAL
+
+_NEAR_M = 5.0  # a report farther from a cluster is a false trigger, as in `trial.run_trial`
+_SEED = 91  # random seed of repetitions and trials
+_POOLED = 8.0  # degrees of freedom with which a pixel's own scatter is drawn toward that of pixels as bright
+_NEIGHBOURS = 12  # to each side by brightness, over which scatter is pooled
+
+# Pixels to which the table and the closed form do not apply.
+_LEAST_BESIDE = 0.25  # of the threshold's photons: less light in another cluster changes little
+_LEAST_BEHIND = 0.5  # of the labelled light: less light behind it does not draw the algorithm away
+_FAINTEST = 0.3  # of the threshold's photons: less light is hardly ever reported
+_DEEP = 1.5  # pulse lengths
+
+# Grid of the table: photons over those of the threshold, and depth in pulse lengths.
+_LEVELS = np.array(
+    [0.5, 0.65, 0.8, 0.95, 1.1, 1.3, 1.6, 2.0, 2.8, 4.0, 6.5, 12.0, 25.0, 60.0, 120.0, 180.0, 350.0, 1000.0, 3000.0]
+)
+_DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0])
+_TRIALS = 600  # of each level and depth
+_FEWEST_TRIALS = 150  # where many pulses are averaged
+_GATE_UNIT = 0.4  # of the trigger's threshold: a gate searches samples that are known to hold the pulse
+_FAINT_TRIALS = 4  # times as many below the threshold, where few returns are detected
+_FEWEST_REPORTS = 30  # from which a scatter is taken
+_CERTAIN = 1.5  # level from which nearly all returns are reported, so that detection does not select among them
+_OUTLIER = 5.0  # times the scatter by the quartiles: farther off is a false trigger close to the return
+
+
+def predict_pixels(
+    photons: Photons,
+    detector: AnyDetector,
+    true_range_m: np.ndarray | None = None,
+    *,
+    draws: int = 32,
+    threads: int | None = 1,
+) -> PixelPrediction:
+    """Predict for each pixel of a flash how often it reports what is there, and how precisely.
+
+    Parameters
+    ----------
+    photons : light on every pixel.
+    detector : a part, or an object that follows the protocol `Detector`.
+    true_range_m : (row, col) range of what is there [m], NaN in pixels where nothing is, as in `Labels` (None: the brightest
+        cluster of each pixel).
+
+    Other Parameters
+    ----------------
+    draws : number of repetitions of the flash where nothing else holds.
+    threads : number of threads for repetitions (None: one for each core). The result is the same to the bit.
+
+    Returns
+    -------
+    PixelPrediction
+        Probability and scatter, 0 and NaN in pixels without light.
+
+    Raises
+    ------
+    ScenarioError : if `draws` is below 2.
+    """
+    if draws < 2:
+        raise ScenarioError(f"predict_pixels: draws: {draws} repetitions have no scatter; take at least 2")
+    n_pixels = photons.shape[0] * photons.shape[1]
+    there = _find_clusters(photons, true_range_m)
+    probability, sigma_m = np.zeros(n_pixels), np.full(n_pixels, np.nan)
+    if len(there.pixel):
+        probability[there.pixel], sigma_m[there.pixel] = _predict(photons, detector, there, draws, threads)
+    return PixelPrediction(probability.reshape(photons.shape), sigma_m.reshape(photons.shape))
+
+
+@dataclass(frozen=True, eq=False)
+class _Clusters:
+    """The labelled cluster of each lit pixel; arrays (lit).
+
+    `mean_m` is its mean range as the sensor meets it, the delay of the pulse included; `near_m` and `far_m` bound the
+    reports that count. `depth_s` is the length of an even distribution with the variance of its light in delay.
+    """
+
+    pixel: np.ndarray
+    cluster: np.ndarray
+    photons: np.ndarray
+    mean_m: np.ndarray
+    near_m: np.ndarray
+    far_m: np.ndarray
+    depth_s: np.ndarray
+
+    def select(self, lit: np.ndarray) -> _Clusters:
+        return _Clusters(*(getattr(self, one.name)[lit] for one in fields(self)))
+
+
+def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Clusters:
+    """Find the labelled cluster of each pixel.
+
+    Parameters
+    ----------
+    photons : light on every pixel.
+    true_range_m : (row, col) range of what is there [m], or None.
+    """
+    n_clusters, pixel = len(photons.cluster_pixel), photons.cluster_pixel
+    light = np.bincount(photons.cluster, photons.photons, n_clusters)
+    total = np.where(light > 0.0, light, 1.0)
+    mean_s = np.bincount(photons.cluster, photons.photons * photons.delay_s, n_clusters) / total
+    beside_s = photons.delay_s - mean_s[photons.cluster]
+    variance_s2 = beside_s**2 + photons.depth_spread_s**2 / 12.0
+    depth_s = np.sqrt(12.0 * np.bincount(photons.cluster, photons.photons * variance_s2, n_clusters) / total)
+    near_s, far_s = np.full(n_clusters, np.inf), np.full(n_clusters, -np.inf)
+    np.minimum.at(near_s, photons.cluster, photons.delay_s)
+    np.maximum.at(far_s, photons.cluster, photons.delay_s)
+    near_m, far_m = ((delay_s + photons.late_s) * units.RANGE_PER_DELAY_M_S for delay_s in (near_s, far_s))
+    mean_m = (mean_s + photons.late_s) * units.RANGE_PER_DELAY_M_S
+    same = np.zeros(n_clusters, bool)  # as the pixel of the cluster before
+    same[1:] = pixel[1:] == pixel[:-1]
+    between_m = np.full(n_clusters + 1, np.nan)
+    between_m[1:-1] = 0.5 * (far_m[:-1] + near_m[1:])
+    after = np.append(same[1:], False)
+    from_m = np.where(same, np.maximum(near_m - _NEAR_M, between_m[:-1]), near_m - _NEAR_M)
+    to_m = np.where(after, np.minimum(far_m + _NEAR_M, between_m[1:]), far_m + _NEAR_M)
+
+    # The brightest of each pixel or the one at the given range; the nearest of equal ones.
+    rank = -light
+    if true_range_m is not None:
+        true_m = np.asarray(true_range_m, dtype=float).ravel()[pixel] + photons.late_s * units.RANGE_PER_DELAY_M_S
+        rank = np.abs(mean_m - true_m)
+    usable = np.flatnonzero((light > 0.0) & np.isfinite(rank))
+    best = np.full(photons.shape[0] * photons.shape[1], np.inf)
+    np.minimum.at(best, pixel[usable], rank[usable])
+    least = best[pixel[usable]]
+    chosen = usable[rank[usable] <= least + EQUAL * np.abs(least)]
+    chosen = chosen[np.diff(pixel[chosen], prepend=-1) != 0]
+    return _Clusters(
+        pixel[chosen], chosen, light[chosen], mean_m[chosen], from_m[chosen], to_m[chosen], depth_s[chosen]
+    )
+
+
+def _predict(
+    photons: Photons, detector: AnyDetector, there: _Clusters, draws: int, threads: int | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Predict in the first way that holds for the detector.
+
+    Parameters
+    ----------
+    photons, detector : the light, and the detector.
+    there : the labelled clusters.
+    draws, threads : number of repetitions, and of threads.
+
+    Returns
+    -------
+    probability and scatter [m] (lit).
+    """
+    if isinstance(detector, GeigerArray):
+        return _summarise(photon_counter.try_lit_pixels(detector, photons, there.pixel), there, photons.pulse_fwhm_s)
+    if isinstance(detector, Gsfl | Empirical):
+        mine = np.zeros(len(photons.cluster_pixel), bool)
+        mine[there.cluster] = True
+        known = report_probability(detector, photons, mine[photons.cluster])
+        if known is not None and isinstance(detector, Empirical):
+            return known[there.pixel], detector.range_noise_m(there.photons, photons.pulse_fwhm_s)
+        if isinstance(detector, Gsfl):
+            if known is not None:
+                return _predict_by_table(photons, detector, there, known[there.pixel], draws)
+            if detector.bloom is None and detector.droop is None and detector.crosstalk is None:
+                return _try_pixels(photons, detector, there, draws)
+    return _predict_by_repetition(photons, detector, there, draws, threads)
+
+
+def _predict_by_table(
+    photons: Photons, gsfl: Gsfl, there: _Clusters, probability: np.ndarray, draws: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Complete the closed form by the table of scatter, and by trials of the pixels for which neither holds.
+
+    Parameters
+    ----------
+    photons, gsfl : the light, and the detector.
+    there : the labelled clusters.
+    probability : (lit) that the closed form gives.
+    draws : trials of one pixel.
+
+    Returns
+    -------
+    probability and scatter [m] (lit).
+    """
+    sunlight = np.zeros(len(there.pixel))
+    if photons.background_photons_per_s is not None:
+        sunlight = photons.background_photons_per_s.ravel()[there.pixel]
+    sigma_m = np.zeros(len(there.pixel))
+    for level, weight in split_sunlight(gsfl, sunlight):
+        of = np.flatnonzero(weight > 0.0)
+        sigma_m[of] += weight[of] * _read_scatter_m(gsfl, photons, level, there.photons[of], there.depth_s[of])
+    special = np.flatnonzero(_find_special(photons, gsfl, there))
+    if len(special):
+        probability = probability.copy()
+        probability[special], sigma_m[special] = _try_pixels(photons, gsfl, there.select(special), draws)
+    return probability, sigma_m
+
+
+def _find_special(photons: Photons, gsfl: Gsfl, there: _Clusters) -> np.ndarray:
+    """Find pixels (lit) whose light is deep, or in several clusters of which the stored samples hold more than one.
+
+    Such clusters add up to one crossing of the threshold, and the algorithm takes the higher pulse of what is stored. So the
+    first one that triggers is not always the one that is reported.
+
+    Parameters
+    ----------
+    photons, gsfl : the light, and the detector.
+    there : the labelled clusters.
+    """
+    pixel, n_clusters = photons.cluster_pixel, len(photons.cluster_pixel)
+    light = np.bincount(photons.cluster, photons.photons, n_clusters)
+    summed_s = np.bincount(photons.cluster, photons.photons * photons.delay_s, n_clusters)
+    range_m = summed_s / np.where(light > 0.0, light, 1.0) * units.RANGE_PER_DELAY_M_S
+    unit = _unit_photons(gsfl)
+    total = np.bincount(pixel, light, photons.shape[0] * photons.shape[1])
+    place = np.searchsorted(there.pixel, pixel)
+    of = np.flatnonzero((light > _LEAST_BESIDE * unit) & (np.append(there.pixel, -1)[place] == pixel))
+    mine = place[of]
+    late_m = photons.late_s * units.RANGE_PER_DELAY_M_S
+    reach_m = gsfl.window_m + photons.pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
+    behind_m = range_m[of] + late_m - there.mean_m[mine]
+    beside = (of != there.cluster[mine]) & (np.abs(behind_m) < reach_m)
+    beside &= (behind_m < 0.0) | (light[of] > _LEAST_BEHIND * there.photons[mine])
+    special: np.ndarray = there.depth_s > _DEEP * photons.pulse_fwhm_s
+    special[mine[beside]] = True
+    special &= total[there.pixel] > _FAINTEST * unit
+    return special
+
+
+def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> tuple[np.ndarray, np.ndarray]:
+    """Predict by trials of some pixels, which do not affect each other. Each keeps what is fixed in the camera.
+
+    Parameters
+    ----------
+    photons, gsfl : the light, and the detector.
+    there : the labelled clusters of the pixels.
+    draws : trials of one pixel.
+
+    Returns
+    -------
+    probability and scatter [m] (lit).
+    """
+    lit = there.pixel
+    place = np.searchsorted(lit, photons.pixel)
+    of = np.flatnonzero(np.append(lit, -1)[place] == photons.pixel)
+    pixel, n = place[of], len(lit)
+    cluster_of = np.flatnonzero(np.isin(photons.cluster_pixel, lit))
+    cluster = np.searchsorted(cluster_of, photons.cluster[of])
+    each = np.arange(draws)[:, None]
+    row: dict[str, Any] = {
+        name: np.tile(getattr(photons, name)[of], draws)
+        for name in ("delay_s", "photons", "depth_spread_s", "coherence_cells", "hit", "epoch")
+        if getattr(photons, name) is not None
+    }
+    row |= {
+        "pixel": (each * n + pixel).ravel(),
+        "cluster": (each * len(cluster_of) + cluster).ravel(),
+        "cluster_pixel": (each * n + np.searchsorted(lit, photons.cluster_pixel[cluster_of])).ravel(),
+        "filled_fraction": None,
+        "photons_variance": None,
+    }
+    if photons.background_photons_per_s is not None:
+        row["background_photons_per_s"] = np.tile(photons.background_photons_per_s.ravel()[lit], draws)[None]
+    camera = build_camera(gsfl, photons.shape[0] * photons.shape[1]).select(np.tile(lit, draws))
+    rng = np.random.Generator(np.random.Philox(_SEED))
+    reading, _, _ = run_chain(gsfl.alone(), replace(photons, shape=(1, n * draws), **row), rng, camera=camera)
+    reported_m = np.asarray(reading.range_m, dtype=float).reshape(draws, n)
+    probability, sigma_m = _summarise(reported_m, there, photons.pulse_fwhm_s)
+    return probability, np.hypot(sigma_m, gsfl.frame_jitter_s * units.RANGE_PER_DELAY_M_S)
+
+
+def _read_scatter_m(
+    gsfl: Gsfl, photons: Photons, sunlight_per_s: float, light: np.ndarray, depth_s: np.ndarray
+) -> np.ndarray:
+    """Return the scatter of range (lit) [m] by the table of trials, linear in its logarithm.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    photons : with the shape of the pulse.
+    sunlight_per_s : sunlight on the pixels [photons/s].
+    light, depth_s : (lit) photons, and depth in delay [s].
+    """
+    window = {"armed_from_m": 1.0, "armed_to_m": 2000.0}  # where nothing else is met than the plate
+    gate = None if gsfl.gate is None else gsfl.gate.replace(delay_ns=1000.0)
+    alone = gsfl.alone().replace(gate=gate, camera_seed=0, **window)
+    given = photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), photons.pulse_fwhm_s, sunlight_per_s
+    at = np.clip(depth_s / photons.pulse_fwhm_s, _DEPTHS[0], _DEPTHS[-1])
+    left = np.clip(np.searchsorted(_DEPTHS, at, side="right") - 1, 0, len(_DEPTHS) - 2)
+    share = (at - _DEPTHS[left]) / (_DEPTHS[left + 1] - _DEPTHS[left])
+    level = np.log(light / _unit_photons(gsfl))
+    log_m = np.zeros(len(light))
+    for column in np.unique(np.concatenate([left, left[share > 0.0] + 1])).tolist():
+        weight = np.where(left == column, 1.0 - share, np.where(left + 1 == column, share, 0.0))
+        of = np.flatnonzero(weight > 0.0)
+        if len(of):
+            scatter_m = _try_levels(alone, *given, float(_DEPTHS[column]))
+            log_m[of] += weight[of] * np.interp(level[of], np.log(_LEVELS), np.log(scatter_m))
+    sigma_m: np.ndarray = np.hypot(np.exp(log_m), gsfl.frame_jitter_s * units.RANGE_PER_DELAY_M_S)
+    return sigma_m
+
+
+def _unit_photons(gsfl: Gsfl) -> float:
+    """Return the photons of a return at level 1 of the table: about those that half of all flashes detect."""
+    return gsfl.threshold_photons * (1.0 if gsfl.gate is None else _GATE_UNIT / math.sqrt(gsfl.gate.pulses))
+
+
+@lru_cache(maxsize=512)
+def _try_levels(
+    gsfl: Gsfl, step_s: float, power_per_s: bytes, fwhm_s: float, sunlight_per_s: float, depth: float
+) -> np.ndarray:
+    """Return the scatter of range (level) [m] of reported returns of one depth, by trials.
+
+    Parameters
+    ----------
+    gsfl : the detector, whose pixels do not affect each other.
+    step_s, power_per_s, fwhm_s : taps of the pulse, the second as bytes, and its length [s].
+    sunlight_per_s : sunlight on the pixels [photons/s].
+    depth : of the light, in pulse lengths.
+    """
+    trials = np.where(_LEVELS < 1.0, _FAINT_TRIALS, 1) * max(_TRIALS // gsfl.traits.pulses, _FEWEST_TRIALS)
+    number = np.repeat(np.arange(len(_LEVELS)), trials)
+    n = len(number)
+    middle_m = 0.5 * (gsfl.sees_from_m + gsfl.sees_to_m)
+    pulse = step_s, np.frombuffer(power_per_s)
+    light = make_plate(_LEVELS[number] * _unit_photons(gsfl), n, pulse, fwhm_s, middle_m - 0.5)
+    light = replace(light, depth_spread_s=np.full(n, depth * fwhm_s))
+    if sunlight_per_s > 0.0:
+        light = replace(light, background_photons_per_s=np.full((1, n), sunlight_per_s))
+    found = run_trial(gsfl, light, np.random.Generator(np.random.Philox(_SEED)))
+    level = number[found.detected]
+    scatter_m, count = np.full(len(_LEVELS), np.nan), np.zeros(len(_LEVELS))
+    for k in range(len(_LEVELS)):
+        errors_m = found.range_error_m[level == k]
+        if len(errors_m) < _FEWEST_REPORTS:
+            continue
+        low, middle, high = np.quantile(errors_m, [0.25, 0.5, 0.75])
+        within = np.abs(errors_m - middle) <= _OUTLIER * (high - low) / 1.349 + 1e-6
+        scatter_m[k], count[k] = max(errors_m[within].std(), 1e-6), len(errors_m)
+    usual = (_LEVELS >= _CERTAIN) & (_LEVELS * _unit_photons(gsfl) < gsfl.saturation_photons) & (count > 0)
+    scatter_m[usual] = _smooth(scatter_m[usual], _LEVELS[usual], count[usual])
+    known = np.flatnonzero(np.isfinite(scatter_m))
+    if not len(known):  # nothing so deep is ever reported: a report would come from anywhere in the light
+        return np.full(len(_LEVELS), max(depth, 1.0) * fwhm_s * units.RANGE_PER_DELAY_M_S / math.sqrt(12.0))
+    filled: np.ndarray = scatter_m[known[np.clip(np.searchsorted(known, np.arange(len(_LEVELS))), 0, len(known) - 1)]]
+    return filled
+
+
+def _smooth(scatter_m: np.ndarray, level: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Fit jitter, shot noise and constant noise, σ² = a + b/n + c/n², to scatter where they explain it.
+
+    Parameters
+    ----------
+    scatter_m : (level) [m].
+    level : (level) n, in any unit.
+    count : (level) reports from which each comes.
+
+    Returns
+    -------
+    (level) the law, or the scatter as given if it does not follow the law within its errors.
+    """
+    from scipy.optimize import nnls
+
+    if len(level) < 5:
+        return scatter_m
+    error = scatter_m**2 * np.sqrt(2.0 / count)
+    terms = np.stack([np.ones(len(level)), 1.0 / level, 1.0 / level**2], axis=1) / error[:, None]
+    factors, norm = nnls(terms, scatter_m**2 / error)
+    if norm**2 > 2.0 * (len(level) - 3):
+        return scatter_m
+    law: np.ndarray = np.sqrt(terms @ factors * error)
+    return law
+
+
+def _predict_by_repetition(
+    photons: Photons, detector: AnyDetector, there: _Clusters, draws: int, threads: int | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Predict by detecting the flash again and again with other noise.
+
+    Parameters
+    ----------
+    photons, detector : the light, and the detector.
+    there : the labelled clusters.
+    draws, threads : number of repetitions, and of threads.
+
+    Returns
+    -------
+    probability and scatter [m] (lit).
+    """
+    reported_m = np.empty((draws, len(there.pixel)))
+    for k in range(draws):
+        rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(_SEED, spawn_key=(k,))))
+        reported_m[k] = detect(photons, detector, rng, threads)[0].range_m.ravel()[there.pixel]
+    return _summarise(reported_m, there, photons.pulse_fwhm_s)
+
+
+def _summarise(reported_m: np.ndarray, there: _Clusters, fwhm_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return share and scatter of the reports that count.
+
+    A pixel with few such reports says little about its scatter. The variance of pixels that are about as bright is added to
+    its own with eight degrees of freedom.
+
+    Parameters
+    ----------
+    reported_m : (draw, lit) reported ranges [m], NaN where none.
+    there : the labelled clusters.
+    fwhm_s : length of the pulse [s], which gives the scatter where no pixel reports twice.
+
+    Returns
+    -------
+    probability and scatter [m] (lit).
+    """
+    with np.errstate(invalid="ignore"):
+        inside = (reported_m >= there.near_m) & (reported_m <= there.far_m)
+    count = inside.sum(axis=0)
+    error_m = np.where(inside, reported_m - there.mean_m, 0.0)
+    mean_m = error_m.sum(axis=0) / np.maximum(count, 1)
+    squares = (np.where(inside, error_m - mean_m, 0.0) ** 2).sum(axis=0)
+    freedom = np.maximum(count - 1, 0).astype(float)
+    order = np.argsort(there.photons, kind="stable")
+    window = np.ones(2 * _NEIGHBOURS + 1)
+    summed, free = (
+        np.convolve(values[order], window)[_NEIGHBOURS : _NEIGHBOURS + len(order)] for values in (squares, freedom)
+    )
+    known = np.flatnonzero(free > 0.0)
+    if not len(known):
+        widest_m = fwhm_s * units.RANGE_PER_DELAY_M_S / math.sqrt(12.0)
+        return count / len(reported_m), np.full(len(order), widest_m)
+    pooled = np.empty(len(order))
+    pooled[order] = np.interp(np.arange(len(order)), known, summed[known] / free[known])
+    variance = (squares + _POOLED * pooled) / (freedom + _POOLED)
+    return count / len(reported_m), np.sqrt(variance)
