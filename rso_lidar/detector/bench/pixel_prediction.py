@@ -19,14 +19,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.analysis.noise_effects import split_sunlight
-from rso_lidar.detector.bench.trial import make_plate, run_trial
+from rso_lidar.detector.bench.scatter_table import read_scatter_m, threshold_of_returns
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.detect import AnyDetector, detect, report_probability
@@ -48,19 +47,6 @@ _LEAST_BESIDE = 0.25  # of the threshold's photons: less light in another cluste
 _LEAST_BEHIND = 0.5  # of the labelled light: less light behind it does not draw the algorithm away
 _FAINTEST = 0.3  # of the threshold's photons: less light is hardly ever reported
 _DEEP = 1.5  # pulse lengths
-
-# Grid of the table: photons over those of the threshold, and depth in pulse lengths.
-_LEVELS = np.array(
-    [0.5, 0.65, 0.8, 0.95, 1.1, 1.3, 1.6, 2.0, 2.8, 4.0, 6.5, 12.0, 25.0, 60.0, 120.0, 180.0, 350.0, 1000.0, 3000.0]
-)
-_DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0])
-_TRIALS = 600  # of each level and depth
-_FEWEST_TRIALS = 150  # where many pulses are averaged
-_GATE_UNIT = 0.4  # of the trigger's threshold: a gate searches samples that are known to hold the pulse
-_FAINT_TRIALS = 4  # times as many below the threshold, where few returns are detected
-_FEWEST_REPORTS = 30  # from which a scatter is taken
-_CERTAIN = 1.5  # level from which nearly all returns are reported, so that detection does not select among them
-_OUTLIER = 5.0  # times the scatter by the quartiles: farther off is a false trigger close to the return
 
 
 def predict_pixels(
@@ -221,7 +207,7 @@ def _predict_by_table(
     sigma_m = np.zeros(len(there.pixel))
     for level, weight in split_sunlight(gsfl, sunlight):
         of = np.flatnonzero(weight > 0.0)
-        sigma_m[of] += weight[of] * _read_scatter_m(gsfl, photons, level, there.photons[of], there.depth_s[of])
+        sigma_m[of] += weight[of] * read_scatter_m(gsfl, photons, level, there.photons[of], there.depth_s[of])
     special = np.flatnonzero(_find_special(photons, gsfl, there))
     if len(special):
         probability = probability.copy()
@@ -244,7 +230,7 @@ def _find_special(photons: Photons, gsfl: Gsfl, there: _Clusters) -> np.ndarray:
     light = np.bincount(photons.cluster, photons.photons, n_clusters)
     summed_s = np.bincount(photons.cluster, photons.photons * photons.delay_s, n_clusters)
     range_m = summed_s / np.where(light > 0.0, light, 1.0) * units.RANGE_PER_DELAY_M_S
-    unit = _unit_photons(gsfl)
+    unit = threshold_of_returns(gsfl)
     total = np.bincount(pixel, light, photons.shape[0] * photons.shape[1])
     place = np.searchsorted(there.pixel, pixel)
     of = np.flatnonzero((light > _LEAST_BESIDE * unit) & (np.append(there.pixel, -1)[place] == pixel))
@@ -300,109 +286,6 @@ def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> t
     reported_m = np.asarray(reading.range_m, dtype=float).reshape(draws, n)
     probability, sigma_m = _summarise(reported_m, there, photons.pulse_fwhm_s)
     return probability, np.hypot(sigma_m, gsfl.frame_jitter_s * units.RANGE_PER_DELAY_M_S)
-
-
-def _read_scatter_m(
-    gsfl: Gsfl, photons: Photons, sunlight_per_s: float, light: np.ndarray, depth_s: np.ndarray
-) -> np.ndarray:
-    """Return the scatter of range (lit) [m] by the table of trials, linear in its logarithm.
-
-    Parameters
-    ----------
-    gsfl : the detector.
-    photons : with the shape of the pulse.
-    sunlight_per_s : sunlight on the pixels [photons/s].
-    light, depth_s : (lit) photons, and depth in delay [s].
-    """
-    window = {"armed_from_m": 1.0, "armed_to_m": 2000.0}  # where nothing else is met than the plate
-    gate = None if gsfl.gate is None else gsfl.gate.replace(delay_ns=1000.0)
-    alone = gsfl.alone().replace(gate=gate, camera_seed=0, **window)
-    given = photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), photons.pulse_fwhm_s, sunlight_per_s
-    at = np.clip(depth_s / photons.pulse_fwhm_s, _DEPTHS[0], _DEPTHS[-1])
-    left = np.clip(np.searchsorted(_DEPTHS, at, side="right") - 1, 0, len(_DEPTHS) - 2)
-    share = (at - _DEPTHS[left]) / (_DEPTHS[left + 1] - _DEPTHS[left])
-    level = np.log(light / _unit_photons(gsfl))
-    log_m = np.zeros(len(light))
-    for column in np.unique(np.concatenate([left, left[share > 0.0] + 1])).tolist():
-        weight = np.where(left == column, 1.0 - share, np.where(left + 1 == column, share, 0.0))
-        of = np.flatnonzero(weight > 0.0)
-        if len(of):
-            scatter_m = _try_levels(alone, *given, float(_DEPTHS[column]))
-            log_m[of] += weight[of] * np.interp(level[of], np.log(_LEVELS), np.log(scatter_m))
-    sigma_m: np.ndarray = np.hypot(np.exp(log_m), gsfl.frame_jitter_s * units.RANGE_PER_DELAY_M_S)
-    return sigma_m
-
-
-def _unit_photons(gsfl: Gsfl) -> float:
-    """Return the photons of a return at level 1 of the table: about those that half of all flashes detect."""
-    return gsfl.threshold_photons * (1.0 if gsfl.gate is None else _GATE_UNIT / math.sqrt(gsfl.gate.pulses))
-
-
-@lru_cache(maxsize=512)
-def _try_levels(
-    gsfl: Gsfl, step_s: float, power_per_s: bytes, fwhm_s: float, sunlight_per_s: float, depth: float
-) -> np.ndarray:
-    """Return the scatter of range (level) [m] of reported returns of one depth, by trials.
-
-    Parameters
-    ----------
-    gsfl : the detector, whose pixels do not affect each other.
-    step_s, power_per_s, fwhm_s : taps of the pulse, the second as bytes, and its length [s].
-    sunlight_per_s : sunlight on the pixels [photons/s].
-    depth : of the light, in pulse lengths.
-    """
-    trials = np.where(_LEVELS < 1.0, _FAINT_TRIALS, 1) * max(_TRIALS // gsfl.traits.pulses, _FEWEST_TRIALS)
-    number = np.repeat(np.arange(len(_LEVELS)), trials)
-    n = len(number)
-    middle_m = 0.5 * (gsfl.sees_from_m + gsfl.sees_to_m)
-    pulse = step_s, np.frombuffer(power_per_s)
-    light = make_plate(_LEVELS[number] * _unit_photons(gsfl), n, pulse, fwhm_s, middle_m - 0.5)
-    light = replace(light, depth_spread_s=np.full(n, depth * fwhm_s))
-    if sunlight_per_s > 0.0:
-        light = replace(light, background_photons_per_s=np.full((1, n), sunlight_per_s))
-    found = run_trial(gsfl, light, np.random.Generator(np.random.Philox(_SEED)))
-    level = number[found.detected]
-    scatter_m, count = np.full(len(_LEVELS), np.nan), np.zeros(len(_LEVELS))
-    for k in range(len(_LEVELS)):
-        errors_m = found.range_error_m[level == k]
-        if len(errors_m) < _FEWEST_REPORTS:
-            continue
-        low, middle, high = np.quantile(errors_m, [0.25, 0.5, 0.75])
-        within = np.abs(errors_m - middle) <= _OUTLIER * (high - low) / 1.349 + 1e-6
-        scatter_m[k], count[k] = max(errors_m[within].std(), 1e-6), len(errors_m)
-    usual = (_LEVELS >= _CERTAIN) & (_LEVELS * _unit_photons(gsfl) < gsfl.saturation_photons) & (count > 0)
-    scatter_m[usual] = _smooth(scatter_m[usual], _LEVELS[usual], count[usual])
-    known = np.flatnonzero(np.isfinite(scatter_m))
-    if not len(known):  # nothing so deep is ever reported: a report would come from anywhere in the light
-        return np.full(len(_LEVELS), max(depth, 1.0) * fwhm_s * units.RANGE_PER_DELAY_M_S / math.sqrt(12.0))
-    filled: np.ndarray = scatter_m[known[np.clip(np.searchsorted(known, np.arange(len(_LEVELS))), 0, len(known) - 1)]]
-    return filled
-
-
-def _smooth(scatter_m: np.ndarray, level: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Fit jitter, shot noise and constant noise, σ² = a + b/n + c/n², to scatter where they explain it.
-
-    Parameters
-    ----------
-    scatter_m : (level) [m].
-    level : (level) n, in any unit.
-    count : (level) reports from which each comes.
-
-    Returns
-    -------
-    (level) the law, or the scatter as given if it does not follow the law within its errors.
-    """
-    from scipy.optimize import nnls
-
-    if len(level) < 5:
-        return scatter_m
-    error = scatter_m**2 * np.sqrt(2.0 / count)
-    terms = np.stack([np.ones(len(level)), 1.0 / level, 1.0 / level**2], axis=1) / error[:, None]
-    factors, norm = nnls(terms, scatter_m**2 / error)
-    if norm**2 > 2.0 * (len(level) - 3):
-        return scatter_m
-    law: np.ndarray = np.sqrt(terms @ factors * error)
-    return law
 
 
 def _predict_by_repetition(
