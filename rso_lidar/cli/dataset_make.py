@@ -65,4 +65,7 @@ def make(
     for name in made.splits:
         split = made.split(name)
         echo(f"{name:6} {len(split):9,} frames in {len(split.records):,} shards")
+    if sum(record.samples for record in made.records) == made.spec.n_samples:  # not a part of it
+        for line in dataset.publish(output):
+            echo(line)
     echo(str(output))

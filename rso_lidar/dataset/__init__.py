@@ -1,7 +1,9 @@
 """Datasets for learning: many samples of a scenario drawn by laws, flown, labelled and written in shards."""
 
 from rso_lidar.dataset.annotation.frame_labels import FrameLabels, label_frame
+from rso_lidar.dataset.conversion.dataset_export import export_dataset as export
 from rso_lidar.dataset.making.make import make
+from rso_lidar.dataset.publication.publish import publish
 from rso_lidar.dataset.reading.random_access import Dataset, Split
 from rso_lidar.dataset.reading.random_access import open_dataset as open
 from rso_lidar.dataset.specification.distributions import (
@@ -56,9 +58,11 @@ __all__ = [
     "UniformDirection",
     "UniformRotation",
     "WholeNumber",
+    "export",
     "label_frame",
     "make",
     "open",
+    "publish",
 ]
 
 __dir__ = limit_dir(__name__)

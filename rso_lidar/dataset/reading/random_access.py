@@ -217,12 +217,27 @@ class Split:
         """
         try:
             values: np.ndarray = self._array(shard, name)[row]
-        except OSError as error:
+        except (OSError, RuntimeError) as error:  # of data, and of the names in the file
             raise DatasetError(
                 f"{self.folder / self.records[shard].path}: {name} is damaged ({error}); delete the shard and make again "
                 "with --resume"
             ) from None
         return values
+
+    def read_shard(self, shard: int, names: Iterable[str], rows: slice = slice(None)) -> dict[str, np.ndarray]:
+        """Read frames of one shard that follow each other, in one go.
+
+        Parameters
+        ----------
+        shard : number of the shard in `records`.
+        names : of the arrays.
+        rows : the frames, by their place in the shard.
+
+        Returns
+        -------
+        Arrays by name, each with the frame as its first dimension.
+        """
+        return {name: self._read(shard, name, rows) for name in names}
 
     def column(self, name: str) -> np.ndarray:
         """Read one array of all frames. Images of a large split need much memory.

@@ -80,3 +80,8 @@ def describe_array(name: str) -> ArraySpec:
         place = name.removeprefix(VARIABLE_PREFIX)
         return ArraySpec((), np.dtype("f8"), "1", f"drawn value of {place}, in its unit; NaN where it is not drawn")
     return specs(LabelledFrame)[name]
+
+
+def is_image(name: str) -> bool:
+    """Return whether an array holds an image of each frame, and not a number or a short vector."""
+    return len(describe_array(name).dims) > 1

@@ -135,8 +135,8 @@ def _write_images(place: Path, scene: Path, frame: Frame) -> float:
     counts[valid] = np.maximum(np.rint(depth_mm[valid] / step), 1)  # 0 means no depth
     counts[counts > FULL] = 0
     name = f"{get_file_stem(place, frame)}.png"
-    write_new_file(place, scene / "depth" / name, _encode_png(counts.astype(np.uint16)))
-    write_new_file(place, scene / "gray" / name, _encode_png(frame.intensity_counts))
+    write_new_file(place, scene / "depth" / name, encode_png(counts.astype(np.uint16)))
+    write_new_file(place, scene / "gray" / name, encode_png(frame.intensity_counts))
     return step
 
 
@@ -197,7 +197,7 @@ def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict
         mask = frame.labels.target == number
         file = f"{get_file_stem(place, frame)}_{place_in_image:06d}.png"
         for folder in ("mask", "mask_visib"):
-            write_new_file(place, scene / folder / file, _encode_png((mask * 255).astype(np.uint8)))
+            write_new_file(place, scene / folder / file, encode_png((mask * 255).astype(np.uint8)))
         count, box = int(mask.sum()), _find_box(mask)
         infos.append(
             {
@@ -221,7 +221,7 @@ def _find_box(mask: np.ndarray) -> list[int]:
     return [left, top, int(col.max()) - left + 1, int(row.max()) - top + 1]
 
 
-def _encode_png(image: np.ndarray) -> bytes:
+def encode_png(image: np.ndarray) -> bytes:
     """Encode an image of 8 or 16 bits as a grey PNG."""
     from PIL import Image
 

@@ -14,10 +14,11 @@ from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_draft, is_same, make_write_error
 from rso_lidar.interruption import defer_signals, remove_on_signal
 
-MARKS = ("source.json", "zarr.json", "metadata.yaml")  # a folder that we wrote has one of these,
+MARKS = ("source.json", "zarr.json", "metadata.yaml", "dataset_export.json")  # a folder that we wrote has one of these,
 MARK = "rso_lidar_version"  # with this in it
 _OURS = re.compile(
     r"source\.json|frames\.jsonl|camera\.json|zarr\.json|metadata\.yaml|.+_0\.mcap|000000|\d{6,}\.(pcd|ply)"
+    r"|dataset_export\.json|images|annotations|(train|val|test)-\d{6}\.(tar|tfrecord)"
 )
 
 

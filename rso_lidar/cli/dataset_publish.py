@@ -1,0 +1,28 @@
+"""`rso-lidar dataset publish`: the card, the Croissant description and the table of frames of a dataset."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar.cli.terminal import echo
+from rso_lidar.dataset.publication.publish import publish as write_publication
+
+
+def publish(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the dataset.")],
+    licence: Annotated[
+        str | None, typer.Option("--licence", metavar="SPDX", help="Licence of the frames, such as CC-BY-4.0.")
+    ] = None,
+    creator: Annotated[
+        list[str] | None, typer.Option("--creator", metavar="NAME", help="Who made it; may be repeated.")
+    ] = None,
+    url: Annotated[str | None, typer.Option("--url", metavar="URL", help="Where the dataset will be.")] = None,
+) -> None:
+    """Write the card, the Croissant description, the table of frames and two pictures again.
+
+    What is not given stays as it was stated before.
+    """
+    for line in write_publication(folder, licence=licence, creators=tuple(creator or ()), url=url):
+        echo(line)
+    echo(str(folder / "README.md"))

@@ -1,0 +1,173 @@
+"""Frames of a dataset one by one for an export: their name, numbers, words and images, at constant memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain, islice
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar.dataset.shards.layout import is_image
+from rso_lidar.errors import DatasetError, did_you_mean
+from rso_lidar.files import MOST_BYTES, read_text
+from rso_lidar.part.toml_text import parse_toml
+
+if TYPE_CHECKING:
+    from rso_lidar.dataset.reading.random_access import Dataset, Split
+
+BATCH = 32  # frames read at once
+FRAMES_PER_FILE = 1024  # of an export in large files: 0.1 GB of 128 x 128 pixels, a size that object stores serve well
+USUAL_IMAGES = ("range_m", "intensity_counts", "saturated", "target", "part_class_id")
+_IDENTITY = ("sample", "step", "draw")
+
+
+@dataclass(frozen=True)
+class ExportedFrame:
+    """One frame of a dataset on its way into an export.
+
+    `numbers` has the numbers and short vectors of the frame by name, `words` its split and the names of its class, model
+    and sensor (None: it has none), and `images` the arrays (row, col) that were asked for.
+    """
+
+    name: str
+    numbers: Mapping[str, Any]
+    words: Mapping[str, str | None]
+    images: Mapping[str, np.ndarray]
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """Numbers and words as JSON takes them; None for what is not a number."""
+        return {name: _to_json(np.asarray(value).tolist()) for name, value in self.numbers.items()} | dict(self.words)
+
+
+def read_frames(data: Dataset, split: str, images: Sequence[str]) -> Iterator[ExportedFrame]:
+    """Read the frames of a split in their order.
+
+    Parameters
+    ----------
+    data : the dataset.
+    split : name of the split.
+    images : names of the arrays of images to read.
+
+    Yields
+    ------
+    ExportedFrame
+    """
+    frames = data.split(split)
+    columns = [name for name in frames.names if not is_image(name)]
+    for batch in read_batches(frames, [*columns, *images]):
+        for place in range(len(batch["sample"])):
+            numbers = {column: batch[column][place] for column in columns}
+            found = {image: batch[image][place] for image in images}
+            words = {"split": split, **find_names(data, numbers)}
+            yield ExportedFrame(name_frame(numbers), numbers, words, found)
+
+
+def read_batches(frames: Split, names: Sequence[str]) -> Iterator[dict[str, np.ndarray]]:
+    """Read arrays of a split in the order of its frames, a few frames at a time.
+
+    Parameters
+    ----------
+    frames : the split.
+    names : of the arrays.
+
+    Yields
+    ------
+    dict
+        Arrays by name, with at most `BATCH` frames on their first axis.
+    """
+    for shard, record in enumerate(frames.records):
+        for start in range(0, record.frames, BATCH):
+            yield frames.read_shard(shard, names, slice(start, start + BATCH))
+
+
+def divide(frames: Iterable[ExportedFrame], size: int = FRAMES_PER_FILE) -> Iterator[Iterator[ExportedFrame]]:
+    """Divide frames into groups of a size; take all of a group before the next.
+
+    Parameters
+    ----------
+    frames : in their order.
+    size : of all groups but the last.
+    """
+    left = iter(frames)
+    for first in left:
+        yield chain([first], islice(left, size - 1))
+
+
+def choose_images(frames: Split, wanted: Sequence[str]) -> list[str]:
+    """Choose the arrays of images to export.
+
+    Parameters
+    ----------
+    frames : a split.
+    wanted : names of arrays; ``all`` stands for all of them, and no name for `USUAL_IMAGES`.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    DatasetError
+        If the dataset has no images of such a name.
+    """
+    known = [name for name in frames.names if is_image(name)]
+    for name in wanted:
+        if name not in (*known, "all"):
+            raise DatasetError(f"{name}: no such images{did_you_mean(name, known)} (known: {', '.join(known)}; or all)")
+    if "all" in wanted:
+        return known
+    return [name for name in known if name in (wanted or USUAL_IMAGES)]
+
+
+def name_frame(numbers: Mapping[str, Any]) -> str:
+    """Return the name of a frame, unique in its dataset: sample, step and draw.
+
+    Parameters
+    ----------
+    numbers : of the frame.
+
+    >>> name_frame({"sample": 17, "step": 2, "draw": 1})
+    '00000017-0002-01'
+    """
+    sample, step, draw = (int(numbers[name]) for name in _IDENTITY)
+    return f"{sample:08d}-{step:04d}-{draw:02d}"
+
+
+def find_names(data: Dataset, numbers: Mapping[str, Any]) -> dict[str, str | None]:
+    """Return the names of the class, model and sensor of a frame; None where it has none.
+
+    Parameters
+    ----------
+    data : the dataset.
+    numbers : of the frame.
+    """
+    lists = {"class": data.classes, "model": data.models, "sensor": data.sensors}
+    places = {word: int(numbers[f"{word}_id"]) for word in lists}
+    return {word: names[places[word]] if places[word] >= 0 else None for word, names in lists.items()}
+
+
+def find_target_number(data: Dataset) -> int:
+    """Return the number, in the labels of pixels, of the target that the labels of frames describe.
+
+    Parameters
+    ----------
+    data : the dataset.
+    """
+    if data.spec.target is None:
+        return 0
+    place = data.folder / "scenario.toml"
+    tables = parse_toml(read_text(place, MOST_BYTES, DatasetError), str(place), DatasetError)
+    names = [one.get("name") for one in tables.get("target", [])]
+    if data.spec.target not in names:
+        raise DatasetError(f"{place}: has no target '{data.spec.target}', which dataset.toml names; restore both files")
+    return names.index(data.spec.target)
+
+
+def _to_json(value: Any) -> Any:
+    """Replace the numbers that JSON does not know by None."""
+    if isinstance(value, list):
+        return [_to_json(one) for one in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

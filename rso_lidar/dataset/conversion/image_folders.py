@@ -1,0 +1,107 @@
+"""Frames as folders of PNG images, with annotations in the format of COCO, for people who look and for image tools."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar.dataset.conversion.coco_annotations import CocoWriter, open_coco
+from rso_lidar.dataset.conversion.frame_batches import ExportedFrame, find_target_number, read_batches, read_frames
+from rso_lidar.export.formats.bop import BEYOND, BEYOND_M, FULL, choose_depth_scale, encode_png
+from rso_lidar.units import MM
+
+if TYPE_CHECKING:
+    from rso_lidar.dataset.reading.random_access import Dataset
+
+LEAST_PHOTONS = 1.0  # expected photons from which a pixel belongs to the mask of a target
+MASKS = ("target", "part_class_id")  # label k is the grey level k + 1, and the sky is 0
+_READ = ("range_m", "intensity_counts", "photons", *MASKS)
+_OF_TARGET = ("lit_pixels", "reporting_pixels", "range_to_target_m", "position_m", "quaternion_xyzw")
+
+
+def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info: Mapping[str, Any]) -> float:
+    """Write images/<split>/<range|intensity|target|part_class_id>/<frame>.png, and annotations/<split>.json.
+
+    A grey level of a range image is a step of range, the same in all images of the folder; 0 is no return.
+
+    Parameters
+    ----------
+    folder : to write into.
+    data : the dataset.
+    splits : names of the splits to write.
+    info : about the dataset, for the annotation files.
+
+    Returns
+    -------
+    float
+        Step of range [mm]: the finest of 0.1, 0.2, 0.5, 1, … with which 16 bits reach the farthest true range.
+    """
+    step_mm = choose_depth_scale(_find_farthest_m(data, splits) / MM)
+    target = find_target_number(data)
+    (folder / "annotations").mkdir()
+    for split in splits:
+        for kind in ("range", "intensity", *MASKS):
+            (folder / "images" / split / kind).mkdir(parents=True)
+        told = {**info, "range_step_mm": step_mm}
+        with open_coco(folder / "annotations" / f"{split}.json", told, data.classes) as coco:
+            for frame in read_frames(data, split, _READ):
+                _write_images(folder / "images" / split, frame, step_mm)
+                _annotate(coco, frame, target)
+    return step_mm
+
+
+def _find_farthest_m(data: Dataset, splits: Sequence[str]) -> float:
+    """Return the farthest true range of any pixel of some splits, with a margin [m].
+
+    Parameters
+    ----------
+    data : the dataset.
+    splits : names of the splits.
+    """
+    farthest_m = 0.0
+    for split in splits:
+        for batch in read_batches(data.split(split), ["true_range_m"]):
+            known = batch["true_range_m"][np.isfinite(batch["true_range_m"])]
+            farthest_m = max(farthest_m, float(known.max(initial=0.0)))
+    return BEYOND * farthest_m + BEYOND_M
+
+
+def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
+    """Write the images of one frame.
+
+    Parameters
+    ----------
+    folder : of the split.
+    frame : with its images.
+    step_mm : range of one grey level [mm].
+    """
+    range_m = frame.images["range_m"]
+    valid = np.isfinite(range_m)
+    levels = np.zeros(range_m.shape)
+    levels[valid] = np.maximum(np.rint(range_m[valid].astype(float) / (step_mm * MM)), 1)
+    levels[levels > FULL] = 0  # false returns far behind everything that is there
+    pictures = {"range": levels.astype(np.uint16), "intensity": frame.images["intensity_counts"].astype(np.uint16)}
+    pictures |= {mask: (frame.images[mask] + 1).astype(np.uint8) for mask in MASKS}
+    for kind, picture in pictures.items():
+        (folder / kind / f"{frame.name}.png").write_bytes(encode_png(picture))
+
+
+def _annotate(coco: CocoWriter, frame: ExportedFrame, target: int) -> None:
+    """Add a frame, and its target where there is one, to the annotations of its split.
+
+    Parameters
+    ----------
+    coco : the annotations.
+    frame : with its images.
+    target : number of the target in the labels.
+    """
+    n_rows, n_cols = frame.images["target"].shape
+    told = frame.description
+    image = {"file_name": f"{told['split']}/intensity/{frame.name}.png", "height": n_rows, "width": n_cols}
+    mask = (frame.images["target"] == target) & (frame.images["photons"] >= LEAST_PHOTONS)
+    coco.add(
+        {**image, **told}, mask & bool(told["present"]), told["class_id"] + 1, {key: told[key] for key in _OF_TARGET}
+    )

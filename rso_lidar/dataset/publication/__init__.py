@@ -1,0 +1,1 @@
+"""Datasets made public: the card, the Croissant description and the table of frames in their folder."""

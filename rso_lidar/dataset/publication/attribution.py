@@ -1,0 +1,54 @@
+"""Who made a dataset public and under which licence: stated once, and kept when its files are written again."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rso_lidar.errors import DatasetError
+
+CROISSANT = "croissant.json"
+SPDX = "https://spdx.org/licenses/"
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """Licence (an SPDX identifier), creators and web address of a dataset, as far as they were stated."""
+
+    licence: str | None = None
+    creators: tuple[str, ...] = ()
+    url: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.licence is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9.+-]*", self.licence):
+            raise DatasetError(f"licence {self.licence!r:.60}: is no SPDX identifier; write for example CC-BY-4.0")
+        if self.url is not None and not re.fullmatch(r"https?://[^\s\"<>]+", self.url):
+            raise DatasetError(f"url {self.url!r:.60}: is no web address; write for example https://example.org/set")
+        if not all(name.strip() and name.isprintable() for name in self.creators):
+            raise DatasetError("creator: an empty name, or one with control characters; write the name in one line")
+
+
+def read_attribution(folder: Path) -> Attribution:
+    """Read what an earlier publication of a dataset stated.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+
+    Returns
+    -------
+    Attribution
+        Empty where there is none yet, or its file was changed beyond recognition.
+    """
+    try:
+        found: dict[str, Any] = json.loads((folder / CROISSANT).read_text(encoding="utf-8"))
+        return Attribution(
+            licence=found["license"].removeprefix(SPDX).removesuffix(".html") if "license" in found else None,
+            creators=tuple(one["name"] for one in found.get("creator", [])),
+            url=found.get("url"),
+        )
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return Attribution()

@@ -1,0 +1,54 @@
+"""Sentences about a dataset that its card and its Croissant description share."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rso_lidar.dataset.publication.attribution import Attribution
+
+if TYPE_CHECKING:
+    from rso_lidar.dataset.reading.random_access import Dataset
+
+CARD = "README.md"
+LIMITS = (
+    "All frames are simulated. No real measurement was used or compared with, so a result on them does not prove the same "
+    "result on a real sensor.",
+    "Materials of most models are chosen by what surfaces look like, not measured; intensities inherit that uncertainty.",
+    "Models are simplified; the table of models tells what of each is published and what is guessed.",
+    "Numbers of the instrument that no publication states are assumed; the table of the sensor marks them.",
+    "Poses follow the laws of the specification, not the statistics of missions, and the frequencies of classes are chosen.",
+)
+PAPER = (
+    "Fuller, L., Karl, R., Jr., Anderson, B., Lee-Roller, M.: Development of a versatile LiDAR point cloud simulation "
+    "testbed for advanced RSO algorithms"
+)
+
+
+def describe_dataset(data: Dataset) -> str:
+    """Describe a dataset in one or two sentences.
+
+    Parameters
+    ----------
+    data : the dataset.
+    """
+    total = sum(len(data.split(name)) for name in data.splits)
+    splits = ", ".join(f"{len(data.split(name)):,} {name}" for name in data.splits)
+    n_rows, n_cols = data.split(data.splits[0]).read([0], ["range_m"])["range_m"].shape[1:]
+    return (
+        f"{total:,} simulated frames ({splits}) of a flash lidar with {n_rows} x {n_cols} pixels that looks at spacecraft: "
+        f"range, intensity and labels of {len(data.classes)} classes. Each frame has the class, pose, box and range of its "
+        "target, and for each pixel the true range, the expected photons and the part of the target."
+    )
+
+
+def cite(data: Dataset, attribution: Attribution) -> str:
+    """Return how to cite a dataset.
+
+    Parameters
+    ----------
+    data : the dataset.
+    attribution : its creators and web address.
+    """
+    who = ", ".join(attribution.creators) or "Anonymous"
+    where = f" {attribution.url}" if attribution.url else ""
+    return f"{who}: {data.spec.name} (dataset {data.constants.sha256[:12]}, made with rso_lidar).{where}"

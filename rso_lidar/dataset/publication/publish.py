@@ -1,0 +1,86 @@
+"""A finished dataset made public: its table of frames, pictures, card and Croissant description in its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar.dataset.publication.attribution import CROISSANT, Attribution, read_attribution
+from rso_lidar.dataset.publication.card_text import CARD
+from rso_lidar.dataset.publication.croissant import write_croissant
+from rso_lidar.dataset.publication.dataset_card import write_card
+from rso_lidar.dataset.publication.frame_counts import count_frames
+from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet, write_frame_index
+from rso_lidar.dataset.reading.random_access import Dataset
+from rso_lidar.errors import DatasetError
+from rso_lidar.picture.frames.label_images import save_label_images
+
+PICTURES = ("sample_frame_1.png", "sample_frame_2.png")
+_MOST_FRAMES = 256  # of the first shard, among which frames for pictures are chosen
+_DRAWN = ("range_m", "intensity_counts", "part_class_id", "detection_probability", "photons")
+
+
+def publish(
+    folder: Path, *, licence: str | None = None, creators: tuple[str, ...] = (), url: str | None = None
+) -> list[str]:
+    """Write the card, the Croissant description, the table of frames and two pictures into the folder of a dataset.
+
+    What is not given stays as an earlier publication stated it.
+
+    Parameters
+    ----------
+    folder : of a complete dataset.
+    licence : SPDX identifier, such as ``CC-BY-4.0``.
+    creators : names of persons or groups.
+    url : where the dataset will be.
+
+    Returns
+    -------
+    list of str
+        Lines for the user: what was written, and what is missing.
+
+    Raises
+    ------
+    DatasetError
+        If the folder is no dataset or holds no frames, a shard is damaged, or an argument is not valid.
+    RunError
+        If writing fails.
+    """
+    data = Dataset(folder)
+    if not data.splits:
+        raise DatasetError(f"{folder}: holds no frames yet; make them with --resume")
+    stated = read_attribution(folder)
+    attribution = Attribution(licence or stated.licence, creators or stated.creators, url or stated.url)
+    lines = []
+    if has_parquet():
+        write_frame_index(data)
+    else:
+        (folder / INDEX).unlink(missing_ok=True)  # of an earlier run: it would not describe these frames
+        lines.append(f"{INDEX} left out: it needs an extra, pip install rso-lidar[parquet]")
+    pictures = _draw_pictures(data)
+    write_card(data, count_frames(data), pictures, attribution)
+    write_croissant(data, attribution)
+    if attribution.licence is None:
+        lines.append(f"{CARD} and {CROISSANT} state no licence: rso-lidar dataset publish {folder} --licence CC-BY-4.0")
+    return lines
+
+
+def _draw_pictures(data: Dataset) -> list[str]:
+    """Draw the frames of the first shard with the median and with most reporting pixels; return names of the pictures."""
+    split = data.split(data.splits[0])
+    rows = range(min(_MOST_FRAMES, len(split)))
+    reporting = split.read(rows, ["reporting_pixels"])["reporting_pixels"]
+    order = np.argsort(reporting, kind="stable")[::-1]
+    found = order[: max(1, int((reporting > 0).sum()))]
+    chosen = dict.fromkeys((int(found[0]), int(found[len(found) // 2])))
+    names = []
+    for name, row in zip(PICTURES, chosen, strict=False):
+        frame = split[row]
+        number = int(frame["class_id"])
+        what = f"{data.classes[number]} at {float(frame['range_to_target_m']):,.1f} m" if number >= 0 else "no target"
+        note = f"sample {int(frame['sample'])} of {split.name}: {what}"
+        images = {image: frame[image] for image in _DRAWN if image in frame}
+        save_label_images(data.folder / name, images, data.part_classes, data.spec.name, note)
+        names.append(name)
+    return names

@@ -1,0 +1,131 @@
+"""Images of one frame of a dataset as a figure: what was measured, and what the labels say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar.picture.selection.window import Window, bounding_window, crop
+from rso_lidar.picture.style.figures import new_figure
+from rso_lidar.picture.style.output import save_figure
+from rso_lidar.picture.style.palette import INK, INTENSITY_RAMP, NO_RETURN, PARTS, QUIET, RANGE_RAMP, hex_colour
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_TITLES = {
+    "range_m": "measured range [m]",
+    "intensity_counts": "measured intensity [counts]",
+    "part_class_id": "part class (label)",
+    "detection_probability": "detection probability (label)",
+    "photons": "expected photons (label)",
+}
+_RAMPS = {"range_m": RANGE_RAMP, "intensity_counts": INTENSITY_RAMP}
+_PANELS = 4
+
+
+def save_label_images(
+    path: Path, images: Mapping[str, np.ndarray], part_classes: Sequence[str], title: str, note: str
+) -> Path:
+    """Draw `label_figure` and write it by the suffix of a path; return the path.
+
+    Parameters
+    ----------
+    path : of the picture; an existing file is replaced.
+    images, part_classes, title, note : as of `label_figure`.
+    """
+    return save_figure(label_figure(images, part_classes, title, note), path)
+
+
+def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], title: str, note: str) -> Figure:
+    """Draw up to four images of one frame, in the square around the target.
+
+    Parameters
+    ----------
+    images : arrays (row, col) by name: of the reading, and labels; ``part_class_id`` is among them, -1 for sky.
+    part_classes : names of the part classes.
+    title, note : heading of the figure.
+
+    Returns
+    -------
+    Figure
+    """
+    on_target = images["part_class_id"] >= 0
+    window = crop(bounding_window(on_target))
+    figure = new_figure(10.6, 3.4, title, note)
+    for axes, name in zip(figure.subplots(1, _PANELS).flat, images, strict=False):
+        if name == "part_class_id":
+            _draw_classes(axes, images[name], part_classes, window)
+        else:
+            _draw_values(axes, name, images[name].astype(float), on_target, window)
+        axes.set_title(_TITLES[name], loc="left", fontsize=9, color=hex_colour(INK))
+        axes.tick_params(labelsize=7, colors=hex_colour(QUIET))
+    return figure
+
+
+def _extent(window: Window) -> tuple[float, float, float, float]:
+    """Return the edges of a window in columns and rows, for matplotlib."""
+    return window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5
+
+
+def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarray, window: Window) -> None:
+    """Draw an image of numbers with its colour bar; what is zero or absent is dark.
+
+    Colours span the pixels of targets, so that a false return far behind them does not take the whole scale.
+
+    Parameters
+    ----------
+    axes, name : the panel, and the name of the array.
+    values : (row, col).
+    on_target : (row, col) bool, pixels of targets.
+    window : the part of the field shown.
+    """
+    from matplotlib import colormaps
+    from matplotlib.colors import LogNorm, Normalize
+    from matplotlib.ticker import LogLocator, StrMethodFormatter
+
+    shown = window.cut(values)
+    absent = ~np.isfinite(shown) if name == "range_m" else shown <= 0.0
+    seen = shown[~absent & window.cut(on_target)]
+    low, high = np.percentile(seen, [2, 98]) if seen.size else (0.0, 1.0)
+    colours = colormaps[_RAMPS.get(name, RANGE_RAMP)].with_extremes(bad=hex_colour(NO_RETURN))
+    pad = 0.05 if high - low < 0.1 else 0.0  # a flat target: its noise does not fill the ramp
+    is_light = name in ("intensity_counts", "photons")  # a few glints outshine the rest
+    norm = LogNorm(low, high) if is_light and 0.0 < low < high else Normalize(low - pad, high + pad)
+    masked = np.ma.masked_array(shown, absent)
+    drawn = axes.imshow(masked, cmap=colours, norm=norm, extent=_extent(window), interpolation="nearest")
+    bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.8)
+    bar.ax.tick_params(which="both", labelsize=7, colors=hex_colour(QUIET))
+    if isinstance(norm, LogNorm):
+        bar.locator, bar.formatter = LogLocator(subs=(1.0, 2.0, 5.0)), StrMethodFormatter("{x:,.0f}")
+        bar.minorticks_off()
+    else:
+        bar.ax.ticklabel_format(useOffset=False, style="plain")
+
+
+def _draw_classes(axes: Axes, classes: np.ndarray, names: Sequence[str], window: Window) -> None:
+    """Draw the part classes of pixels, with a legend of those that are there.
+
+    Parameters
+    ----------
+    axes : the panel.
+    classes : (row, col) numbers, -1 for sky.
+    names : of the part classes.
+    window : the part of the field shown.
+    """
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    shown = window.cut(classes)
+    colours = [PARTS[k % len(PARTS)] for k in range(len(names))]
+    ramp = ListedColormap([hex_colour(NO_RETURN), *colours])
+    limits: dict[str, Any] = {"vmin": -1.5, "vmax": len(names) - 0.5}
+    axes.imshow(shown, cmap=ramp, extent=_extent(window), interpolation="nearest", **limits)
+    there = [k for k in range(len(names)) if (shown == k).any()]
+    if there:
+        keys = [Patch(color=colours[k], label=names[k]) for k in there]
+        axes.legend(handles=keys, fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)

@@ -1,0 +1,76 @@
+"""A dataset made public in one call, and refused where it cannot be."""
+
+import io
+import json
+import sys
+
+import pytest
+from PIL import Image
+
+from rso_lidar.dataset.publication import publish as publish_module
+from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet
+from rso_lidar.dataset.publication.publish import PICTURES, publish
+from rso_lidar.errors import DatasetError
+
+
+def test_a_folder_gets_card_description_table_and_pictures(folder):
+    before = {file.name for file in folder.iterdir()}
+    lines = publish(folder, licence="CC-BY-4.0", creators=("A. Person",))
+    assert lines == [] if has_parquet() else "extra" in lines[0]
+    table = {INDEX} if has_parquet() else set()
+    assert {file.name for file in folder.iterdir()} - before == {"README.md", "croissant.json", *PICTURES, *table}
+    card = (folder / "README.md").read_text(encoding="utf-8")
+    for name in PICTURES:
+        assert f"]({name})" in card
+        width, height = Image.open(io.BytesIO((folder / name).read_bytes())).size
+        assert width > 1000 and height > 300
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the pictures out, which take seconds."""
+    monkeypatch.setattr(publish_module, "_draw_pictures", lambda data: [])
+
+
+def test_what_was_stated_once_stays(folder, undrawn):
+    publish(folder, licence="CC-BY-4.0", creators=("A. Person",))
+    publish(folder, url="https://example.org/a")
+    found = json.loads((folder / "croissant.json").read_text(encoding="utf-8"))
+    assert "CC-BY-4.0" in found["license"] and found["creator"][0]["name"] == "A. Person"
+    assert found["url"] == "https://example.org/a"
+
+
+def test_without_a_licence_or_pyarrow_a_line_says_so(folder, monkeypatch, undrawn):
+    (folder / INDEX).write_bytes(b"of an earlier run")
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    lines = publish(folder)
+    assert lines == [
+        "index.parquet left out: it needs an extra, pip install rso-lidar[parquet]",
+        f"README.md and croissant.json state no licence: rso-lidar dataset publish {folder} --licence CC-BY-4.0",
+    ]
+    assert not (folder / INDEX).exists()
+
+
+def test_a_folder_without_frames_is_refused(folder):
+    (folder / "manifest.jsonl").unlink()
+    with pytest.raises(DatasetError, match="holds no frames yet; make them with --resume"):
+        publish(folder)
+
+
+def test_a_folder_that_is_no_dataset_is_refused(tmp_path):
+    with pytest.raises(DatasetError, match="is not the folder of a dataset"):
+        publish(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_shard_is_named(folder):
+    (folder / "train" / "000001.h5").unlink()
+    with pytest.raises(DatasetError, match=r"train/000001\.h5: the shard is missing"):
+        publish(folder)
+
+
+def test_a_wrong_licence_changes_nothing(folder):
+    before = sorted(folder.iterdir())
+    with pytest.raises(DatasetError, match="is no SPDX identifier"):
+        publish(folder, licence="do what you like")
+    assert sorted(folder.iterdir()) == before

@@ -1,0 +1,35 @@
+"""Parameters of a sensor: all of a lidar, with meanings, and which are assumed."""
+
+import json
+
+import rso_lidar as rl
+from rso_lidar.dataset.publication.sensor_table import list_parameters
+from rso_lidar.scenario import Lidar
+
+
+def find_parameters(**parts):
+    """Return the parameters of a lidar by place."""
+    lidar = Lidar(**{"laser": rl.Laser(divergence_deg=2.5), "receiver": rl.Receiver(fov_deg=2.5, f_number=2.8)} | parts)
+    return {one.place: one for one in list_parameters(json.dumps(lidar.model_dump(mode="json", exclude_none=True)))}
+
+
+def test_parameters_have_places_values_and_meanings():
+    found = find_parameters(laser=rl.Laser(energy_mj=40.0, divergence_deg=2.5))
+    assert found["lidar.laser.energy_mj"].value == "40.0"
+    assert found["lidar.laser.wavelength_nm"].meaning.endswith(".")
+    assert not found["lidar.laser.energy_mj"].is_assumed
+
+
+def test_a_default_that_has_no_source_is_assumed_until_it_is_set():
+    place = "lidar.detector.adc_bits"
+    default, chosen = (find_parameters(detector=part) for part in (rl.Empirical(), rl.Empirical(adc_bits=14)))
+    assert default[place].is_assumed and "assumed" in default[place].meaning
+    assert chosen[place].value == "14" and not chosen[place].is_assumed
+
+
+def test_an_unknown_instrument_is_listed_without_meanings():
+    found = list_parameters(json.dumps({"detector": {"type": "mine", "gain": [1, 2.5]}}))
+    assert [(one.place, one.value, one.meaning) for one in found] == [
+        ("lidar.detector.type", '"mine"', ""),
+        ("lidar.detector.gain", "[1, 2.5]", ""),
+    ]
