@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks import dataset, growth, orbit, peers, report, sampling, stages, startup, workers
+from benchmarks import dataset, growth, labelled, orbit, peers, report, sampling, stages, startup, workers
 from benchmarks.report import HEADER, Findings, table
 
-PARTS = ("stages", "sampling", "peers", "dataset", "workers", "startup", "growth", "orbit")
+PARTS = ("stages", "sampling", "peers", "dataset", "labelled", "workers", "startup", "growth", "orbit")
 
 
 def main() -> None:
@@ -33,6 +33,7 @@ def main() -> None:
         "sampling": lambda: sampling.run(quick=chosen.quick),
         "peers": lambda: peers.run(quick=chosen.quick),
         "dataset": lambda: dataset.run(quick=chosen.quick),
+        "labelled": lambda: labelled.run(quick=chosen.quick),
         "workers": lambda: workers.run(quick=chosen.quick),
         "startup": lambda: startup.run(quick=chosen.quick),
         "growth": lambda: growth.run(quick=chosen.quick, frames=chosen.frames, pictures=pictures),

@@ -6,11 +6,13 @@ import json
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from rso_lidar.errors import DatasetError, RunError
 from rso_lidar.files import advise_on_write, hold_lock
 
 MANIFEST = "manifest.jsonl"
+_LONGEST_LINE = 2**16  # bytes; a line is some 400 long
 _LOCK_WAIT_S = 60.0  # appending a line takes milliseconds
 
 
@@ -73,8 +75,7 @@ def append_record(folder: Path, record: ShardRecord, dataset: str) -> None:
     with hold_lock(folder / f".{MANIFEST}.lock", wait_s=_LOCK_WAIT_S):
         try:
             with place.open("a+b") as stream:
-                whole = _find_whole_lines(place)
-                stream.truncate(whole)
+                stream.truncate(_find_whole_lines(stream))
                 stream.write(line.encode())
                 stream.flush()
                 os.fsync(stream.fileno())
@@ -84,7 +85,9 @@ def append_record(folder: Path, record: ShardRecord, dataset: str) -> None:
             ) from error
 
 
-def _find_whole_lines(place: Path) -> int:
-    """Return the length of a file up to the end of its last complete line."""
-    data = place.read_bytes()
-    return data.rfind(b"\n") + 1
+def _find_whole_lines(stream: BinaryIO) -> int:
+    """Return the length of a file up to the end of its last complete line; only its end is read."""
+    size = stream.seek(0, os.SEEK_END)
+    stream.seek(max(0, size - _LONGEST_LINE))
+    tail = stream.read()
+    return size - len(tail) + tail.rfind(b"\n") + 1
