@@ -219,10 +219,10 @@ def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None) -> 
         For a specification or a scenario that is not valid.
     """
     spec = given if isinstance(given, DatasetSpec) else DatasetSpec.load(convert_path(given, ScenarioError))
-    path = find(expand_user(spec.scenario), spec.folder)
+    path = find(expand_user(spec.scenario), spec.folder) or find(Path("examples", spec.scenario))
     if path is None:
         raise DatasetError(
-            f"{spec.where}: scenario: no file '{spec.scenario}' beside it nor among the shipped data; check the name"
+            f"{spec.where}: scenario: no file '{spec.scenario}' beside it nor among the shipped examples; check the name"
         )
     tables = parse_toml(read_toml(path), path.name, ScenarioError)
     with add_place(spec.where):
