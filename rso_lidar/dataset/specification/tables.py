@@ -204,7 +204,7 @@ class OptionalLabels(Part):
     """Labels that cost time or space, beside those that every frame has."""
 
     prediction: Flag = Field(
-        default=False, description="Detection probability and standard deviation of range, pixel by pixel."
+        default=True, description="Detection probability and standard deviation of range, pixel by pixel."
     )
     part_visibility: Flag = Field(
         default=False,
