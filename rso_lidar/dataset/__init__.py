@@ -6,6 +6,9 @@ from rso_lidar.dataset.making.make import make
 from rso_lidar.dataset.publication.publish import publish
 from rso_lidar.dataset.reading.random_access import Dataset, Split
 from rso_lidar.dataset.reading.random_access import open_dataset as open
+from rso_lidar.dataset.scoring.comparison import Comparison, compare
+from rso_lidar.dataset.scoring.folder_scores import score
+from rso_lidar.dataset.scoring.scorecard import Scorecard
 from rso_lidar.dataset.specification.distributions import (
     Choice,
     LogUniform,
@@ -37,6 +40,7 @@ __all__ = [
     "Choice",
     "ClassOfTargets",
     "Clutter",
+    "Comparison",
     "Dataset",
     "DatasetSpec",
     "DrawnField",
@@ -49,6 +53,7 @@ __all__ = [
     "RandomSplit",
     "RandomView",
     "ReferencePointing",
+    "Scorecard",
     "SensorEntry",
     "SensorSplit",
     "Shell",
@@ -58,11 +63,13 @@ __all__ = [
     "UniformDirection",
     "UniformRotation",
     "WholeNumber",
+    "compare",
     "export",
     "label_frame",
     "make",
     "open",
     "publish",
+    "score",
 ]
 
 __dir__ = limit_dir(__name__)

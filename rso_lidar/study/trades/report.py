@@ -17,10 +17,10 @@ from rso_lidar.files import write_atomically, write_columns
 from rso_lidar.picture.frames.frame import frame_figure
 from rso_lidar.picture.frames.part_colours import parts_in_order
 from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
+from rso_lidar.picture.style.html_page import embed_figure, write_page, write_table
 from rso_lidar.records import Frame
 from rso_lidar.simulate import simulate
 from rso_lidar.study.trades.definition import Axis, Grid, write_toml_value
-from rso_lidar.study.trades.html_page import STYLE, embed_figure, write_table
 from rso_lidar.study.trades.merits import DETECTION, MERITS
 from rso_lidar.study.trades.ranking import (
     choose_pictured,
@@ -90,14 +90,7 @@ def write_report(trade: TradeTable) -> str:
         "<h2>How to get this again</h2>",
         *_write_origin(trade),
     ]
-    head = (
-        f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(study.name)}</title>'
-    )
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n'
-        + "\n".join(body)
-        + "\n</body></html>\n"
-    )
+    return write_page(study.name, body)
 
 
 # --------------------------------------------------------------------------------------------------------- the parts

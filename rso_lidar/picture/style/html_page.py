@@ -56,3 +56,19 @@ def embed_figure(figure: Any, text: str, caption: str = "") -> str:
         coded = base64.b64encode(held.getvalue()).decode()
     under = f"<figcaption>{caption}</figcaption>" if caption else ""
     return f'<figure><img alt="{escape(text)}" src="data:image/png;base64,{coded}">{under}</figure>'
+
+
+def write_page(title: str, body: Iterable[str]) -> str:
+    """Write a page.
+
+    Parameters
+    ----------
+    title : of the page.
+    body : its elements as HTML.
+    """
+    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n'
+        + "\n".join(body)
+        + "\n</body></html>\n"
+    )

@@ -1,0 +1,163 @@
+"""Files of predictions: CSV, Parquet, NPZ and HDF5, read as columns of one row per frame."""
+
+from __future__ import annotations
+
+import csv
+import io
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import DatasetError, did_you_mean
+from rso_lidar.files.reading import check_regular, expand_user, read_text
+
+SUFFIXES = (".csv", ".parquet", ".npz", ".h5", ".hdf5")
+IDENTITY = "dataset"  # name under which a file carries the identity of the dataset that it is about
+PIXELS = ("part_class_id", "oversampled_range_m", "oversampled_photons")
+_VECTORS = {"position_m": ("x_m", "y_m", "z_m"), "quaternion_xyzw": ("qx", "qy", "qz", "qw")}
+_MOST_TEXT_BYTES = 2**30
+_MOST_BYTES = 2**38
+
+
+def read_columns(path: Path) -> tuple[dict[str, Any], str]:
+    """Read the columns of a file of predictions.
+
+    Parameters
+    ----------
+    path : of the file.
+
+    Returns
+    -------
+    Columns by name, with the frame as first axis, and the identity of the dataset that the file states, or an empty text.
+    Vectors and score matrices are split into columns; arrays of pixels are kept whole, and those of HDF5 are read later.
+
+    Raises
+    ------
+    DatasetError
+        If the file cannot be read, or its columns differ in length.
+    """
+    path = expand_user(path)
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        guess = did_you_mean(suffix, SUFFIXES)
+        raise DatasetError(f"{path}: unknown suffix '{path.suffix}'{guess} (known: {', '.join(SUFFIXES)})")
+    if suffix == ".csv":
+        columns, identity = _read_csv(path)
+    else:
+        check_regular(path, _MOST_BYTES, DatasetError, "file of predictions")
+        readers = {".parquet": _read_parquet, ".npz": _read_npz}
+        columns, identity = readers.get(suffix, _read_hdf5)(path)
+    columns = _split_vectors(path, columns)
+    sizes = {name: np.shape(values)[0] if np.ndim(values) else -1 for name, values in columns.items()}
+    first = next(iter(sizes), "")
+    for name, size in sizes.items():
+        if size != sizes[first]:
+            raise DatasetError(
+                f"{path}: {name} has {max(size, 0):,} rows and {first} has {sizes[first]:,}; give one row for each frame"
+            )
+    return columns, identity
+
+
+def _read_csv(path: Path) -> tuple[dict[str, Any], str]:
+    """Read a CSV file; lines that start with # are comments, one of which may state the dataset."""
+    lines = read_text(path, _MOST_TEXT_BYTES, DatasetError, "CSV file").splitlines(keepends=True)
+    identity = ""
+    for line in lines:
+        if line.startswith("#") and line[1:].strip().startswith(f"{IDENTITY}:"):
+            identity = line.partition(":")[2].strip()
+    try:
+        rows = list(csv.reader(io.StringIO("".join(line for line in lines if not line.startswith("#"))), strict=True))
+    except csv.Error as error:
+        raise DatasetError(f"{path}: is not CSV ({error}); write commas between cells") from None
+    rows = [row for row in rows if row]
+    if not rows:
+        raise DatasetError(f"{path}: is empty; write a line of column names and one line for each frame")
+    names = [name.strip() for name in rows[0]]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise DatasetError(f"{path}: the column '{twice[0]}' stands there twice; remove one")
+    for number, row in enumerate(rows[1:], 2):
+        if len(row) != len(names):
+            raise DatasetError(
+                f"{path}: row {number} has {len(row)} cells, and the heading names {len(names)} columns; complete it"
+            )
+    cells = list(zip(*rows[1:], strict=True)) or [()] * len(names)
+    return {name: np.array(column, dtype=str) for name, column in zip(names, cells, strict=True)}, identity
+
+
+def _read_parquet(path: Path) -> tuple[dict[str, Any], str]:
+    """Read a Parquet file, whose metadata may state the dataset."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise DatasetError(f"{path}: Parquet needs an extra: pip install rso-lidar[parquet], or write .csv") from None
+    try:
+        table = pyarrow.parquet.read_table(path)
+        columns = {name: np.array(table.column(name).to_pylist()) for name in table.column_names}
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
+        raise DatasetError(f"{path}: is not a Parquet table ({_first_line(error)}); write it again") from None
+    identity = (table.schema.metadata or {}).get(IDENTITY.encode(), b"")
+    return columns, identity.decode("utf-8", "replace")
+
+
+def _read_npz(path: Path) -> tuple[dict[str, Any], str]:
+    """Read arrays that `numpy.savez` wrote."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            columns = {name: file[name] for name in file.files}
+    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise DatasetError(
+            f"{path}: is not an NPZ file of plain arrays ({_first_line(error)}); write it again"
+        ) from None
+    return columns, str(columns.pop(IDENTITY, ""))
+
+
+def _read_hdf5(path: Path) -> tuple[dict[str, Any], str]:
+    """Read the datasets of an HDF5 file; arrays of pixels are kept open and read when they are scored."""
+    import h5py
+
+    try:
+        file = h5py.File(path, "r")
+        columns: dict[str, Any] = {}
+        for name, found in file.items():
+            if isinstance(found, h5py.Dataset):
+                is_text = h5py.check_string_dtype(found.dtype) is not None
+                columns[name] = found if name in PIXELS else found.asstr()[()] if is_text else found[()]
+        return columns, str(file.attrs.get(IDENTITY, ""))
+    except (OSError, RuntimeError) as error:
+        raise DatasetError(f"{path}: is not an HDF5 file ({_first_line(error)}); write it again") from None
+
+
+def _split_vectors(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
+    """Split positions, quaternions and matrices of scores into columns.
+
+    Parameters
+    ----------
+    path : of the file, for messages.
+    columns : arrays by name.
+    """
+    made = dict(columns)
+    for name, parts in _VECTORS.items():
+        if name in made:
+            values = np.asarray(made.pop(name))
+            if values.ndim != 2 or values.shape[1] != len(parts):
+                raise DatasetError(f"{path}: {name} has shape {values.shape}; give (frame, {len(parts)})")
+            made |= {part: values[:, k] for k, part in enumerate(parts)}
+    if "scores" in made:
+        values, classes = np.asarray(made.pop("scores")), np.asarray(made.pop("classes", ())).astype(str)
+        if values.ndim != 2 or values.shape[1] != len(classes):
+            raise DatasetError(
+                f"{path}: scores has shape {values.shape} with {len(classes)} names in classes; give (frame, class) and "
+                "the name of each class"
+            )
+        made |= {f"score.{name}": values[:, k] for k, name in enumerate(classes.tolist())}
+    return made
+
+
+def _first_line(error: BaseException) -> str:
+    """Return the first line of an error's text."""
+    return (str(error).splitlines() or [type(error).__name__])[0][:160]

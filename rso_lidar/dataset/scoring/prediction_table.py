@@ -1,0 +1,304 @@
+"""Predictions of an algorithm, checked, and matched with the frames that they are about."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.dataset.scoring.prediction_file import PIXELS, read_columns
+from rso_lidar.errors import DatasetError, did_you_mean, warn
+
+KEYS = ("sample", "step", "draw")
+_POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+_SCORE = "score."
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """Predictions, one row per frame; what an algorithm does not predict is None.
+
+    `keys` (frame, 3) are sample, step and draw. `class_id` (frame) is the predicted class, -1 for none, and `class_scores`
+    (frame, class) are scores of the classes. `present_score` (frame) is the confidence that a target is in the frame.
+    `position_m` and `quaternion_xyzw` are the pose lidar_from_target, NaN for none. `pixels` holds arrays
+    (frame, row, col) by name.
+    """
+
+    name: str
+    keys: np.ndarray
+    class_id: np.ndarray | None
+    class_scores: np.ndarray | None
+    present_score: np.ndarray | None
+    position_m: np.ndarray | None
+    quaternion_xyzw: np.ndarray | None
+    pixels: Mapping[str, Any]
+    dataset: str = ""
+
+
+def load_predictions(path: str | Path, classes: Sequence[str]) -> Predictions:
+    """Load a file of predictions and check it.
+
+    Parameters
+    ----------
+    path : of a CSV, Parquet, NPZ or HDF5 file.
+    classes : names of the classes of the dataset, by number.
+
+    Returns
+    -------
+    Predictions
+
+    Raises
+    ------
+    DatasetError
+        For a file that cannot be read, an unknown class, a number that is not finite, or a frame that occurs twice.
+    """
+    columns, identity = read_columns(Path(path))
+    return check_predictions(columns, classes, str(path), identity)
+
+
+def check_predictions(
+    columns: Mapping[str, Any], classes: Sequence[str], name: str = "predictions", dataset: str = ""
+) -> Predictions:
+    """Check columns of predictions.
+
+    Parameters
+    ----------
+    columns : arrays by name, with the frame as first axis.
+    classes : names of the classes of the dataset, by number.
+    name : of the file, for messages.
+    dataset : identity of the dataset that they are about; empty if it is not known.
+
+    Returns
+    -------
+    Predictions
+
+    Raises
+    ------
+    DatasetError
+        As `load_predictions`.
+    """
+    _check_names(columns, classes, name)
+    size = len(columns["sample"])
+    keys = np.stack(
+        [_read_whole(columns[key], key, name) if key in columns else np.zeros(size, np.int64) for key in KEYS], axis=1
+    )
+    _check_duplicates(keys, name)
+    scores = None
+    if any(column.startswith(_SCORE) for column in columns):
+        scores = np.stack(
+            [_read_numbers(columns[f"{_SCORE}{one}"], f"{_SCORE}{one}", name, keys) for one in classes], axis=1
+        )
+    chosen = _read_classes(columns["class"], classes, name, keys) if "class" in columns else None
+    if chosen is None and scores is not None:
+        chosen = scores.argmax(axis=1) if size else np.zeros(0, np.int64)
+    position_m = quaternion_xyzw = None
+    if "x_m" in columns:
+        position_m, quaternion_xyzw = _read_pose(columns, name, keys)
+    return Predictions(
+        name=name,
+        keys=keys,
+        class_id=chosen,
+        class_scores=scores,
+        present_score=_read_numbers(columns["present"], "present", name, keys) if "present" in columns else None,
+        position_m=position_m,
+        quaternion_xyzw=quaternion_xyzw,
+        pixels={one: columns[one] for one in PIXELS if one in columns},
+        dataset=dataset,
+    )
+
+
+def match_frames(
+    predictions: Predictions, truth_keys: np.ndarray, others: Mapping[str, np.ndarray], split: str
+) -> np.ndarray:
+    """Find the row of the prediction of each frame.
+
+    Parameters
+    ----------
+    predictions : what was predicted.
+    truth_keys : (frame, 3) sample, step and draw of the frames of the split.
+    others : (sample) samples of the other splits, by name.
+    split : name of the split.
+
+    Returns
+    -------
+    Rows (frame), -1 where the prediction is missing.
+
+    Raises
+    ------
+    DatasetError
+        If a prediction is of another split, or of no frame at all.
+    """
+    rows = {key: number for number, key in enumerate(map(tuple, predictions.keys.tolist()))}
+    found = np.array([rows.pop(key, -1) for key in map(tuple, truth_keys.tolist())], dtype=np.int64)
+    if rows:
+        key = next(iter(rows))
+        for other, samples in others.items():
+            if key[0] in set(samples.tolist()):
+                raise DatasetError(
+                    f"{predictions.name}: {describe_frame(key)} is of the split '{other}', and the split '{split}' is "
+                    f"scored; predict the frames of '{split}' only"
+                )
+        raise DatasetError(
+            f"{predictions.name}: {describe_frame(key)} is not in the dataset ({len(rows):,} such rows); is it another one?"
+        )
+    return found
+
+
+def describe_frame(key: Sequence[int]) -> str:
+    """Format the identity of a frame.
+
+    >>> describe_frame((12, 0, 1))
+    'sample 12, step 0, draw 1'
+    """
+    return ", ".join(f"{name} {value}" for name, value in zip(KEYS, key, strict=True))
+
+
+def _check_names(columns: Mapping[str, Any], classes: Sequence[str], name: str) -> None:
+    """Check the names of columns, and warn of those that are not read.
+
+    Parameters
+    ----------
+    columns : arrays by name.
+    classes : names of the classes.
+    name : of the file.
+    """
+    if "sample" not in columns:
+        guess = did_you_mean("sample", columns)
+        raise DatasetError(f"{name}: no column 'sample'{guess}; it identifies the frame, with 'step' and 'draw'")
+    scored = [column.removeprefix(_SCORE) for column in columns if column.startswith(_SCORE)]
+    for one in scored:
+        if one not in classes:
+            raise DatasetError(
+                f"{name}: {_SCORE}{one}: unknown class '{one}'{did_you_mean(one, classes)} (known: {', '.join(classes)})"
+            )
+    for one in classes if scored else ():
+        if one not in scored:
+            raise DatasetError(f"{name}: no column '{_SCORE}{one}'; give one for each class, 0 for one never predicted")
+    pose = [column for column in _POSE if column in columns]
+    lacking = [column for column in _POSE if column not in columns]
+    if pose and lacking:
+        raise DatasetError(f"{name}: has {pose[0]} but no {lacking[0]}; a pose needs {', '.join(_POSE)}")
+    known = {*KEYS, *_POSE, *PIXELS, "class", "present", *(f"{_SCORE}{one}" for one in classes)}
+    ignored = [column for column in columns if column not in known]
+    if not (set(columns) & known) - set(KEYS):
+        guess = next((found for one in ignored if (found := did_you_mean(one, sorted(known)))), "")
+        raise DatasetError(f"{name}: predicts nothing{guess}; add class, score.<class>, present, a pose or pixels")
+    if ignored:
+        guess = next((found for one in ignored if (found := did_you_mean(one, sorted(known - set(columns))))), "")
+        warn(f"{name}: ignored: {', '.join(ignored)}{guess}")
+
+
+def _check_duplicates(keys: np.ndarray, name: str) -> None:
+    """Refuse a frame that occurs twice."""
+    order = np.lexsort(keys.T[::-1])
+    same = np.flatnonzero((keys[order][1:] == keys[order][:-1]).all(axis=1))
+    if len(same):
+        raise DatasetError(f"{name}: {describe_frame(keys[order[same[0]]].tolist())} occurs twice; keep one row")
+
+
+def _read_whole(values: Any, column: str, name: str) -> np.ndarray:
+    """Return a column of whole numbers.
+
+    Parameters
+    ----------
+    values : the column.
+    column, name : of the column and of the file.
+    """
+    numbers = _convert(values, column, name)
+    bad = np.flatnonzero(~(np.isfinite(numbers) & (numbers == np.trunc(numbers)) & (np.abs(numbers) < 2**53)))
+    if len(bad):
+        raise DatasetError(f"{name}: row {bad[0] + 1}: {column} is {numbers[bad[0]]:g}; give a whole number")
+    return numbers.astype(np.int64)
+
+
+def _read_numbers(values: Any, column: str, name: str, keys: np.ndarray) -> np.ndarray:
+    """Return a column of finite numbers.
+
+    Parameters
+    ----------
+    values : the column.
+    column, name : of the column and of the file.
+    keys : (frame, 3) identities of the frames.
+    """
+    numbers = _convert(values, column, name)
+    bad = np.flatnonzero(~np.isfinite(numbers))
+    if len(bad):
+        raise DatasetError(
+            f"{name}: {describe_frame(keys[bad[0]].tolist())}: {column} is {numbers[bad[0]]:g}; give a finite number, or "
+            "leave the row out (it counts as a failure)"
+        )
+    return numbers
+
+
+def _convert(values: Any, column: str, name: str) -> np.ndarray:
+    """Return a column as numbers; an empty cell is NaN.
+
+    Parameters
+    ----------
+    values : the column.
+    column, name : of the column and of the file.
+    """
+    found = np.asarray(values)
+    if found.ndim != 1:
+        raise DatasetError(f"{name}: {column} has shape {found.shape}; give one number for each frame")
+    if found.dtype.kind in "biuf":
+        return found.astype(float)
+    texts = ["nan" if one is None else str(one).strip() or "nan" for one in found.tolist()]
+    try:
+        return np.array(texts, dtype=float)
+    except ValueError:
+        for row, text in enumerate(texts, 1):
+            try:
+                float(text)
+            except ValueError:
+                raise DatasetError(f"{name}: row {row}: {column} is '{text:.40}'; give a number") from None
+        raise
+
+
+def _read_classes(values: Any, classes: Sequence[str], name: str, keys: np.ndarray) -> np.ndarray:
+    """Return numbers of classes from their names; an empty name is -1.
+
+    Parameters
+    ----------
+    values : the column.
+    classes : names by number.
+    name : of the file.
+    keys : (frame, 3) identities of the frames.
+    """
+    numbers = {one: number for number, one in enumerate(classes)} | {"": -1}
+    words = ["" if one is None else str(one).strip() for one in np.asarray(values).tolist()]
+    for word, key in zip(words, keys.tolist(), strict=True):
+        if word not in numbers:
+            raise DatasetError(
+                f"{name}: {describe_frame(key)}: unknown class '{word:.60}'{did_you_mean(word, classes)} (known: "
+                f"{', '.join(classes)})"
+            )
+    return np.array([numbers[word] for word in words], dtype=np.int64)
+
+
+def _read_pose(columns: Mapping[str, Any], name: str, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions (frame, 3) and unit quaternions (frame, 4); NaN where a row gives none.
+
+    Parameters
+    ----------
+    columns : arrays by name.
+    name : of the file.
+    keys : (frame, 3) identities of the frames.
+    """
+    values = np.stack([_convert(columns[column], column, name) for column in _POSE], axis=1)
+    known = np.isfinite(values)
+    for bad, what in (
+        (np.isinf(values).any(axis=1), "has a pose that is not finite"),
+        (known.any(axis=1) & ~known.all(axis=1), "has a part of a pose"),
+        (known.all(axis=1) & (np.linalg.norm(np.nan_to_num(values[:, 3:]), axis=1) < 1e-6), "has a quaternion of zero"),
+    ):
+        if bad.any():
+            key = keys[np.flatnonzero(bad)[0]].tolist()
+            raise DatasetError(
+                f"{name}: {describe_frame(key)} {what}; give all of {', '.join(_POSE)}, or leave them empty (a failure)"
+            )
+    quaternion = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
+    return values[:, :3], quaternion
