@@ -227,6 +227,8 @@ class Split:
     def read_shard(self, shard: int, names: Iterable[str], rows: slice = slice(None)) -> dict[str, np.ndarray]:
         """Read frames of one shard that follow each other, in one go.
 
+        All other shards are closed, so that a pass over all of them needs the memory of one.
+
         Parameters
         ----------
         shard : number of the shard in `records`.
@@ -237,6 +239,9 @@ class Split:
         -------
         Arrays by name, each with the frame as its first dimension.
         """
+        self._open(shard)
+        for other in [number for number in self._files if number != shard]:
+            self._files.pop(other)[0].close()
         return {name: self._read(shard, name, rows) for name in names}
 
     def column(self, name: str) -> np.ndarray:

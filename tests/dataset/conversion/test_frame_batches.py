@@ -44,6 +44,14 @@ def test_batches_are_small_and_end_with_the_shard(data):
     assert [len(batch["sample"]) for batch in read_batches(data.split("train"), ["sample"])] == [4, 2]
 
 
+def test_a_pass_over_all_frames_keeps_one_shard_open(data):
+    split = data.split("train")
+    split.read([0, 5], ["range_m"])
+    assert len(split._files) == 2
+    for _ in read_batches(split, ["range_m"]):
+        assert len(split._files) == 1
+
+
 def test_groups_hold_all_frames_once():
     groups = [list(group) for group in divide(iter(range(10)), 4)]
     assert groups == [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9]]
