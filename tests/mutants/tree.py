@@ -61,7 +61,7 @@ class Tree:
         if run.returncode == 0:
             return "passed", ""
         if run.returncode not in (1, 2):
-            if run.returncode in (4, 5):  # asked for wrongly, or nothing collected
+            if run.returncode in (3, 4, 5):  # pytest itself failed, was asked for wrongly, or collected nothing
                 raise SystemExit(f"mutants: pytest {' '.join(tests)}: {run.stdout[-2000:]}{run.stderr[-2000:]}")
             return "failed", f"the interpreter ended with {run.returncode}"
         failed = cache / "v" / "cache" / "lastfailed"
