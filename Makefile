@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test processor bounds mutants lint validate docs figures calibrate models peers bench clean
+.PHONY: help venv demo test processor bounds mutants rules lint validate docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
@@ -38,8 +38,9 @@ demo: $(VENV)/.installed ## fly the example: a recording, a contact sheet and an
 	@echo "  $(DEMO).gif  the same as an animation"
 	@echo "  $(DEMO).h5   the recording: every frame with its truth and labels; rso_lidar.open reads it"
 
-test: lint ## run every check: format, lint, floors, types, tests and doctests
-	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope
+# One of the tests checks types, so that it shares the cores with the others. In this order the shortest tests come last.
+test: rules ## run every check: format, lint, floors, types, tests and doctests
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope --no-loadscope-reorder
 
 mutants: $(VENV)/.installed-test ## plant faults one by one and see that tests notice (slow; ROOM=... NAME=... choose)
 	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(addprefix --room ,$(ROOM)) --name "$(NAME)"
@@ -50,11 +51,13 @@ processor: $(VENV)/.installed-test ## repeat the tests of shapes, frames and phy
 bounds: $(VENV)/.installed-test ## install the declared lower bounds elsewhere, and fly, record and export with them
 	$(BIN)/python -m tests.bounds
 
-lint: $(VENV)/.installed-test ## run the checks that need no tests: format, lint, floors, types
+lint: rules ## run the checks that need no tests: format, lint, floors, types
+	$(BIN)/mypy
+
+rules: $(VENV)/.installed-test ## run the quick ones of them: format, lint, floors
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-logo
-	$(BIN)/mypy
 
 validate: export RSO_LIDAR_SHARED ?= $(abspath $(wildcard ../shared))
 validate: $(VENV)/.installed-test ## compare with the outside world, and write docs/validation.md

@@ -142,7 +142,7 @@ def test_a_lambertian_shell_returns_what_a_hemisphere_gives_the_lens(validation)
     For a circle of half angle h the mean of the aperture's cos(theta) over the tangent plane is 2 (1/cos h - 1)/tan^2 h.
     """
     laser, receiver = Laser(divergence_deg=60, footprint="circle"), Receiver(fov_deg=75, f_number=2.8)
-    seen = look(sphere(500.0, 6), place(), receiver, laser)
+    seen = look(sphere(500.0, 5), place(), receiver, laser)
     sent = seen.by_pixel.sum() * math.pi * 500.0**2 / (receiver.aperture_area_m2 * 0.30 * receiver.transmission)
     h = math.radians(30)
     expected = laser.photons * 2 * (1 / math.cos(h) - 1) / math.tan(h) ** 2
@@ -161,7 +161,7 @@ def test_a_lambertian_sphere_far_away(validation):
 
     Its intensity toward the lidar is 2/3 rho0 E r^2 (Russell 1916; Lester et al. 1979), E the irradiance.
     """
-    seen = look(sphere(20.0, 6), place((0, 0, 20_000.0)))
+    seen = look(sphere(20.0, 5), place((0, 0, 20_000.0)))
     irradiance = PAPER_LASER.photons / (4 * math.tan(math.radians(1.25)) ** 2 * 20_000.0**2)
     aperture = PAPER_RECEIVER.aperture_area_m2 * PAPER_RECEIVER.transmission / 20_000.0**2
     expected = 2 / 3 * 0.30 * irradiance * 20.0**2 * aperture

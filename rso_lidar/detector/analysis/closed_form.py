@@ -379,7 +379,8 @@ def _integrate_orthant(correlation: np.ndarray, z: np.ndarray) -> np.ndarray:
         given = np.einsum("rj,rjp->rp", root[:, k, :k], normal[:, :k])
         below = ndtr((z[:, k, None] - given) / root[:, k, k, None])
         inside *= below
-        normal[:, k] = ndtri(np.maximum(points[k] * below, 1e-300))
+        if k < n - 1:
+            normal[:, k] = ndtri(np.maximum(points[k] * below, 1e-300))
     stayed: np.ndarray = inside.mean(axis=1)
     return stayed
 

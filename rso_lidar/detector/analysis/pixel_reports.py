@@ -8,6 +8,7 @@ camera.
 
 from __future__ import annotations
 
+import threading
 from functools import lru_cache
 
 import numpy as np
@@ -33,6 +34,8 @@ _LEVELS = np.array([0.25, 0.4, 0.55, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4, 1.6, 2.
 _SURE_PHOTONS = 8.0  # times the threshold: a cluster this bright is detected, wherever its light is within it
 _DEPTHS = np.array([0.0, 0.5, 1.0, 2.0, 4.0])  # of light, in pulse lengths
 _LEAST = 1e-9  # probability at which a curve ends
+
+_tables = threading.Lock()  # of several threads one computes a table, and the others wait for it
 
 
 def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
@@ -128,10 +131,11 @@ def _detect_clusters(dark: Gsfl, gsfl: Gsfl, photons: Photons) -> np.ndarray:
         return predicted.probability * (1.0 - dark.gate.false_alarm_probability)
     camera = build_camera(gsfl, photons.shape[0] * photons.shape[1])
     taps = photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), photons.pulse_fwhm_s
-    curve = _tabulate_curve(dark, threshold_photons, *taps)
+    with _tables:
+        curve = _tabulate_curve(dark, threshold_photons, *taps)
+        levels, gains = _tabulate_depths(dark, threshold_photons, *taps)
     total = np.bincount(photons.cluster, photons.photons, len(photons.cluster_pixel))
     level = signal / np.where(total > 0.0, total, 1.0)
-    levels, gains = _tabulate_depths(dark, threshold_photons, *taps)
     return curve.read(signal * np.interp(level, levels[::-1], gains[::-1]), camera.threshold[photons.cluster_pixel])
 
 

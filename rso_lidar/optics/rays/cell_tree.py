@@ -126,17 +126,25 @@ def plant_roots(
             first, last = outlines_of[t, 0], outlines_of[t, 1]
             cover(fine, 1, (r0, c0), (r0, r1), (c0, c1), grid, corners, starts, off + _MARGIN / grid, first, last)
         for r in range(r0, r1):
+            parent, first = (
+                -1,
+                0,
+            )  # column of the parent of the last cell, and the first of its three children in this row
             for c in range(c0, c1):
-                if fine[r - r0, c - c0]:
-                    nodes, n = insert_cell(root, top, left, nodes, n, levels[t], r, c)
+                if not fine[r - r0, c - c0]:
+                    continue
+                if c // 3 != parent:
+                    nodes, n, node = insert_cell(root, top, left, nodes, n, levels[t], r, c)
+                    parent, first = c // 3, node - c % 3
+                mark_covered(nodes, first + c - 3 * parent)
     return root, top, left, nodes[:n].copy()
 
 
 @kernel
 def insert_cell(
     root: np.ndarray, top: int, left: int, nodes: np.ndarray, n: int, level: int, row: int, col: int
-) -> tuple[np.ndarray, int]:
-    """Divide cells until one of a level exists, and mark it as covered with all cells below it.
+) -> tuple[np.ndarray, int, int]:
+    """Divide cells until one of a level exists.
 
     Parameters
     ----------
@@ -146,7 +154,7 @@ def insert_cell(
 
     Returns
     -------
-    The table, which may be a larger copy, and the number of nodes.
+    The table, which may be a larger copy, the number of nodes, and the number of the cell.
     """
     if n + 9 * level + 1 > len(nodes):
         larger = np.empty((2 * len(nodes) + 9 * level + 1, 4), np.int64)
@@ -166,8 +174,7 @@ def insert_cell(
             n += 9
         side //= 3
         node = nodes[node, CHILD] + 3 * (row // side % 3) + col // side % 3
-    mark_covered(nodes, node)
-    return nodes, n
+    return nodes, n, node
 
 
 @kernel
@@ -190,6 +197,10 @@ def add_children(nodes: np.ndarray, node: int, first: int, state: int) -> None:
 @kernel
 def mark_covered(nodes: np.ndarray, node: int) -> None:
     """Turn all absent cells of a tree into leaves."""
+    if nodes[node, CHILD] == ABSENT:
+        nodes[node, CHILD] = LEAF
+    if nodes[node, CHILD] == LEAF:
+        return
     stack, height = np.empty(_STACK, np.int64), 1
     stack[0] = node
     while height > 0:

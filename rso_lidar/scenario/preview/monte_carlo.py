@@ -140,8 +140,9 @@ def _merge_returns(light: Photons, pixel: int | None) -> _MergedReturns:
     delay_s, photons = light.delay_s[on], light.photons[on]
     cluster = np.unique(light.cluster[on], return_inverse=True)[1]
     step = np.floor((delay_s - delay_s.min()) * (_BINS_PER_PULSE / light.pulse_fwhm_s)).astype(int)
-    pairs, group = np.unique(np.stack([cluster, step]), axis=1, return_inverse=True)
-    group, n = group.ravel(), pairs.shape[1]
+    steps = step.max() + 1
+    pairs, group = np.unique(cluster * steps + step, return_inverse=True)
+    n = len(pairs)
     weight = np.where(np.bincount(group, photons, n)[group] > 0.0, photons, 1.0)
     mean_s, spread_s = (
         np.bincount(group, weight * values, n) / np.bincount(group, weight, n)
@@ -158,7 +159,7 @@ def _merge_returns(light: Photons, pixel: int | None) -> _MergedReturns:
         np.bincount(group, photons, n),
         spread_s + late_s - early_s,
         np.bincount(group, light.coherence_cells[on], n),
-        pairs[0],
+        pairs // steps,
         len(in_cluster),
         float(np.average(delay_s[best], weights=share)) * units.RANGE_PER_DELAY_M_S,
     )
