@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rso_lidar.dataset.publication.attribution import CROISSANT, SPDX, Attribution
-from rso_lidar.dataset.publication.card_text import CARD, LIMITS, cite, describe_dataset
+from rso_lidar.dataset.publication.card_text import LIMITS, cite, describe_dataset
 from rso_lidar.dataset.publication.frame_index import INDEX, NAMES, list_index_columns
 from rso_lidar.dataset.shards.manifest import MANIFEST
 from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE
@@ -78,7 +78,7 @@ def describe_in_croissant(data: Dataset, attribution: Attribution) -> dict[str, 
         "rai:dataAnnotationProtocol": [
             "All labels are computed with the frame from the simulated geometry and light; no person annotates."
         ],
-        "rai:machineAnnotationTools": [f"README.md ({CARD}) states versions and meanings of all arrays"],
+        "rai:machineAnnotationTools": ["rso_lidar, in the versions that manifest.jsonl states"],
         "rai:dataLimitations": list(LIMITS),
         "rai:dataUseCases": [
             "Training and regression tests of classification, detection, segmentation and pose estimation of spacecraft."
