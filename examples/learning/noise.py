@@ -1,0 +1,98 @@
+"""What does it help to know the noise? The shape classifier trained on one noisy frame of each pose, on two, and on more.
+
+A frame that was recorded once shows one outcome of its noise. The dataset holds a second draw of each pose and, for every
+pixel, the probability that it reports and the standard deviation of its range: from these any number of outcomes are drawn
+at no cost. Features are of range alone but for the last row. `python examples/learning/noise.py FOLDER --seeds 5`
+"""
+
+import argparse
+
+import numpy as np
+from frames import FRAME_COLUMNS, Returns, directions, load_returns
+from shape import INTENSITY, classifier, measure_shape
+
+import rso_lidar as rl
+
+ARRAYS = ("true_range_m", "detection_probability", "range_sigma_m", "target", "intrinsics_px")
+
+
+def draw_returns(folder: str, split: str, frames: np.ndarray, times: int, rng: np.random.Generator) -> Returns:
+    """Draw the noise of frames again from the labels: which pixels report, and at what range.
+
+    Parameters
+    ----------
+    folder, split : of the dataset.
+    frames : their numbers.
+    times : how often each is drawn.
+    rng : random generator.
+    """
+    part = rl.dataset.open(folder).split(split)
+    points, pixels, counts = [], [], []
+    sight: dict[bytes, np.ndarray] = {}
+    for frame in frames:
+        one = {name: values[0] for name, values in part.read([int(frame)], ARRAYS).items()}
+        key = one["intrinsics_px"].tobytes()
+        if key not in sight:
+            sight[key] = directions(one["target"].shape, one["intrinsics_px"])
+        pixel = np.argwhere((one["target"] >= 0) & (one["detection_probability"] > 0.0))
+        at = tuple(pixel.T)
+        for _ in range(times):
+            reports = rng.random(len(pixel)) < one["detection_probability"][at]
+            sigma = np.nan_to_num(one["range_sigma_m"][at])
+            range_m = one["true_range_m"][at] + sigma * rng.standard_normal(len(pixel))
+            points.append((range_m[:, None] * sight[key][at])[reports])
+            pixels.append(pixel[reports])
+            counts.append(int(reports.sum()))
+    rows = np.repeat(frames, times)
+    return Returns(
+        start=np.concatenate([[0], np.cumsum(counts)]),
+        point_m=np.concatenate(points).astype(np.float32),
+        pixel=np.concatenate(pixels).astype(np.int16),
+        intensity=np.ones(sum(counts), np.float32),
+        reports=np.array(counts),
+        columns={name: np.asarray(part.column(name))[rows] for name in FRAME_COLUMNS},
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("dataset", help="folder that `rso-lidar dataset make` wrote, with draws = 2")
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--times", type=int, default=8, help="number of outcomes that are drawn of each pose")
+    options = parser.parse_args()
+    train, test = load_returns(options.dataset, "train"), load_returns(options.dataset, "test")
+    measured = measure_shape(train)
+    first = np.flatnonzero(train.columns["draw"] == 0)
+    shape_only = np.delete(np.arange(measured.shape[1]), INTENSITY)
+    drawn = draw_returns(options.dataset, "train", first, options.times, np.random.default_rng(1))
+    redrawn = measure_shape(drawn)
+    truth = train.columns["class_id"]
+    ways = {
+        "one draw": (measured[first][:, shape_only], truth[first], shape_only),
+        "two draws": (measured[:, shape_only], truth, shape_only),
+        f"one draw and {options.times} more from the labels": (
+            np.concatenate([measured[first], redrawn])[:, shape_only],
+            np.concatenate([truth[first], drawn.columns["class_id"]]),
+            shape_only,
+        ),
+        "one draw, with intensity": (measured[first], truth[first], np.arange(measured.shape[1])),
+    }
+    asked = measure_shape(test)
+    columns = test.columns
+    lit, few = columns["lit_pixels"] >= 1, columns["reporting_pixels"] <= 100
+    for name, (features, classes, used) in ways.items():
+        right = np.array(
+            [
+                classifier(seed).fit(features, classes).predict(asked[:, used]) == columns["class_id"]
+                for seed in range(1, options.seeds + 1)
+            ]
+        )
+        all_of, faint = right[:, lit].mean(axis=1), right[:, lit & few].mean(axis=1)
+        print(
+            f"{name:36} {all_of.mean():.1%} ± {all_of.std():.1%} of all,"
+            f" {faint.mean():.1%} ± {faint.std():.1%} up to 100 reporting pixels"
+        )
+
+
+if __name__ == "__main__":
+    main()

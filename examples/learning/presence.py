@@ -1,0 +1,46 @@
+"""Say whether a target is in the frame, from the densest group of reports: how many, how bright, how compact.
+
+Noise makes groups of one or two reports that are as bright as it happens; a target makes more, at one range.
+`python examples/learning/presence.py FOLDER -o presence.npz`, of a dataset with an empty class.
+"""
+
+import numpy as np
+from frames import Returns, load_returns
+from predictions import write
+from training import parse
+
+
+def measure_group(returns: Returns) -> np.ndarray:
+    """Return features (frame, feature) of the group of reports of each frame, and of all of its reports."""
+    out = np.zeros((len(returns), 6))
+    for k in range(len(returns)):
+        here = returns.of(k)
+        count = here.stop - here.start
+        if count:
+            far = np.linalg.norm(returns.point_m[here], axis=1)
+            bright = returns.intensity[here]
+            apart = np.ptp(returns.pixel[here], axis=0).max()
+            out[k] = count, bright.max(), bright.sum(), np.ptp(far), apart, 0.0
+        out[k, 5] = returns.reports[k] - count
+    return np.log1p(out)
+
+
+def main() -> None:
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    options = parse(__doc__)
+    train = load_returns(options.dataset, "train", most=options.most)
+    test = load_returns(options.dataset, "test", most=options.most)
+    model = make_pipeline(StandardScaler(), LogisticRegression(max_iter=1000))
+    model.fit(measure_group(train), train.columns["present"] > 0)
+    present = model.predict_proba(measure_group(test))[:, 1]
+    asked = (test.columns["present"] == 0) | (test.columns["lit_pixels"] >= 1)
+    right = ((present > 0.5) == (test.columns["present"] > 0))[asked].mean()
+    print(f"{right:.1%} of {asked.sum():,} frames right at even odds")
+    write(options.output, options.dataset, test, present=present)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""Tables and pictures of a classification study: means and spreads over seeds, and the figures 16 and 17 of the paper.
+
+`python examples/learning/study.py FOLDER resnet_1.npz resnet_2.npz … -o resnet` reads predictions of one baseline with
+several seeds, prints tables, and draws precision against recall by class, recall against lit pixels, and confusion.
+"""
+
+import argparse
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+import rso_lidar as rl
+
+COLUMNS = ("sample", "step", "draw", "class_id", "present", "lit_pixels", "reporting_pixels")
+LIT = (1, 10, 30, 100, 300, 1000, 20000)
+
+
+def load_scores(path: str, truth: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the scores (frame, class) of a file of predictions in the order of the frames of the split.
+
+    Parameters
+    ----------
+    path : of the file.
+    truth : columns of the test split.
+    """
+    with np.load(path) as file:
+        rows = {key: k for k, key in enumerate(zip(*(file[name].tolist() for name in COLUMNS[:3]), strict=True))}
+        order = [rows[key] for key in zip(*(truth[name].tolist() for name in COLUMNS[:3]), strict=True)]
+        return file["scores"][order]
+
+
+def tabulate(right: np.ndarray, truth: dict[str, np.ndarray], classes: tuple[str, ...]) -> None:
+    """Print accuracy by light and by class.
+
+    Parameters
+    ----------
+    right : (seed, frame) whether the class is right.
+    truth : columns of the test split.
+    classes : names by number.
+    """
+    lit, reports = truth["lit_pixels"], truth["reporting_pixels"]
+    groups = {"all with a lit pixel": lit >= 1, "over 100 reporting pixels": reports > 100}
+    groups |= {f"{low} to {high - 1} lit pixels": (lit >= low) & (lit < high) for low, high in pairwise(LIT)}
+    groups |= {name: (truth["class_id"] == k) & (lit >= 1) for k, name in enumerate(classes)}
+    for name, some in groups.items():
+        if some.any():
+            each = right[:, some].mean(axis=1)
+            print(f"{name:28} {some.sum():6,} frames {each.mean():7.1%} ± {each.std():.1%}")
+
+
+def draw(path: str, scores: np.ndarray, truth: dict[str, np.ndarray], classes: tuple[str, ...]) -> None:
+    """Draw the figures 16 and 17 of the paper, and which classes are confused, up to 100 lit pixels and above.
+
+    Parameters
+    ----------
+    path : of the picture.
+    scores : (seed, frame, class).
+    truth : columns of the test split.
+    classes : names by number.
+    """
+    import matplotlib.pyplot as plt
+    from sklearn.metrics import average_precision_score, precision_recall_curve
+
+    figure, axes = plt.subplots(2, 2, figsize=(11.0, 9.0))
+    lit = truth["lit_pixels"]
+    some = lit >= 1
+    right = scores.argmax(axis=2) == truth["class_id"]
+    edges = np.geomspace(4, 3000, 12)
+    middle = np.sqrt(edges[1:] * edges[:-1])
+    for k, name in enumerate(classes):
+        mine = truth["class_id"] == k
+        precision, recall, _ = precision_recall_curve(mine[some], scores[0, some, k])
+        average = np.mean([average_precision_score(mine[some], one[some, k]) for one in scores])
+        axes[0, 0].plot(recall, precision, label=f"{name} ({average:.3f})")
+        within = [mine & (lit >= low) & (lit < high) for low, high in pairwise(edges)]
+        shares = [right[:, group].mean() if group.sum() >= 5 else np.nan for group in within]
+        axes[0, 1].plot(middle, shares, "o-", ms=3, label=name)
+    axes[0, 0].set(xlabel="recall", ylabel="precision", title="All frames with a lit pixel (average precision)")
+    axes[0, 1].set(xlabel="lit pixels", ylabel="recall", xscale="log", title="Recall against lit pixels")
+    axes[0, 1].axvline(100.0, color="gray", lw=1)
+    axes[0, 0].legend(fontsize=8)
+    for axis, group, title in (
+        (axes[1, 0], some & (lit <= 100), "up to 100 lit pixels"),
+        (axes[1, 1], lit > 100, "over 100 lit pixels"),
+    ):
+        table = np.zeros((len(classes), len(classes)))
+        for one in scores:
+            np.add.at(table, (truth["class_id"][group], one[group].argmax(axis=1)), 1.0)
+        table /= np.maximum(table.sum(axis=1, keepdims=True), 1.0)
+        axis.imshow(table, cmap="Blues", vmin=0, vmax=1)
+        for (row, col), value in np.ndenumerate(table):
+            if value >= 0.005:
+                axis.text(
+                    col, row, f"{value:.0%}", ha="center", va="center", fontsize=8, color="w" if value > 0.5 else "k"
+                )
+        axis.set_xticks(range(len(classes)), classes, rotation=45, ha="right")
+        axis.set_yticks(range(len(classes)), classes)
+        axis.set(xlabel="predicted", ylabel="true", title=f"Confusion, {title}")
+    figure.tight_layout()
+    figure.savefig(path, dpi=90)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("dataset", help="folder that `rso-lidar dataset make` wrote")
+    parser.add_argument("predictions", nargs="+", help="predictions of one baseline, one file for each seed")
+    parser.add_argument("-o", "--output", help="picture; none if omitted")
+    options = parser.parse_args()
+    data = rl.dataset.open(options.dataset)
+    split = data.split("test")
+    truth = {name: np.asarray(split.column(name)) for name in COLUMNS}
+    scores = np.stack([load_scores(path, truth) for path in options.predictions])
+    tabulate(scores.argmax(axis=2) == truth["class_id"], truth, data.classes)
+    if options.output:
+        draw(str(Path(options.output).with_suffix(".png")), scores, truth, data.classes)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""The baselines of examples/learning: what they are fed, and that each trains and writes predictions."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+
+pytest.importorskip("torch", reason="needs the extra 'learn'")
+pytest.importorskip("sklearn", reason="needs the extra 'learn'")
+
+LEARNING = Path(__file__).resolve().parents[1] / "examples" / "learning"
+MODULES = (
+    "frames", "networks", "training", "predictions", "shape", "resnet", "parts", "super_resolution", "presence",
+    "noise", "explain", "study",
+)  # fmt: skip
+SPEC = """
+version  = 1
+name     = "Few"
+scenario = "bench.toml"
+draws    = 2
+
+[view]
+range_m = { type = "log_uniform", low = 300, high = 900 }
+
+[labels]
+oversampled = true
+
+[split]
+type = "random"
+test = 0.4
+
+[[classes]]
+name    = "tdrs"
+models  = ["tdrs"]
+samples = 5
+
+[[classes]]
+name    = "stage"
+models  = ["rocket_body"]
+samples = 5
+
+[[classes]]
+name    = "nothing"
+empty   = true
+samples = 5
+"""
+
+
+@pytest.fixture
+def learning(monkeypatch):
+    """Return the modules of the examples by name; they are forgotten afterwards."""
+    import importlib
+
+    monkeypatch.syspath_prepend(str(LEARNING))
+    for name in MODULES:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    found = {name: importlib.import_module(name) for name in MODULES}
+    yield found
+    for name in MODULES:
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a dataset of two craft and of empty frames."""
+    root = tmp_path_factory.mktemp("learning")
+    rl.dataset.make(rl.dataset.DatasetSpec.loads(SPEC, folder=LEARNING), root / "few", workers=1)
+    return root / "few"
+
+
+def test_resnet_18_has_the_parameters_of_the_original(learning):
+    network = learning["networks"].ResNet18(1000)
+    assert sum(one.numel() for one in network.parameters()) == 11_689_512  # He et al. 2016, as torchvision counts them
+
+
+def test_group_is_found_among_noise(learning):
+    rng = np.random.default_rng(3)
+    craft = np.array([100.0, -40.0, 2000.0]) + rng.uniform(-6.0, 6.0, (30, 3))
+    noise = np.column_stack([rng.uniform(-60.0, 60.0, (8, 2)), rng.uniform(200.0, 1500.0, 8)])
+    kept = learning["frames"].find_group(np.concatenate([noise, craft]), np.ones(38))
+    assert kept.tolist() == [False] * 8 + [True] * 30
+    lone = learning["frames"].find_group(noise, np.arange(8.0))
+    assert np.flatnonzero(lone).tolist() == [7]  # the brightest
+
+
+def test_lines_of_sight_are_those_of_the_frame(learning, folder):
+    data = rl.dataset.open(folder)
+    frame = data.split("train").read([0], ("intrinsics_px", "range_m"))
+    found = learning["frames"].directions(frame["range_m"].shape[1:], frame["intrinsics_px"][0])
+    assert np.abs(found - data.constants.line_of_sight[data.sensors[0]]).max() < 1e-9
+
+
+def test_crops_turn_with_the_frame(learning, folder):
+    frames = learning["frames"]
+    returns = frames.load_returns(str(folder), "train")
+    one = returns.take(np.array([int(np.argmax(returns.count))]))
+
+    class Quarter:
+        """Stands for a generator that draws a quarter turn without a mirror."""
+
+        uniform = staticmethod(lambda low, high: 0.5 * np.pi)
+        choice = staticmethod(lambda sides: 1.0)
+
+    plain, turned = frames.crop(one, np.array([0])), frames.crop(one, np.array([0]), Quarter())
+    assert plain[0, 2].sum() > 300
+    assert np.mean(np.rot90(plain[0, 2]) == turned[0, 2]) > 0.97  # but for cells between two pixels
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "column", "shape"),
+    [
+        ("shape", [], "scores", (2,)),
+        ("shape", ["--floor"], "scores", (2,)),
+        ("resnet", ["--epochs", "1"], "scores", (2,)),
+        ("parts", ["--epochs", "1"], "part_class_id", (128, 128)),
+        ("super_resolution", ["--epochs", "1"], "oversampled_range_m", (512, 512)),
+        ("presence", [], "present", ()),
+    ],
+)
+def test_a_baseline_writes_a_prediction_for_each_frame(
+    learning, folder, tmp_path, monkeypatch, name, options, column, shape
+):
+    place = tmp_path / f"{name}.npz"
+    monkeypatch.setattr(sys, "argv", [name, str(folder), "-o", str(place), *options])
+    learning[name].main()
+    test = rl.dataset.open(folder).split("test")
+    with np.load(place) as found:
+        assert found[column].shape == (len(test), *shape)
+        assert sorted(found["sample"].tolist()) == sorted(test.column("sample").tolist())
+        assert np.isfinite(found["scores"]).all() if column == "scores" else True
