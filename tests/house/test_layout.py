@@ -29,6 +29,7 @@ SPANNING = {
     "study/passes/test_screening_sets.py",
     "study/trades/test_worked_studies.py",
     "test_examples.py",
+    "test_learning_examples.py",
     "test_names.py",
     "test_seams.py",
 }
