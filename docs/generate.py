@@ -81,6 +81,7 @@ def pages() -> dict[Path, str]:
         "calibration.md": {"measured": measured_materials()},
         "models.md": {
             "part classes": part_classes(),
+            "symmetries": symmetries(),
             "models": shipped_models(),
             "sources": model_sources(),
             "materials": shipped_materials(),
@@ -501,6 +502,17 @@ def part_classes() -> str:
         count = sum(name in entry.part_classes.values() for entry in rl.scene.library.models().values())
         rows.append(f"| {number} | `{name}` | {meaning} | {count} |")
     return "\n".join(rows)
+
+
+def symmetries() -> str:
+    """Return the symmetries of the shipped models, and how far their meshes are from them."""
+    rows = []
+    for name, entry in rl.scene.library.models().items():
+        if entry.symmetry is not None:
+            found = rl.scene.measure_symmetry(entry.mesh, entry.symmetry)
+            lengths = (found.mean_m, found.most_m, found.nearly_all_m, found.limit_m)
+            rows.append((f"`{name}`", entry.symmetry.in_words, *(f"{100.0 * length:.1f}" for length in lengths)))
+    return _table(("model", "symmetry", "mean [cm]", "90 % within [cm]", "99 % within [cm]", "limit [cm]"), rows)
 
 
 def shipped_models() -> str:

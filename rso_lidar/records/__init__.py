@@ -10,6 +10,7 @@ from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation,
 from rso_lidar.records.light import Bounces, Contours, Extent, Hits, Oversampled, Photons, Rays, Sky
 from rso_lidar.records.reading import Labels, PixelPrediction, Reading, Taps, Waveforms
 from rso_lidar.records.schema import ArraySpec, Record, array, specs
+from rso_lidar.records.symmetry import Symmetry, rotation_error_rad
 from rso_lidar.records.truth import BodyState, PtuAngles, Truth
 
 __all__ = [
@@ -33,11 +34,13 @@ __all__ = [
     "Record",
     "Sky",
     "Source",
+    "Symmetry",
     "Taps",
     "TargetEntry",
     "Truth",
     "Waveforms",
     "array",
+    "rotation_error_rad",
     "specs",
 ]
 

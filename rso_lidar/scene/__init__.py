@@ -16,6 +16,7 @@ from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, warn_of_repairs, warn_of_size
+from rso_lidar.scene.meshes.symmetry_check import SymmetryDeviation, measure_symmetry
 from rso_lidar.scene.surfaces.articulation import Hinged, split_at_hinges
 from rso_lidar.scene.surfaces.surface import Surface, build_surface
 
@@ -35,6 +36,7 @@ __all__ = [
     "RetroReflector",
     "Scatterer",
     "Surface",
+    "SymmetryDeviation",
     "TableBrdf",
     "bounce",
     "build_surface",
@@ -46,6 +48,7 @@ __all__ = [
     "find_material",
     "label",
     "load_mesh",
+    "measure_symmetry",
     "split_at_hinges",
     "warn_of_repairs",
     "warn_of_size",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import ball, box
@@ -20,6 +21,7 @@ def plate() -> CraftModel:
     solid = box((PLATE_THICKNESS_M, PLATE_SIDE_M, PLATE_SIDE_M))
     return CraftModel(
         name="plate",
+        symmetry=Symmetry(axis=(1.0, 0.0, 0.0), fold=4, half_turn=(0.0, 1.0, 0.0)),
         what="Flat square plate, 4 m by 4 m and 2 mm thick, normal along +x: front face at x = 0.001 m",
         source="A definition",
         confidence="Exact by definition; mass is that of aluminium (2700 kg/m3)",
@@ -42,6 +44,7 @@ def sphere() -> CraftModel:
     sag_mm = (SPHERE_RADIUS_M - nearest_m) / units.MM
     return CraftModel(
         name="sphere",
+        symmetry=Symmetry(is_sphere=True),
         what=f"Calibration sphere, vertices at a radius of exactly 1 m; facets lie up to {sag_mm:.2f} mm inside",
         source="A definition",
         confidence="Exact by definition but for the facets; mass is that of a 2 mm aluminium shell (2700 kg/m3)",

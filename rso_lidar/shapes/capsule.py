@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid, box, cylinder, frustum, join, pipe, prism, revolve, ring, torus, tube, wall
@@ -47,6 +48,7 @@ def capsule() -> CraftModel:
     }
     return CraftModel(
         name="capsule",
+        symmetry=Symmetry(axis=(1.0, 0.0, 0.0), fold=0),
         what="Crew capsule of the shape of the Apollo command module, without its service module, docking probe out",
         source=(
             "NASA History, Apollo 204 'Spacecraft' page: command module 10 ft 7 in high, 12 ft 10 in across, about "

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import (
@@ -66,6 +67,7 @@ def comsat() -> CraftModel:
     }
     return CraftModel(
         name="comsat",
+        symmetry=Symmetry(fold=2),
         what="Generic geostationary communication satellite of the 4 to 6 tonne class: box, two wings, four reflectors",
         source=(
             "No one craft. ESA ARTES, 'Eurostar E3000 Large Mechanical Platform': launch masses of 5.8 to 6.4 t, "

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Hinge, Taxonomy, classify_size
 from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import Solid, box, cylinder, dome, join, ring, tiles, tube, wall
@@ -91,6 +92,7 @@ def cubesat(units: int) -> CraftModel:
     corners = np.concatenate([piece.solid.vertices for piece in pieces.values()])
     return CraftModel(
         name=f"cubesat_{units}u",
+        symmetry=Symmetry(fold=2) if units > 1 else Symmetry(axis=(1.0, 0.0, 0.0), fold=4),
         what=_what(units),
         source=f"{_SOURCE}: {sides} over the rails, rails at least 8.5 mm wide, at most {form.limit_kg:.0f} kg",
         confidence=(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid, ball, box, cylinder, frustum, join, pipe, revolve, ring, torus, tube, wall
@@ -44,6 +45,7 @@ def rocket_body() -> CraftModel:
     pieces = {name: piece.turn("y", 90) for name, piece in along_z.items()}
     return CraftModel(
         name="rocket_body",
+        symmetry=Symmetry(axis=(1.0, 0.0, 0.0), fold=0),
         what="Spent cryogenic upper stage of the Centaur III class (Atlas V), one engine, with its payload adapter",
         source=(
             "Encyclopedia entry 'Centaur (rocket stage)': Centaur III 12.68 m long, 3.05 m in diameter, 2247 kg "

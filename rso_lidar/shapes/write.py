@@ -48,6 +48,7 @@ def write(folder: Path) -> list[Path]:
 
 def statement(model: CraftModel, content: bytes) -> dict[str, Any]:
     """Describe a model for the index; `content` is the content of its file."""
+    symmetry = {} if model.symmetry is None else {"symmetry": model.symmetry.model_dump(exclude_defaults=True)}
     return {
         "name": model.name,
         "file": f"{model.name}.glb",
@@ -67,7 +68,7 @@ def statement(model: CraftModel, content: bytes) -> dict[str, Any]:
         "part_classes": model.part_classes,
         "taxonomy": model.taxonomy.model_dump(),
         "hinge": [hinge.model_dump(exclude_none=True) for hinge in model.hinges],
-    }
+    } | symmetry
 
 
 def _rounded(values: np.ndarray, digits: int) -> list[float]:

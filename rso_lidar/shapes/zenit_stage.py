@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid, ball, box, cylinder, frustum, join, pipe, revolve, ring, torus, tube, wall
@@ -41,6 +42,7 @@ def zenit_stage() -> CraftModel:
     pieces = {name: piece.turn("y", 90) for name, piece in along_z.items()}
     return CraftModel(
         name="zenit_stage",
+        symmetry=Symmetry(axis=(1.0, 0.0, 0.0), fold=4),
         what="Spent second stage of the Zenit-2 class (SL-16 R/B): one fixed nozzle, four steering chambers",
         source=(
             "Encyclopedia entry 'Zenit (launch vehicle)': two stages, 57 m by 3.9 m, one main engine RD-120 with a "

@@ -20,6 +20,8 @@ UNITS = {  # how a name ends, and what its description says in brackets
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none
     "flashes": "a number of flashes",
+    "fold": "a number of steps in a turn",
+    "half_turn": "a direction, of any length",
     "needed": "a number of flashes",
     "pixels": "a number of pixels",
     "absolute_tolerance": "in the units of the state",

@@ -6,6 +6,7 @@ import copy
 import json
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.reading.random_access import SPEC_FILE
@@ -14,9 +15,12 @@ from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, Constants, read_co
 from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
 from rso_lidar.files import advise_on_write, hold_lock, write_text
+from rso_lidar.motion.motions.prescribed_motion import Fixed
 from rso_lidar.records.part_classes import PART_CLASSES
 from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.target_surfaces import find_symmetry
 from rso_lidar.scenario.mission.validation import apply_setting
+from rso_lidar.scenario.tables.target import Target
 from rso_lidar.scene import load_mesh
 from rso_lidar.scene.library.model_index import model
 from rso_lidar.shipped import find
@@ -103,10 +107,18 @@ def list_constants(plan: DatasetPlan) -> Constants:
         part_classes=tuple(PART_CLASSES),
         splits=SPLITS,
         model_parts={name: _list_parts(name, plan.folder) for name in plan.models},
-        symmetries=dict.fromkeys(plan.models),
+        symmetries={name: _find_symmetry(name) for name in plan.models},
         line_of_sight=lines,
         lidars=lidars,
     )
+
+
+def _find_symmetry(name: str) -> dict[str, Any] | None:
+    """Return the symmetry of a model of the catalogue in its body axes, with hinges at zero; None of another mesh."""
+    if any(sign in name for sign in "/\\."):
+        return None
+    found = find_symmetry(Target(name="target", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0))))
+    return None if found is None else found.model_dump(exclude_none=True)
 
 
 def _list_parts(name: str, folder: Path) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from rso_lidar.dataset.shards.shard_file import open_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.files import convert_path
+from rso_lidar.records.symmetry import Symmetry
 
 SPEC_FILE = "dataset.toml"
 _MOST_OPEN = 256  # shards of a split that are kept open in a process
@@ -72,6 +73,12 @@ class Dataset:
     def part_classes(self) -> tuple[str, ...]:
         """Names of the common part classes, which `part_class_id` numbers."""
         return self.constants.part_classes
+
+    @property
+    def symmetries(self) -> tuple[Symmetry | None, ...]:
+        """Symmetry of each model, in the axes of `quaternion_xyzw`; None where a lidar can tell all attitudes apart."""
+        tables = self.constants.symmetries
+        return tuple(Symmetry(**tables[name]) if tables[name] else None for name in self.models)
 
     @property
     def splits(self) -> tuple[str, ...]:

@@ -153,6 +153,8 @@ def _resolve_library_model(target: Target) -> dict[str, Any]:
         "taxonomy": kind.model_dump(),
         "part_classes": dict(zip(mesh.part_names, find_part_classes(target, mesh), strict=True)),
     }
+    if (symmetry := target.symmetry or entry.symmetry) is not None:
+        found["symmetry"] = symmetry.model_dump(exclude_none=True)
     if target.material is None:
         of_part: dict[str, Material] = {name: Named(name=material) for name, material in entry.parts.items()}
         of_part |= target.part_materials

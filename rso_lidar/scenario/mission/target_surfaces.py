@@ -7,9 +7,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from rso_lidar.errors import RsoLidarWarning
-from rso_lidar.part import Part
+from rso_lidar.part import Part, Vector
 from rso_lidar.records.part_classes import OTHER, PartClass
+from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import apply_color_materials, apply_facet_materials
 from rso_lidar.scenario.tables.target import Target
@@ -28,6 +31,7 @@ from rso_lidar.scene import (
     warn_of_size,
 )
 from rso_lidar.scene.library.model_index import ModelEntry, model
+from rso_lidar.scene.meshes.mesh import body_from_mesh
 
 
 def build_surfaces(
@@ -177,3 +181,26 @@ def find_part_classes(target: Target, mesh: Mesh) -> tuple[PartClass, ...]:
     """Return the common class of each part of a target's mesh, from the scenario or the catalogue; else `other`."""
     known = {} if target.is_path else model(target.shape).part_classes
     return tuple(target.part_classes.get(part, known.get(part, OTHER)) for part in mesh.part_names)
+
+
+def find_symmetry(target: Target) -> Symmetry | None:
+    """Return the symmetry of a target in its body axes, from the scenario or the catalogue; None where there is none.
+
+    The catalogue's holds for hinges at zero. It does not count where the target has joints.
+    """
+    entry = None if target.is_path else model(target.shape)
+    found, center_of_mass_m = target.symmetry, target.center_of_mass_m or (0.0, 0.0, 0.0)
+    if entry is not None:
+        scale, center_of_mass_m = place_mesh(target, entry.mesh, entry)
+        if found is None and entry.symmetry is not None and not target.joint:
+            x, y, z = entry.symmetry.position_m
+            found = entry.symmetry.replace(position_m=(scale * x, scale * y, scale * z))
+    if found is None:
+        return None
+
+    def turn(vector: Vector) -> tuple[float, ...]:
+        return tuple(body_from_mesh(np.array(vector), target.mesh_axes).tolist())
+
+    from_origin_m = np.array(found.position_m) - np.array(center_of_mass_m)
+    half_turn = None if found.half_turn is None else turn(found.half_turn)
+    return found.replace(axis=turn(found.axis), half_turn=half_turn, position_m=turn(tuple(from_origin_m.tolist())))

@@ -12,6 +12,7 @@ from rso_lidar.motion.bodies.body import RESERVED
 from rso_lidar.motion.bodies.hinge import HingeAxes
 from rso_lidar.part import Positive, Text, Vector
 from rso_lidar.records.part_classes import PartClass
+from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.joints import Joint, ModelPlacement, complete_joint
@@ -93,6 +94,13 @@ class Target(Body):
     taxonomy: Taxonomy | None = Field(
         default=None,
         description="Class of the target, for labels and for drawing datasets. If omitted, the catalogue's, or none.",
+    )
+    symmetry: Symmetry | None = Field(
+        default=None,
+        description=(
+            "Rotations after which a lidar cannot tell the target from before, in mesh axes after scaling. If omitted, the "
+            "catalogue's where no hinge is turned, or none. It changes labels only."
+        ),
     )
     library: LibraryModel | None = Field(
         default=None,

@@ -17,6 +17,7 @@ from rso_lidar.files import read_text
 from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole, explain
 from rso_lidar.part.toml_text import MOST_BYTES, parse_toml
 from rso_lidar.records.part_classes import OTHER, PART_CLASSES, PartClass
+from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Hinge, Taxonomy
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
@@ -54,6 +55,8 @@ class ModelEntry:
         Class, shape, size and rotation.
     hinges
         Parts that turn, and their axes, in mesh coordinates.
+    symmetry
+        Rotations that a lidar cannot tell apart, in mesh coordinates with all hinges at zero; None where there are none.
     path
         Path of the mesh file.
     scale, mesh_axes, left_out
@@ -81,6 +84,7 @@ class ModelEntry:
     part_classes: Mapping[str, PartClass]
     taxonomy: Taxonomy
     hinges: tuple[Hinge, ...]
+    symmetry: Symmetry | None
     path: Path
     scale: float = 1.0
     mesh_axes: str = "z_up"
@@ -284,6 +288,7 @@ class _ModelTable(BaseModel):
     part_classes: dict[Text, PartClass] = {}
     taxonomy: Taxonomy
     hinge: tuple[Hinge, ...] = ()
+    symmetry: Symmetry | None = None
     scale: Positive = 1.0
     mesh_axes: Literal["z_up", "y_up"] = "z_up"
     left_out: tuple[tuple[Whole, Whole], ...] = ()
