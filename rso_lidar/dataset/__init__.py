@@ -1,5 +1,6 @@
 """Datasets for learning: many samples of a scenario drawn by laws, flown, labelled and written in shards."""
 
+from rso_lidar.dataset import torch
 from rso_lidar.dataset.annotation.frame_labels import FrameLabels, label_frame
 from rso_lidar.dataset.conversion.dataset_export import export_dataset as export
 from rso_lidar.dataset.making.make import make
@@ -70,6 +71,7 @@ __all__ = [
     "open",
     "publish",
     "score",
+    "torch",
 ]
 
 __dir__ = limit_dir(__name__)

@@ -19,6 +19,7 @@ from rso_lidar.files import convert_path
 from rso_lidar.records.symmetry import Symmetry
 
 SPEC_FILE = "dataset.toml"
+_IMAGE_DIMENSIONS = 3  # of an array of images, with the frame
 _MOST_OPEN = 256  # shards of a split that are kept open in a process
 
 
@@ -162,7 +163,7 @@ class Split:
         return self._files[shard]
 
     def _array(self, shard: int, name: str) -> Any:
-        """Return an array of a shard as an h5py dataset.
+        """Return an array of a shard: an h5py dataset of images, or the values of smaller entries.
 
         Parameters
         ----------
@@ -175,7 +176,8 @@ class Split:
                     f"{self.folder}: the shards have no array '{name}'{did_you_mean(name, self.names)}; "
                     "an optional label is asked for in [labels] of the specification"
                 )
-            known[name] = file[name]
+            stored = file[name]
+            known[name] = stored if stored.ndim >= _IMAGE_DIMENSIONS else stored[()]  # numbers of a shard are small
         return known[name]
 
     def __getitem__(self, index: int) -> dict[str, np.ndarray]:

@@ -83,7 +83,7 @@ def draw_first_false(
     """
     from_s, to_s = armed.from_s, armed.to_s
     brightest = 0.0 if sunlight_per_s is None else float(sunlight_per_s.max(initial=0.0))
-    rates = _rates(*armed[:4], math.ceil(math.log2(brightest)) if brightest > 0.0 else None)
+    rates = _find_rates(armed, math.ceil(math.log2(brightest)) if brightest > 0.0 else None)
     n_pixels = len(armed.camera.threshold)
     if rates.table is None or sunlight_per_s is None:
         return draw_first_crossings(rates.sums_per_s, from_s, to_s, rng)
@@ -159,6 +159,24 @@ class _Rates(NamedTuple):
         log_rate = self.table.ev(np.log(primaries), self.threshold[pixel])
         rates: np.ndarray = np.where(self.dead[pixel] | (log_rate < 0.9 * _NIL), 0.0, np.exp(log_rate))
         return rates
+
+
+def _find_rates(armed: Armed, level: int | None) -> _Rates:
+    """Return the rates of some comparators; those of pixels that were selected are read from the whole camera's.
+
+    Parameters
+    ----------
+    armed : the comparators.
+    level : as for `_rates`.
+    """
+    apd, amplifier, threshold_electrons, camera = armed[:4]
+    if camera.selected is None:
+        return _rates(apd, amplifier, threshold_electrons, camera, level)
+    whole, pixel = camera.selected
+    known = _rates(apd, amplifier, threshold_electrons, whole, level)
+    most = known.most_per_s[pixel]
+    each = {"threshold": known.threshold[pixel], "dark_per_s": known.dark_per_s[pixel], "dead": known.dead[pixel]}
+    return known._replace(most_per_s=most, sums_per_s=np.cumsum(most), **each)
 
 
 @lru_cache(maxsize=8)

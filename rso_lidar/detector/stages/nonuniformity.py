@@ -24,9 +24,12 @@ class CameraPixels:
     hot: np.ndarray  # bool
     dark_per_s: np.ndarray  # dark current [primary electrons/s]
 
+    selected: tuple[CameraPixels, np.ndarray] | None = None  # the camera that these are pixels of, and their numbers
+
     def select(self, pixel: np.ndarray) -> CameraPixels:
-        """Return some of the pixels, or the same ones several times."""
-        return CameraPixels(*(getattr(self, one.name)[pixel] for one in fields(self)))
+        """Return some of the pixels of a whole camera, or the same ones several times."""
+        arrays = (getattr(self, one.name)[pixel] for one in fields(self) if one.name != "selected")
+        return CameraPixels(*arrays, selected=(self, pixel))
 
 
 @lru_cache(maxsize=8)

@@ -286,3 +286,22 @@ def test_noise_before_the_light_takes_its_place():
 def test_no_pixels_with_false_triggers_is_no_traces(shape):
     reading, waveforms = detect(nothing(shape), Gsfl(armed_to_m=2.0), np.random.default_rng(0))
     assert waveforms.samples_counts.shape == (0, 20) and np.isnan(reading.range_m).all()
+
+
+@pytest.mark.parametrize("sunlight", [None, 3e8])
+def test_pixels_selected_from_a_camera_trigger_as_they_do_there(sunlight):
+    """Each selected several times: the same share of triggers as in its camera, whose rates are not computed again."""
+    camera = build_camera(EASY, 600)
+    chosen = np.repeat(np.argsort(camera.threshold)[:40], 200)
+    counted = np.zeros(len(chosen))
+    light = None if sunlight is None else np.full(600, sunlight)
+    armed = arm_comparators(EASY, camera)
+    few = None if light is None else light[chosen]
+    noisy, _ = draw_first_false(arm_comparators(EASY, camera.select(chosen)), few, np.random.default_rng(1))
+    counted[noisy] = 1.0
+    base = camera.dark_per_s + (0.0 if sunlight is None else sunlight)
+    rates = rates_per_s(EASY.apd, EASY.amplifier, EASY.trigger.threshold_electrons * camera.threshold, base)
+    wanted = -np.expm1(-rates[chosen[::200]] * (armed.to_s - armed.from_s))
+    share = counted.reshape(40, 200).mean(axis=1)
+    assert wanted.max() > 1.5 * wanted.min() or wanted.min() > 0.05
+    assert np.mean((share - wanted) ** 2 / np.maximum(wanted * (1.0 - wanted) / 200.0, 1e-4)) < 1.8
