@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -28,8 +29,10 @@ class CameraPixels:
 
     def select(self, pixel: np.ndarray) -> CameraPixels:
         """Return some of the pixels of a whole camera, or the same ones several times."""
-        arrays = (getattr(self, one.name)[pixel] for one in fields(self) if one.name != "selected")
-        return CameraPixels(*arrays, selected=(self, pixel))
+        arrays: dict[str, Any] = {
+            one.name: getattr(self, one.name)[pixel] for one in fields(self) if one.name != "selected"
+        }
+        return CameraPixels(**arrays, selected=(self, pixel))
 
 
 @lru_cache(maxsize=8)
