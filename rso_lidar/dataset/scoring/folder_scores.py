@@ -77,6 +77,7 @@ def score(
         pixels=frames,
         part_classes=opened.part_classes,
         surfaces=_sample_surfaces(opened, truth) if needs_surfaces else {},
+        symmetries=opened.symmetries,
         identity=opened.constants.sha256,
         split=split,
     )

@@ -1,4 +1,4 @@
-"""Errors of estimated poses: rotation, translation, and distances of the model's surface.
+"""Errors of estimated poses: rotation up to the symmetry of the target, translation, and distances of the model's surface.
 
 ADD is the mean distance between points of the model in the estimated and in the true pose (Hinterstoisser et al., ACCV
 2012). ADD-S pairs each point with the closest one instead, so that a pose that looks the same is not an error (Xiang et
@@ -7,7 +7,7 @@ al., "PoseCNN", RSS 2018).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -25,6 +25,7 @@ from rso_lidar.dataset.metrics.merits import (
 )
 from rso_lidar.dataset.metrics.weighted_statistics import Quantile, Ratios
 from rso_lidar.dataset.scoring.ground_truth import FrameTruth
+from rso_lidar.records.symmetry import Symmetry, rotation_error_rad
 from rso_lidar.track.icp import SampledMesh
 from rso_lidar.units import DEG
 
@@ -79,7 +80,7 @@ class ModelSurface:
 class PoseErrors:
     """Errors (frame) of poses: infinite where the prediction is missing, NaN where there is nothing to estimate.
 
-    `rotation_rad` is the angle of the rotation between the two. `add_m` and `adds_m` are NaN for a model whose
+    `rotation_rad` is the least angle over all attitudes that look the same. `add_m` and `adds_m` are NaN for a model whose
     surface is not known, and `diameter_m` is that of the model.
     """
 
@@ -104,6 +105,7 @@ def find_pose_errors(
     position_m: np.ndarray,
     quaternion_xyzw: np.ndarray,
     surfaces: Mapping[int, ModelSurface],
+    symmetries: Sequence[Symmetry | None],
 ) -> PoseErrors:
     """Compute the errors of estimated poses.
 
@@ -112,6 +114,7 @@ def find_pose_errors(
     truth : of the frames.
     position_m, quaternion_xyzw : (frame, 3) and (frame, 4) of the estimated lidar_from_target, NaN where missing.
     surfaces : surface of each model, by number.
+    symmetries : symmetry of each model, in the axes of the poses; None for none.
 
     Returns
     -------
@@ -127,7 +130,7 @@ def find_pose_errors(
     for model in np.unique(truth.model_id[asked]).tolist():
         rows = np.flatnonzero(given & (truth.model_id == model))
         found, true = Rotation.from_quat(quaternion_xyzw[rows]), Rotation.from_quat(truth.quaternion_xyzw[rows])
-        rotation[rows] = (found.inv() * true).magnitude()
+        rotation[rows] = rotation_error_rad(quaternion_xyzw[rows], truth.quaternion_xyzw[rows], symmetries[model])
         of_model = asked & (truth.model_id == model)
         surface = surfaces.get(model)
         if surface is None:
@@ -160,7 +163,12 @@ def score_poses(truth: FrameTruth, errors: PoseErrors) -> PoseScores:
         relative = errors.translation_m / truth.range_to_target_m
     merits = []
     for name, unit, values, word in (
-        ("rotation_error", "deg", errors.rotation_rad / DEG, "angle of the rotation error"),
+        (
+            "rotation_error",
+            "deg",
+            errors.rotation_rad / DEG,
+            "angle of the rotation error, the least over attitudes that look the same",
+        ),
         ("translation_error", "m", errors.translation_m, "distance of the estimated origin from the true one"),
         ("relative_translation_error", "1", relative, "translation error over range"),
     ):

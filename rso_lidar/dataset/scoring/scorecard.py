@@ -19,6 +19,7 @@ from rso_lidar.dataset.scoring.pose_errors import ModelSurface, PoseScores, find
 from rso_lidar.dataset.scoring.prediction_table import Predictions
 from rso_lidar.dataset.scoring.presence import Presence, score_presence
 from rso_lidar.errors import DatasetError
+from rso_lidar.records.symmetry import Symmetry
 
 REPLICATES = 2000
 CONFIDENCE = 0.95
@@ -43,14 +44,15 @@ class PixelReader(Protocol):
 class Benchmark:
     """What predictions are scored against.
 
-    `truth` is that of the frames, `pixels` reads arrays of them, `part_classes` are the common part classes, and `surfaces`
-    those of the models by number.
+    `truth` is that of the frames, `pixels` reads arrays of them, `part_classes` are the common part classes, `surfaces` and
+    `symmetries` those of the models by number.
     """
 
     truth: FrameTruth
     pixels: PixelReader | None
     part_classes: tuple[str, ...]
     surfaces: Mapping[int, ModelSurface]
+    symmetries: Sequence[Symmetry | None]
     identity: str
     split: str
 
@@ -224,6 +226,7 @@ def score_run(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) 
             _take(predictions.position_m, rows, np.nan),
             _take(predictions.quaternion_xyzw, rows, np.nan),
             benchmark.surfaces,
+            benchmark.symmetries,
         )
         poses = score_poses(truth, errors)
     parts = _score_parts(predictions, rows, benchmark) if "part_class_id" in predictions.pixels else None

@@ -47,7 +47,7 @@ def columns_of(truth):
 
 def make_benchmark(truth, **more):
     """Make a benchmark of a truth without pixels."""
-    parts = {"pixels": None, "part_classes": (), "surfaces": {}} | more
+    parts = {"pixels": None, "part_classes": (), "surfaces": {}, "symmetries": [None] * len(truth.models)} | more
     return Benchmark(truth=truth, identity="f00d", split="test", **parts)
 
 

@@ -4,7 +4,9 @@ import trimesh
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface, find_pose_errors
+from rso_lidar.records import Symmetry
 from rso_lidar.track.icp import sample_mesh
+from rso_lidar.units import DEG
 from tests.dataset.scoring.frames import by_name, make_card, make_truth
 
 SPHERE = ModelSurface(sample_mesh(trimesh.creation.icosphere(subdivisions=5, radius=1.0).triangles))
@@ -54,10 +56,22 @@ def test_errors_are_angles_and_distances():
     truth = make_truth(50)
     turn = Rotation.from_rotvec(np.tile([0.0, 0.1, 0.0], (50, 1)))
     quaternion = (Rotation.from_quat(truth.quaternion_xyzw) * turn).as_quat()
-    errors = find_pose_errors(truth, truth.position_m + np.array([0.0, 3.0, 4.0]), quaternion, {})
+    errors = find_pose_errors(truth, truth.position_m + np.array([0.0, 3.0, 4.0]), quaternion, {}, [None] * 3)
     assert errors.rotation_rad == pytest.approx(np.full(50, 0.1))
     assert errors.translation_m == pytest.approx(np.full(50, 5.0))
     assert np.isnan(errors.add_m).all() and np.isnan(errors.diameter_m).all()
+
+
+def test_attitudes_that_look_the_same_are_no_errors():
+    truth = make_truth(60)
+    turn = Rotation.from_euler("ZX", np.tile([90.0, 4.0], (60, 1)), degrees=True)
+    quaternion = (Rotation.from_quat(truth.quaternion_xyzw) * turn).as_quat()
+    symmetries = [Symmetry(fold=0), Symmetry(fold=4), None]
+    errors = find_pose_errors(truth, truth.position_m, quaternion, {}, symmetries)
+    tilt, whole = 4.0 * DEG, turn[0].magnitude()
+    for model, expected in enumerate((tilt, tilt, whole)):
+        of_model = errors.rotation_rad[truth.model_id == model]
+        assert len(of_model) > 5 and of_model == pytest.approx(np.full(len(of_model), expected))
 
 
 def test_perfect_poses():
