@@ -225,7 +225,8 @@ def flash(
             moon_m = scenario.moon_position_m(at.time_s)
             sky = optics.see_sky(laser, receiver, at, moon_m, has_earth=not scenario.is_local)
             hidden = None if sky is None else scene.find_hidden(sky.direction, surfaces, at)
-            with_stray_light.append((hits, optics.add_stray_light(photons, hits, laser, receiver, sky, hidden)))
+            stray = optics.add_stray_light(photons, hits, laser, receiver, sky, hidden, pulses)
+            with_stray_light.append((hits, stray))
     hits, photons = optics.average_pulses(by_epoch, pulses, jitter)
     signal = photons
     labels = scene.label(hits, signal, lidar.max_returns)  # of what is really there: without stray light

@@ -126,13 +126,13 @@ class Receiver(Part):
             reach = ghost.defocus_um / self.pixel_pitch_um
             if reach > 2 * max(self.shape):
                 raise ValueError(
-                    f"ghosts.{number}.defocus_um is a disc of {reach:.3g} pixels in radius, over twice the focal plane; "
+                    f"ghosts[{number}].defocus_um: is a disc of {reach:.3g} pixels in radius, over twice the focal plane; "
                     "reduce it"
                 )
             shift = ghost.shift_pixels(self.shape)
             if any(abs(by) >= n + reach + 1 for by, n in zip(shift, self.shape, strict=True)):
                 raise ValueError(
-                    f"ghosts.{number} lies {max(abs(by) for by in shift):.4g} pixels away, beside the focal plane of "
+                    f"ghosts[{number}]: lies {max(abs(by) for by in shift):.4g} pixels away, beside the focal plane of "
                     f"{self.n_rows} x {self.n_cols} pixels; correct its place or leave it out"
                 )
         if self.glare is None:

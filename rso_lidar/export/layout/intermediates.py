@@ -40,13 +40,16 @@ FIELDS = {  # by group of the file: name in the file, and in the record
         "samples": "samples_counts",
         "start": "start_s",
         "latch": "latch_s",
+        "clipped": "clipped",
         "zero_crossing": "zero_crossing_s",
+        "base": "base_per_s",
     },
     "photons": {"image": "photons", "background": "background_photons_per_s"},
     "oversampled": {"range": "range_m", "photons": "photons"},
     "prediction": {"detection_probability": "detection_probability", "range_sigma": "range_sigma_m"},
 }
 CONSTANTS = {"waveforms": ("sample_s", "baseline_counts")}  # attributes of a group: the same in all frames
+_FLAG = np.dtype("u1")  # files hold true and false as 1 and 0
 _DIMS = {"trace": ("row", "col")}  # a trace is stored at its pixel
 
 
@@ -76,7 +79,8 @@ def list_arrays(kept: Mapping[str, Record]) -> dict[str, ArraySpec]:
             if getattr(record, name) is not None:
                 spec = specs(type(record))[name]
                 dims = [placed for dim in spec.dims for placed in _DIMS.get(dim, (dim,))]
-                found[f"{group}/{path}"] = dataclasses.replace(spec, dims=tuple(dims))
+                dtype = _FLAG if spec.dtype.kind == "b" else spec.dtype
+                found[f"{group}/{path}"] = dataclasses.replace(spec, dims=tuple(dims), dtype=dtype)
     return found
 
 
@@ -119,15 +123,19 @@ def restore_record(group: str, entries: Mapping[str, np.ndarray], constants: Map
     start_s = entries["start_s"]
     traced = np.isfinite(start_s)
     rows, cols = start_s.shape
-    traces = {name: entry[traced] for name, entry in entries.items()}
+    stated = specs(Waveforms)
+    traces = {name: entry[traced].astype(stated[name].dtype, copy=False) for name, entry in entries.items()}
     sample_s, baseline_counts = (constants[name] for name in CONSTANTS[group])
     return Waveforms((rows, cols), sample_s, baseline_counts, np.flatnonzero(traced), **traces)
 
 
 def _spread_traces(waveforms: Waveforms, values: np.ndarray) -> np.ndarray:
-    """Spread the values of traces over the focal plane (row, col, …), with NaN in pixels without a trace."""
+    """Spread the values of traces over the focal plane (row, col, …), with NaN or 0 in pixels without a trace."""
     rows, cols = waveforms.shape
-    image = np.full((rows * cols, *values.shape[1:]), np.nan, dtype=values.dtype)
+    if values.dtype.kind == "b":
+        values = values.astype(_FLAG)
+    missing = 0 if values.dtype == _FLAG else np.nan
+    image = np.full((rows * cols, *values.shape[1:]), missing, dtype=values.dtype)
     image[waveforms.pixel] = values
     return image.reshape(rows, cols, *values.shape[1:])
 

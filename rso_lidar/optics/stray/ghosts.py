@@ -21,21 +21,22 @@ from rso_lidar.optics.returns.blur import SLAB_FWHM, Light
 from rso_lidar.optics.returns.clusters import find_clusters
 from rso_lidar.records import Photons
 
-LEAST_PHOTONS = 0.01  # a fainter return of a ghost is left out
+LEAST_PHOTONS = 0.01  # in all pulses of a frame; a fainter return of a ghost is left out
 _POINTS_PER_PIXEL = 8  # along each side: how finely the disc of a ghost out of focus is sampled
 _MOST_POINTS = 1024  # across the disc
 
 
-def add_ghosts(photons: Photons, receiver: Receiver) -> Photons:
+def add_ghosts(photons: Photons, receiver: Receiver, pulses: int = 1) -> Photons:
     """Add the ghosts of all laser light on the focal plane as further returns.
 
     Light of one pixel that arrives within a quarter of the pulse's width is copied as one return. Returns of less than 0.01
-    photons are left out.
+    photons in all pulses of the frame are left out.
 
     Parameters
     ----------
-    photons : light behind the lens.
+    photons : light behind the lens, of one pulse.
     receiver : the receiver with its ghosts.
+    pulses : number of pulses of the frame.
 
     Returns
     -------
@@ -46,7 +47,11 @@ def add_ghosts(photons: Photons, receiver: Receiver) -> Photons:
         return photons
     light = Light(*(getattr(photons, name) for name in Light.__dataclass_fields__))
     sources, slab = _merge_by_slab(light, SLAB_FWHM * photons.pulse_fwhm_s, receiver.n_rows * receiver.n_cols)
-    copies = [copy for ghost in receiver.ghosts for copy in _copy_light(sources, slab, ghost, receiver)]
+    copies = [
+        copy
+        for ghost in receiver.ghosts
+        for copy in _copy_light(sources, slab, ghost, receiver, LEAST_PHOTONS / pulses)
+    ]
     if not copies:
         return photons
     columns: dict[str, Any] = {
@@ -110,7 +115,7 @@ def _merge_by_slab(light: Light, slab_s: float, n_pixels: int) -> tuple[Light, n
     return merged, slab[first]
 
 
-def _copy_light(sources: Light, slab: np.ndarray, ghost: Ghost, receiver: Receiver) -> list[Light]:
+def _copy_light(sources: Light, slab: np.ndarray, ghost: Ghost, receiver: Receiver, least: float) -> list[Light]:
     """Return the returns of one ghost, slab by slab.
 
     Parameters
@@ -119,13 +124,14 @@ def _copy_light(sources: Light, slab: np.ndarray, ghost: Ghost, receiver: Receiv
     slab : (return) slab of delay of each.
     ghost : the ghost.
     receiver : gives the focal plane.
+    least : photons of the faintest return that is made.
     """
     kernel, shift = _kernel(ghost, receiver)
     late_s = ghost.extra_path_m / units.SPEED_OF_LIGHT_M_S
     shape, copies = receiver.shape, []
     most = np.zeros(int(slab.max()) + 1)
     np.add.at(most, slab, sources.photons)
-    for number in np.flatnonzero(most * (ghost.fraction * float(kernel.max())) >= LEAST_PHOTONS):
+    for number in np.flatnonzero(most * (ghost.fraction * float(kernel.max())) >= least):
         of = np.flatnonzero(slab == number)
         start_s = float(sources.delay_s[of].min())
 
@@ -135,7 +141,7 @@ def _copy_light(sources: Light, slab: np.ndarray, ghost: Ghost, receiver: Receiv
 
         light = sources.photons[of]
         landed = lay(light)
-        pixel = np.flatnonzero(landed >= LEAST_PHOTONS)
+        pixel = np.flatnonzero(landed >= least)
         if not len(pixel):
             continue
         photons = landed[pixel]

@@ -69,6 +69,7 @@ def add_stray_light(
     receiver: Receiver,
     sky: Sky | None = None,
     hidden: np.ndarray | None = None,
+    pulses: int = 1,
 ) -> Photons:
     """Add ghosts, the images of Sun, Earth and Moon, and the veil that the lens scatters of them.
 
@@ -82,6 +83,7 @@ def add_stray_light(
     receiver : the lens with its stray light.
     sky : the bodies; None without them.
     hidden : (element) elements of the sky that targets hide from the lens; None for none.
+    pulses : number of pulses of the frame.
 
     Returns
     -------
@@ -95,7 +97,7 @@ def add_stray_light(
         background = background + sum(copy_image(background, ghost, receiver) for ghost in receiver.ghosts)
     if sky is not None and background is not None:
         background = background + veil(sky, receiver, hidden)
-    return replace(add_ghosts(photons, receiver), background_photons_per_s=background)
+    return replace(add_ghosts(photons, receiver, pulses), background_photons_per_s=background)
 
 
 def veil(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.ndarray:

@@ -68,6 +68,26 @@ def test_crossings_of_a_timing_channel_come_back(tmp_path):
             np.testing.assert_array_equal(read.kept["waveforms"].zero_crossing_s, given.zero_crossing_s)
 
 
+@pytest.mark.parametrize("suffix", [".h5", ".zarr"])
+def test_clipped_samples_and_mean_currents_come_back(tmp_path, suffix):
+    if suffix == ".zarr":
+        pytest.importorskip("zarr")
+    frames = []
+    for frame in make_frames(2, keep=("waveforms",)):
+        waveforms = frame.kept["waveforms"]
+        more = {
+            "clipped": waveforms.samples_counts > np.median(waveforms.samples_counts),
+            "base_per_s": 1e8 + 1e6 * np.arange(len(waveforms.pixel)),
+        }
+        frames.append(with_kept(frame, waveforms=dataclasses.replace(waveforms, **more)))
+    with export.open(export.save(tmp_path / f"run{suffix}", frames)) as recording:
+        for read, frame in zip(recording, frames, strict=True):
+            given, found = frame.kept["waveforms"], read.kept["waveforms"]
+            assert found.clipped.dtype == bool and 0.0 < found.clipped.mean() < 1.0
+            np.testing.assert_array_equal(found.clipped, given.clipped)
+            np.testing.assert_array_equal(found.base_per_s, given.base_per_s)
+
+
 def test_what_was_read_can_be_saved_again(tmp_path, saved):
     again = export.save(tmp_path / "again.h5", export.open(saved))
     for k, frame in enumerate(export.open(again)):

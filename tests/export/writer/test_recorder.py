@@ -325,34 +325,47 @@ from rso_lidar import export
 from rso_lidar.errors import RunError
 import h5py
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY))
-try:
-    with export.Recorder(sys.argv[2], SOURCE, run_id="1a2b3c4d") as recorder:
-        for frame in make_frames(60, shape=(40, 40), lit=1.0):
-            recorder.write(frame)
-except RunError as error:
-    assert isinstance(error.__cause__, OSError | RuntimeError)
-    print(recorder.written, error)
+for limit in sys.argv[3:]:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), resource.RLIM_INFINITY))
+    try:
+        with export.Recorder(f"{sys.argv[2]}/{limit}/run.h5", SOURCE, run_id="1a2b3c4d") as recorder:
+            for frame in make_frames(60, shape=(40, 40), lit=1.0):
+                recorder.write(frame)
+    except RunError as error:
+        assert isinstance(error.__cause__, OSError | RuntimeError)
+        print(limit, recorder.written, error)
 """
+LIMITS = (20_000, 300_000, 550_000, 1_000_003)
+
+
+@pytest.fixture(scope="module")
+def full_disks(tmp_path_factory):
+    """Record onto disks that are full after so many bytes, in one process; return the folder, and by limit what it said."""
+    folder = tmp_path_factory.mktemp("full")
+    for limit in LIMITS:
+        (folder / str(limit)).mkdir()
+    here = Path(__file__).parents[1]
+    command = [sys.executable, "-c", FULL, here, folder, *(str(limit) for limit in LIMITS)]
+    child = subprocess.run(command, capture_output=True, text=True)
+    assert (child.returncode, child.stderr) == (0, "")
+    said = dict(line.split(maxsplit=1) for line in child.stdout.splitlines())
+    return folder, {int(limit): line for limit, line in said.items()}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="file-size limits are POSIX")
-@pytest.mark.parametrize("limit", [20_000, 300_000, 550_000, 1_000_003])
-def test_a_full_disk_keeps_whole_frames_and_says_so(tmp_path, limit):
-    output = tmp_path / "run.h5"
-    here = Path(__file__).parents[1]
-    child = subprocess.run([sys.executable, "-c", FULL, here, output, str(limit)], capture_output=True, text=True)
-    assert (child.returncode, child.stderr) == (0, "")
+@pytest.mark.parametrize("limit", LIMITS)
+def test_a_full_disk_keeps_whole_frames_and_says_so(full_disks, limit):
+    folder, said = full_disks[0] / str(limit), full_disks[1]
+    output, line = folder / "run.h5", said[limit]
     assert not output.exists()
-    (line,) = child.stdout.splitlines()
     written = int(line.split()[0])
     assert f"run.h5: cannot be written after {written} frames (File too large); " in line
     if limit < 100_000:  # not even room for the first frame
         assert line.endswith("make room and run again")
-        assert list(tmp_path.iterdir()) == []
+        assert list(folder.iterdir()) == []
         return
     assert line.endswith(f"run.h5.tmp-{RUN} is kept: make room and continue with --resume")
-    with export.open(tmp_path / f"run.h5.tmp-{RUN}") as recording:
+    with export.open(folder / f"run.h5.tmp-{RUN}") as recording:
         assert len(recording) == written > 0
         for k, frame in enumerate(recording):
             assert_same(frame, make_frame(k, shape=(40, 40), lit=1.0))
@@ -360,7 +373,7 @@ def test_a_full_disk_keeps_whole_frames_and_says_so(tmp_path, limit):
         assert recorder.written == written
         for k in range(written, 60):
             recorder.write(make_frame(k, shape=(40, 40), lit=1.0))
-    whole = export.save(tmp_path / "whole.h5", make_frames(60, shape=(40, 40), lit=1.0))
+    whole = export.save(folder / "whole.h5", make_frames(60, shape=(40, 40), lit=1.0))
     assert datasets(output) == datasets(whole)
 
 

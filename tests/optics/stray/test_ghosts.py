@@ -99,6 +99,17 @@ def test_too_faint_a_copy_changes_nothing():
     assert ghostly is plain or np.array_equal(ghostly.photons, plain.photons)
 
 
+def test_many_pulses_show_a_copy_that_is_too_faint_in_one():
+    """A copy of 2e-3 to 5e-3 photons a pixel and pulse is left out in one pulse, and made in a hundred."""
+    plain, _, lens = light_of(())
+    brightest = image_of(plain).max()
+    lens = lens.replace(ghosts=(Ghost(fraction=5e-3 / brightest),))
+    assert add_ghosts(plain, lens) is plain
+    copy = image_of(add_ghosts(plain, lens, 100)) - image_of(plain)
+    assert copy.max() == pytest.approx(5e-3, rel=1e-6)
+    assert copy.sum() == pytest.approx(5e-3 / brightest * plain.photons.sum(), rel=0.01)
+
+
 def test_no_returns_have_no_ghosts():
     plain, ghostly, _ = light_of((Ghost(fraction=0.5),), right=500.0)
     assert len(plain.pixel) == len(ghostly.pixel) == 0

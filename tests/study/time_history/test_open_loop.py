@@ -6,6 +6,8 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.orbit import write_oem
+from rso_lidar.scenario.assessment.environment import describe_environment
+from rso_lidar.scenario.preview.geometry import preview_mission
 from rso_lidar.study.time_history.open_loop import (
     find_plan,
     find_umbras,
@@ -100,7 +102,7 @@ def test_a_plan_about_what_moves_about_something_else():
 def test_umbras_are_those_of_check():
     scenario = rl.Scenario.load(EXAMPLES / "safety_ellipse.toml")
     ((begins_s, ends_s),) = find_umbras(scenario)["tdrs"]
-    told = next(line for line in scenario.describe().splitlines() if "eclipse" in line)
+    told = next(line for line in describe_environment(scenario, preview_mission(scenario)) if "eclipse" in line)
     assert f"umbra from {begins_s:.3f} s to {ends_s:.3f} s" in told
     assert find_umbras(rl.Scenario.load(EXAMPLES / "bench_plate.toml")) == {}
 
