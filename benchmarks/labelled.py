@@ -15,7 +15,7 @@ from benchmarks.report import Findings, Target, table
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 
-SPEC = Path(__file__).resolve().parents[1] / "examples" / "datasets" / "seven_craft.toml"
+SPEC = Path(__file__).resolve().parents[1] / "examples" / "learning" / "seven_craft.toml"
 WANTED = 0.9  # of the frames of a plain run
 RANDOM = 2000  # frames that are read
 
@@ -25,7 +25,7 @@ def spec(each: int, *, prediction: bool) -> rl.dataset.DatasetSpec:
     whole = rl.dataset.DatasetSpec.load(SPEC)
     classes = [one.replace(samples=each) for one in whole.classes]
     labels = rl.dataset.OptionalLabels(prediction=prediction)
-    return whole.replace(classes=classes, variable=(), labels=labels, shard_frames=14)
+    return whole.replace(classes=classes, draws=1, labels=labels, shard_frames=14)
 
 
 def plain(plan: DatasetPlan, k: int, folder: Path) -> rl.Scenario:
