@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.dataset.annotation.frame_labels import label_frame
+from rso_lidar.dataset.annotation.part_visibility import measure_part_visibility
 from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.sample import Sample, draw_sample
 from rso_lidar.dataset.shards.layout import LabelledFrame
@@ -120,6 +121,8 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
     if plan.spec.labels.prediction:
         predicted: Any = frame.kept["prediction"]
         optional |= {name: getattr(predicted, name) for name in ("detection_probability", "range_sigma_m")}
+    if plan.spec.labels.part_visibility:
+        optional["part_visibility"] = measure_part_visibility(frame, scenario, sample.target)
     if plan.spec.labels.oversampled:
         fine: Any = frame.kept["oversampled"]
         optional |= {"oversampled_range_m": fine.range_m, "oversampled_photons": fine.photons}

@@ -208,7 +208,7 @@ class OptionalLabels(Part):
     )
     part_visibility: Flag = Field(
         default=False,
-        description="Share of each part class's silhouette that is not hidden; costs casts of every class.",
+        description="Share of each part class's silhouette that is not hidden; costs one more cast.",
     )
     oversampled: Flag = Field(
         default=False, description="Range and photons on the finer grid of rays, for super-resolution."

@@ -25,7 +25,7 @@ name = "near"
 model = "plate"
 size_m = 2.0
 part_classes = {{ plate = "solar_array" }}
-motion = {{ type = "fixed", position_m = [{near_m}, 0, 0] }}
+motion = {{ type = "fixed", position_m = [{near_m}, {near_y_m}, 0] }}
 [[target]]
 name = "far"
 model = "cubesat_3u"
@@ -45,8 +45,8 @@ divergence_deg = 6
 """
 
 
-def fly(near_m=100.0, far_y_m=-6.0, text=""):
-    scenario = rl.Scenario.loads(BENCH.format(near_m=near_m, far_y_m=far_y_m) + text)
+def fly(near_m=100.0, far_y_m=-6.0, text="", near_y_m=0.0):
+    scenario = rl.Scenario.loads(BENCH.format(near_m=near_m, far_y_m=far_y_m, near_y_m=near_y_m) + text)
     frame = next(rl.simulate(scenario, frames=[0], threads=1, keep=("hits", "signal", "photons")))
     return scenario, frame
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.records import Symmetry
 
 
 def test_frames_in_any_order(made):
@@ -26,6 +27,9 @@ def test_frames_in_any_order(made):
 
 def test_numbers_have_names(made):
     dataset, _ = made
+    sphere, plate = Symmetry(is_sphere=True), dataset.symmetries[0]
+    assert dataset.symmetries[1] == sphere and (plate.fold, plate.half_turn) == (4, (0.0, 1.0, 0.0))
+    assert dataset.symmetries[2].fold == 0
     assert dataset.classes == ("plate", "round") and dataset.models == ("plate", "sphere", "capsule")
     for split in map(dataset.split, dataset.splits):
         present = split.column("present") == 1
