@@ -15,7 +15,7 @@ Nothing here imports PyTorch, except `to_tensors` when it is called. Everything 
 """
 
 from rso_lidar.dataset.training.augmentation import LowerEnergy, MirrorImages, QuarterTurns, RedrawNoise
-from rso_lidar.dataset.training.frames import Augmentation, FrameDataset, Transform, stack_frames, to_tensors
+from rso_lidar.dataset.training.frame_dataset import Augmentation, FrameDataset, Transform, stack_frames, to_tensors
 from rso_lidar.dataset.training.order import FrameSampler, Visit
 from rso_lidar.dataset.training.transforms import CropReturns, PointCloud
 from rso_lidar.public_names import limit_dir
