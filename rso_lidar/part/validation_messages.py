@@ -71,6 +71,8 @@ def _place(
             raw = raw[step] if isinstance(raw, list | tuple) and step < len(raw) else None
             here = _choose(annotation, raw)
             continue
+        if isinstance(raw, str | int | float | list | tuple):
+            continue  # pydantic's path names the type that it tried; a plain value has no keys
         if _tag(raw) == step and (here is None or step not in here.model_fields):
             continue  # pydantic's path contains the tag of a union; the TOML key does not
         default = _find_by_type(annotation, step) if here is None and _tag(raw) is None else None

@@ -18,6 +18,7 @@ from rso_lidar.dataset.shards.shard_file import hash_file
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, suppress_warnings
 from rso_lidar.records.schema import specs
+from rso_lidar.scenario.mission.named_files import list_dynamics
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,11 @@ def check_folder(
     missing = plan.n_shards - len(dataset.records)
     if missing > 0:
         problems.append(f"{dataset.folder}: {missing:,} of {plan.n_shards:,} shards are not made; make with --resume")
+    if samples and (code := _find_code(plan)):
+        raise DatasetError(
+            f"{dataset.folder}: its scenario names the Python code '{code}', which is not run; where you trust it, name its "
+            "folder by --files, or take --samples 0"
+        )
     remade = 0
     if not any("differs" in line or "is missing" in line for line in problems):
         remade, unlike = _make_again(dataset, plan, samples, np.random.default_rng(seed))
@@ -99,20 +105,30 @@ def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
     Parameters
     ----------
     dataset : the dataset.
-    files : folder in which relative paths start (None: the dataset's).
+    files : folder in which relative paths start (None: the dataset's). Without it, the folder may come from somebody
+        else, and Python code that its scenario names is not run.
 
     Raises
     ------
     DatasetError
         If the plan is not the one that made the shards, as with another mesh of the same name.
     """
-    plan = make_plan(DatasetSpec.load(dataset.folder / SPEC_FILE), files=files)
+    plan = make_plan(DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=files is not None)
     if plan.sha256 != dataset.constants.sha256:
         raise DatasetError(
             f"{dataset.folder}: its {SPEC_FILE}, its scenario or a mesh is not the one that made its shards; restore it, or "
             "make the dataset in another folder"
         )
     return plan
+
+
+def _find_code(plan: DatasetPlan) -> str:
+    """Return the first Python code that the scenario of a plan names and that may not run, or an empty text."""
+    if plan.trust_code:
+        return ""
+    base = plan.scenario()
+    parts = (*base.target, base.follower, base.ptu)
+    return next((name for part in parts for name in list_dynamics(part)), "")
 
 
 def collect_statistics(dataset: Dataset) -> LabelStatistics | None:

@@ -53,6 +53,7 @@ class DatasetPlan:
     """All inputs of a dataset, which worker processes receive.
 
     `tables` hold the base scenario with the settings of the specification; `class_models` the models of each class.
+    `trust_code` says whether Python code that the scenario names may run.
     """
 
     spec: DatasetSpec
@@ -61,6 +62,7 @@ class DatasetPlan:
     where: str
     class_models: tuple[tuple[str, ...], ...]
     mesh_sha256: dict[str, str]
+    trust_code: bool = True
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields without what is computed from them, which another process computes again."""
@@ -95,7 +97,20 @@ class DatasetPlan:
 
     def scenario(self) -> Scenario:
         """Build the base scenario."""
-        return Scenario.from_tables(copy.deepcopy(self.tables), folder=self.folder, where=self.where, trust_code=True)
+        return self.build(copy.deepcopy(self.tables))
+
+    def build(self, tables: dict[str, Any]) -> Scenario:
+        """Build a scenario of the dataset from its tables."""
+        return Scenario.from_tables(tables, folder=self.folder, where=self.where, trust_code=self.trust_code)
+
+    @cached_property
+    def image_shape(self) -> tuple[int, int]:
+        """Rows and columns of the images, which those of the first sensor decide."""
+        tables = copy.deepcopy(self.tables)
+        for setting in self.spec.sensor[0].set if self.spec.sensor else ():
+            apply_setting(tables, setting)
+        receiver = self.build(tables).lidar.receiver
+        return receiver.n_rows, receiver.n_cols
 
     @cached_property
     def membership(self) -> Membership:
@@ -205,13 +220,14 @@ class DatasetPlan:
         raise DatasetError(f"{self.spec.where}: has {self.n_shards} shards; choose one of them")
 
 
-def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None) -> DatasetPlan:
+def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None, trust_code: bool = True) -> DatasetPlan:
     """Make the plan of a dataset, after a check of its base scenario, models and split.
 
     Parameters
     ----------
     given : the specification, or its TOML file.
     files : folder in which relative paths of meshes and orbit files start (None: that of the scenario).
+    trust_code : whether Python code that the scenario names may run.
 
     Raises
     ------
@@ -229,7 +245,7 @@ def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None) -> 
         for setting in spec.set:
             apply_setting(tables, setting)
     folder = files or path.parent
-    plan = DatasetPlan(spec, tables, folder, path.name, (), {})
+    plan = DatasetPlan(spec, tables, folder, path.name, (), {}, trust_code)
     with add_place(spec.where):
         base = plan.scenario()
         _find_target(spec, tables)
@@ -237,7 +253,7 @@ def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None) -> 
         check_model_split(spec, list(named))
         used = {name for names in named for name in names} | ({*spec.clutter.models} if spec.clutter else set())
         hashes = {name: _hash_mesh(name, folder) for name in sorted(used)}
-    plan = DatasetPlan(spec, tables, folder, path.name, named, hashes)
+    plan = DatasetPlan(spec, tables, folder, path.name, named, hashes, trust_code)
     _check_split(plan)
     return plan
 
@@ -301,13 +317,15 @@ def _hash_mesh(name: str, folder: Path) -> str:
 
 def _check_split(plan: DatasetPlan) -> None:
     """Raise `DatasetError` for a class that is absent from a split that others are in."""
-    spec = plan.spec
-    if not isinstance(spec.split, RandomSplit):
-        return
+    spec, rule = plan.spec, plan.spec.split
     counts = plan.count_samples()
-    wanted = np.array([True, spec.split.val > 0.0, spec.split.test > 0.0])
     for k, one in enumerate(spec.classes):
-        for split in np.flatnonzero(wanted & (counts[k] == 0)).tolist():
+        if isinstance(rule, ModelSplit):
+            held = {*plan.class_models[k]}
+            wanted = [True, bool(held & {*rule.val}), bool(held & {*rule.test})]
+        else:
+            wanted = [True, bool(rule.val), bool(rule.test)]
+        for split in np.flatnonzero(np.array(wanted) & (counts[k] == 0)).tolist():
             raise DatasetError(
                 f"{spec.where}: split: no sample of class '{one.name}' is in {SPLITS[split]}; give it more samples, or "
                 "another share"

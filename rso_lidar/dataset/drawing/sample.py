@@ -18,7 +18,7 @@ from rso_lidar.dataset.specification.tables import SPLITS, RandomView
 from rso_lidar.errors import DatasetError, add_place
 from rso_lidar.motion.aim import lidar_from_ptu
 from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scenario.mission.validation import apply_setting, set_field, validate_tables
+from rso_lidar.scenario.mission.validation import apply_setting, get_field, set_field, validate_tables
 
 _OF_ANY_MODEL = ("name", "motion", "attitude", "material", "axes")  # fields of a target that another model keeps
 _AROUND = UniformDirection()
@@ -124,20 +124,46 @@ def draw_sample(plan: DatasetPlan, index: int) -> Sample:
         for setting in (*(spec.sensor[sensor].set if spec.sensor else ()), *one.set):
             apply_setting(tables, setting)
         _choose_target(tables, plan, name, changes=bool(one.models or one.taxonomy))
-        for drawn in spec.variable:
-            if not drawn.classes or one.name in drawn.classes:
-                value = draws.draw(drawn.field, drawn.law)
-                set_field(tables, drawn.field, value, f"variable {drawn.field}")
+        applied = [drawn for drawn in spec.variable if not drawn.classes or one.name in drawn.classes]
+        for drawn in applied:
+            if drawn.field in draws.values:
+                raise DatasetError(f"variable {drawn.field}: is drawn twice; remove one, or give each its classes")
+            set_field(tables, drawn.field, draws.draw(drawn.field, drawn.law), f"variable {drawn.field}")
         if spec.view is not None:
             _place_view(tables, plan, spec.view, draws, has_target=name is not None)
         seeds = tuple(draw_seed(spec.seed, one.name, number, draw) for draw in range(spec.draws))
         tables["seed"] = seeds[0]
-        scenario = Scenario.from_tables(tables, folder=plan.folder, where=plan.where, trust_code=True)
+        for drawn in applied:
+            if get_field(tables, drawn.field, f"variable {drawn.field}") is not draws.values[drawn.field]:
+                raise DatasetError(
+                    f"variable {drawn.field}: is overwritten by the view, the noise or another variable; remove one of them"
+                )
+        scenario = plan.build(tables)
+        _check_shape(scenario, plan)
+        if name is not None and (found := scenario.target[plan.target_index].model) not in (None, name):
+            raise DatasetError(f"a variable or setting makes the target '{found}', not '{name}'; name it in models")
         frames = _choose_frames(spec, scenario, draw_shares(spec.seed, one.name, at, "start")[0, 0])
     class_id = -1 if one.empty else plan.classes.index(one.name)
     split = SPLITS[int(plan.membership.split[index])]
     target = None if one.empty else plan.target_index
     return Sample(index, class_id, name, sensor, split, draws.values, frames, seeds, scenario, target)
+
+
+def _check_shape(scenario: Scenario, plan: DatasetPlan) -> None:
+    """Raise `DatasetError` for images of another size than those of the first sensor.
+
+    Parameters
+    ----------
+    scenario : of a sample.
+    plan : of the dataset.
+    """
+    receiver = scenario.lidar.receiver
+    if (receiver.n_rows, receiver.n_cols) != plan.image_shape:
+        rows, cols = plan.image_shape
+        raise DatasetError(
+            f"lidar.receiver: has {receiver.n_rows} x {receiver.n_cols} pixels, and the first sensor {rows} x {cols}; all "
+            "images of a dataset are of one size"
+        )
 
 
 def _choose_target(tables: dict[str, Any], plan: DatasetPlan, name: str | None, *, changes: bool) -> None:
@@ -150,12 +176,28 @@ def _choose_target(tables: dict[str, Any], plan: DatasetPlan, name: str | None, 
     name : the model; None for no target.
     changes : whether the class says the model, and not the scenario.
     """
-    targets = tables["target"]
+    targets = _find_targets(tables, plan)
     if name is None:
         del targets[plan.target_index]
     elif changes:
         kept = {key: value for key, value in targets[plan.target_index].items() if key in _OF_ANY_MODEL}
         targets[plan.target_index] = kept | {"model": name}
+
+
+def _find_targets(tables: dict[str, Any], plan: DatasetPlan) -> list[dict[str, Any]]:
+    """Return the targets of a scenario, once the one that classes replace is known to be still there.
+
+    Parameters
+    ----------
+    tables : of the scenario.
+    plan : of the dataset.
+    """
+    targets = tables["target"]
+    if not isinstance(targets, list) or not all(isinstance(one, dict) for one in targets[: plan.target_index + 1]):
+        raise DatasetError("target: a setting or variable makes it no list of tables; remove it")
+    if len(targets) <= plan.target_index:
+        raise DatasetError("target: a setting or variable takes away the one that classes replace; remove it")
+    return targets
 
 
 def _place_view(
@@ -176,7 +218,7 @@ def _place_view(
         )
     seat = _read_lidar(json.dumps(tables["lidar"], default=str))
     if has_target:
-        target = tables["target"][plan.target_index]
+        target = _find_targets(tables, plan)[plan.target_index]
         range_m = draws.draw("view.range_m", view.range_m)
         target["motion"] = _place(range_m, draws.draw("view.offset_fraction", view.offset_fraction), seat)
         attitude: dict[str, Any] = {"type": "fixed", "quaternion_xyzw": draws.draw("view.attitude", view.attitude)}
@@ -186,7 +228,7 @@ def _place_view(
             attitude |= {"type": "spin", "axis": axis, "rate_deg_s": rate}
         target["attitude"] = attitude
     if view.sun is not None:
-        tables.setdefault("world", {})["sun_direction"] = draws.draw("view.sun", view.sun)
+        set_field(tables, "world.sun_direction", draws.draw("view.sun", view.sun), "view.sun")
     if (clutter := plan.spec.clutter) is not None:
         for k in range(draws.draw("clutter.count", clutter.count)):
             body: dict[str, Any] = {"name": f"clutter_{k}"}
@@ -246,8 +288,9 @@ def _choose_frames(spec: DatasetSpec, scenario: Scenario, share: float) -> tuple
     if start is None:
         start = 0 if spec.controller is not None else int(share * (last + 1))
     if not 0 <= start <= last:
+        begin = "" if sequence.start is None else f" from frame {start}"
         raise DatasetError(
-            f"sequence: {sequence.frames} frames with stride {sequence.stride} from frame {start} are more than the "
+            f"sequence: {sequence.frames} frames with stride {sequence.stride}{begin} are more than the "
             f"{n_frames} of the scenario; ask for fewer, or raise time.duration_s"
         )
     return tuple(range(start, start + sequence.frames * sequence.stride, sequence.stride))

@@ -17,7 +17,6 @@ from rso_lidar.errors import DatasetError
 from rso_lidar.files import advise_on_write, hold_lock, write_text
 from rso_lidar.motion.motions.prescribed_motion import Fixed
 from rso_lidar.records.part_classes import PART_CLASSES
-from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.target_surfaces import find_symmetry
 from rso_lidar.scenario.mission.validation import apply_setting
 from rso_lidar.scenario.tables.target import Target
@@ -95,7 +94,7 @@ def list_constants(plan: DatasetPlan) -> Constants:
         tables = copy.deepcopy(plan.tables)
         for setting in plan.spec.sensor[k].set if plan.spec.sensor else ():
             apply_setting(tables, setting)
-        scenario = Scenario.from_tables(tables, folder=plan.folder, where=plan.where, trust_code=True)
+        scenario = plan.build(tables)
         lidars[name] = json.dumps(scenario.lidar.model_dump(mode="json", exclude_none=True))
         lines[name] = scenario.instrument.receiver.line_of_sight
     return Constants(

@@ -159,8 +159,24 @@ class Split:
         if shard not in self._files:
             if len(self._files) >= _MOST_OPEN:
                 self._files.pop(next(iter(self._files)))[0].close()
-            self._files[shard] = open_shard(self.folder / self.records[shard].path, self._dataset), {}
+            self._files[shard] = self._open_whole(self.records[shard]), {}
         return self._files[shard]
+
+    def _open_whole(self, record: ShardRecord) -> Any:
+        """Open a shard, and check that it has the frames of its record."""
+        path = self.folder / record.path
+        file = open_shard(path, self._dataset)
+        try:
+            count = len(file["sample"])
+        except (OSError, RuntimeError, KeyError, TypeError):
+            count = 0
+        if count != record.frames:
+            file.close()
+            raise DatasetError(
+                f"{path}: has {count} frames, and the manifest says {record.frames}; delete the shard and make again with "
+                "--resume"
+            )
+        return file
 
     def _array(self, shard: int, name: str) -> Any:
         """Return an array of a shard: an h5py dataset of images, or the values of smaller entries.
@@ -228,8 +244,8 @@ class Split:
             values: np.ndarray = self._array(shard, name)[row]
         except (OSError, RuntimeError) as error:  # of data, and of the names in the file
             raise DatasetError(
-                f"{self.folder / self.records[shard].path}: {name} is damaged ({error}); delete the shard and make again "
-                "with --resume"
+                f"{self.folder / self.records[shard].path}: {name} is damaged "
+                f"({' '.join(str(error).split()):.120}); delete the shard and make again with --resume"
             ) from None
         return values
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError, RunError
 from rso_lidar.files import advise_on_write, hold_lock
 
 MANIFEST = "manifest.jsonl"
+_SHARD = re.compile(rf"({'|'.join(SPLITS)})/\d{{6,}}\.h5")  # a path that leads out of the folder is none
 _LONGEST_LINE = 2**16  # bytes; a line is some 400 long
 _LOCK_WAIT_S = 60.0  # appending a line takes milliseconds
 
@@ -53,12 +56,20 @@ def read_manifest(folder: Path, dataset: str) -> dict[str, ShardRecord]:
         try:
             record = json.loads(line)
             of = record.pop("dataset")
-            found[record["path"]] = ShardRecord(**record)
+            found[record["path"]] = _check_record(ShardRecord(**record))
         except (ValueError, TypeError, KeyError, AttributeError):
             raise DatasetError(f"{place}: line {number} is damaged; delete the line, and make with --resume") from None
         if of != dataset:
             raise DatasetError(f"{place}: line {number} belongs to another dataset; choose another folder")
     return found
+
+
+def _check_record(record: ShardRecord) -> ShardRecord:
+    """Return a record, or raise `ValueError` where it names no shard of the folder, or numbers that none can have."""
+    counts = (record.frames, record.samples, record.size_bytes)
+    if not _SHARD.fullmatch(record.path) or any(type(count) is not int or count < 1 for count in counts):
+        raise ValueError(record.path)
+    return record
 
 
 def append_record(folder: Path, record: ShardRecord, dataset: str) -> None:

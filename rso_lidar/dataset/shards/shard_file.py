@@ -105,7 +105,9 @@ def open_shard(path: Path, dataset: str) -> Any:
     except FileNotFoundError:
         raise DatasetError(f"{path}: the shard is missing; run `rso-lidar dataset make` again with --resume") from None
     except OSError as error:
-        raise DatasetError(f"{path}: is not a readable shard ({error}); delete it and make the dataset again") from None
+        raise DatasetError(
+            f"{path}: is not a readable shard ({' '.join(str(error).split()):.120}); delete it and make the dataset again"
+        ) from None
     found = file.attrs.get("dataset_sha256")
     if found != dataset:
         file.close()

@@ -5,6 +5,7 @@ A law says how many such numbers one value needs, so that the same laws serve ps
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Annotated, Any, Literal, Self
 
@@ -203,7 +204,8 @@ class Choice(Part):
         """
         weights = np.array(self.weights or [1.0] * len(self.values))
         ends = np.cumsum(weights) / weights.sum()
-        return self.values[min(int(np.searchsorted(ends, share[0], side="right")), len(self.values) - 1)]
+        chosen = min(int(np.searchsorted(ends, share[0], side="right")), len(self.values) - 1)
+        return copy.deepcopy(self.values[chosen])  # a table that a later variable may change
 
 
 class UniformRotation(Part):
@@ -320,6 +322,25 @@ def check_components(law: Any, count: int, place: str) -> None:
     for value in drawn:
         found = len(value) if isinstance(value, list | tuple) else 1
         numbers = value if isinstance(value, list | tuple) else [value]
-        if found != count or any(type(one) not in (int, float) for one in numbers):
+        if found != count or any(type(one) not in (int, float) or not math.isfinite(one) for one in numbers):
             needs = "a number" if count == 1 else f"{count} numbers"
             raise ScenarioError(f"{place}: draws {value!r:.60}, and the field needs {needs}; choose another law")
+
+
+def check_range(law: Any, place: str) -> None:
+    """Check that a law draws ranges: numbers above 0, so that no body is in the lidar or behind it.
+
+    Parameters
+    ----------
+    law : the law.
+    place : key of the law, for the message.
+
+    Raises
+    ------
+    ScenarioError
+        If it draws something else.
+    """
+    check_components(law, 1, place)
+    least = min(law.values) if isinstance(law, Choice) else float(np.min(law.low))
+    if least <= 0.0:
+        raise ScenarioError(f"{place}: draws {least:g} m, and a range is above 0; raise its lower bound")

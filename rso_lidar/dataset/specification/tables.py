@@ -15,6 +15,7 @@ from rso_lidar.dataset.specification.distributions import (
     UniformRotation,
     WholeNumber,
     check_components,
+    check_range,
 )
 from rso_lidar.part import Count, Flag, Fraction, Name, NotNegative, Part, Positive, Text, Whole
 from rso_lidar.records.taxonomy import ObjectClass, ShapeFamily, SizeClass, Stabilisation
@@ -96,7 +97,7 @@ class RandomView(Part):
 
     @model_validator(mode="after")
     def _components(self) -> Self:
-        check_components(self.range_m, 1, "range_m")
+        check_range(self.range_m, "range_m")
         check_components(self.offset_fraction, 2, "offset_fraction")
         check_components(self.attitude, 4, "attitude")
         if self.spin_deg_s is not None:
@@ -140,7 +141,7 @@ class Clutter(Part):
 
     @model_validator(mode="after")
     def _components(self) -> Self:
-        check_components(self.range_m, 1, "range_m")
+        check_range(self.range_m, "range_m")
         check_components(self.offset_fraction, 2, "offset_fraction")
         if not 0 <= self.count.low <= self.count.high <= 16:
             raise ValueError("count: needs 0 to 16 bodies; correct low and high")

@@ -100,7 +100,7 @@ def set_field(tree: dict[str, Any], place: str, value: Any, where: str) -> None:
     SettingError
         For a place that leads nowhere.
     """
-    steps = [step.strip() for step in re.sub(r"\[(\w+)\]", r".\1", place).split(".")]
+    steps = _split_place(place)
     if not all(steps):
         raise SettingError(f"{where:.90}: is not place=value; write for example lidar.laser.energy_mj=20")
     if len(steps) > DEEPEST:
@@ -112,6 +112,27 @@ def set_field(tree: dict[str, Any], place: str, value: Any, where: str) -> None:
         here[_find_entry(here, steps[-1], where)] = value
     else:
         here[steps[-1]] = value
+
+
+def get_field(tree: dict[str, Any], place: str, where: str) -> Any:
+    """Return one field of a TOML tree, or None where there is none.
+
+    Parameters
+    ----------
+    tree : tables by key.
+    place, where : as in `set_field`.
+    """
+    here: Any = tree
+    for step in _split_place(place):
+        if isinstance(here, list):
+            here = here[_find_entry(here, step, where)]
+        else:
+            here = here.get(step) if isinstance(here, dict) else None
+    return here
+
+
+def _split_place(place: str) -> list[str]:
+    return [step.strip() for step in re.sub(r"\[(\w+)\]", r".\1", place).split(".")]
 
 
 def _descend_to(here: Any, step: str, where: str) -> Any:

@@ -6,6 +6,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset.checking.folder_check import check_folder
+from tests.dataset.set_for_tests import make_spec
 
 
 def test_a_whole_folder_has_no_problems(made):
@@ -51,3 +52,41 @@ def test_a_specification_that_was_changed_is_refused(made, tmp_path):
     spec.write_text(spec.read_text().replace("seed = 11", "seed = 12"))
     with pytest.raises(rl.DatasetError, match="is not the one that made its shards"):
         check_folder(folder)
+
+
+CODE = """
+def drift(t, x, u):
+    return [*x[3:], 0.0, 0.0, 0.0]
+"""
+
+
+def test_code_that_a_folder_names_is_not_run_unless_its_files_are_named(tmp_path):
+    (tmp_path / "theirs.py").write_text(CODE)
+    state = "initial_state=[300, 0, 0, 0, 0, 0]"
+    coded = f'target.0.motion={{type="state_space", axes="local", dynamics="theirs.py:drift", {state}}}'
+    folder = rl.dataset.make(make_spec(tmp_path, view=None, set=(coded,)), tmp_path / "made", workers=1).folder
+    (folder / "theirs.py").write_text('raise SystemExit("it ran")')
+    with pytest.raises(rl.DatasetError, match=r"names the Python code 'theirs\.py:drift', which is not run"):
+        check_folder(folder)
+    assert not check_folder(folder, samples=0).problems
+    assert not check_folder(folder, samples=1, files=tmp_path).problems
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"path": "test/', '"path": "test/../../', "line . is damaged"),
+        ('"path": "test/000000.h5"', '"path": 5', "line . is damaged"),
+        ('"frames": ', '"frames": -', "line 1 is damaged"),
+        ('"frames": ', '"frames": 1', "and the manifest says 1"),
+    ],
+)
+def test_lines_of_the_manifest_that_cannot_be(made, tmp_path, old, new, said):
+    folder = tmp_path / "copy"
+    shutil.copytree(made[0].folder, folder)
+    manifest = folder / "manifest.jsonl"
+    text = manifest.read_text()
+    assert old in text
+    manifest.write_text(text.replace(old, new))
+    with pytest.raises(rl.DatasetError, match=said):
+        check_folder(folder, samples=0)

@@ -55,8 +55,9 @@ def test_a_model_is_kept_for_the_test(tmp_path):
 
 def test_a_sensor_is_kept_for_the_test(tmp_path):
     sensors = [{"name": "near"}, {"name": "far", "set": ["lidar.receiver.fov_deg=0.5"]}]
-    plan = make_plan(make_spec(tmp_path, sensor=sensors, split={"type": "sensor", "test": ["far"]}))
-    for k in range(3):
+    counts, split = {"a": 20, "b": 20}, {"type": "sensor", "test": ["far"]}
+    plan = make_plan(make_spec(tmp_path, classes=classes(counts), sensor=sensors, split=split))
+    for k in range(2):
         mine = plan.membership.target_class == k
         assert np.array_equal(
             plan.membership.split[mine] == 2, plan.choose_sensor(k, plan.membership.number[mine]) == 1
@@ -87,6 +88,37 @@ def test_models_by_taxonomy(tmp_path):
         ("test = 0.4", "test = 1.0", "nothing is left to train on"),
         ('"random", test = 0.4', '"model", test = ["sphere"]', "no model to split by"),
         ('"random", test = 0.4', '"sensor", test = ["far"]', "no sensor 'far'"),
+        (
+            'type = "random", test = 0.4 }',
+            'type = "sensor", test = ["d"] }\nsensor = [{ name = "a" }, { name = "b" }, { name = "c" }, { name = "d" }]',
+            "no sample of class '[a-z]+' is in",
+        ),
+        ("lidar.laser.energy_mj", "seed", "variable seed: is overwritten"),
+        (
+            'models = ["plate"], samples = 6',
+            'samples = 6, set = ["target=[]"]',
+            "takes away the one that classes replace",
+        ),
+        ('models = ["plate"], samples = 6', 'samples = 6, set = ["target=[3]"]', "no list of tables"),
+        ('models = ["plate"], samples = 6', 'samples = 6, set = ["lidar.receiver.n_cols=8"]', "has 16 x 8 pixels"),
+        ("lidar.laser.energy_mj", "target.body.motion.position_m.0", "no entry 'body'|is overwritten"),
+        (
+            'variable = [{ field = "lidar.laser.energy_mj", law = { type = "uniform", low = 10, high = 60 } }]',
+            'variable = [{ field = "target.0.model", law = { type = "choice", values = ["sphere"] }, classes = ["plate"] }]',
+            "makes the target 'sphere', not 'plate'; name it in models",
+        ),
+        (
+            "variable = [",
+            'variable = [{ field = "lidar.laser.energy_mj", law = { type = "uniform", low = 1, high = 2 } }, ',
+            "energy_mj: is drawn twice",
+        ),
+        ('"log_uniform", low = 50', '"uniform", low = -50', "draws -50 m, and a range is above 0"),
+        (
+            '"log_uniform", low = 50, high = 400',
+            '"choice", values = [50, nan]',
+            "draws nan, and the field needs a number",
+        ),
+        ("low = 50", "low = nan", r"view\.range_m\.low: should be a finite number"),
         ("lidar.laser.energy_mj", "lidar.laser.energie", "energie"),
         ("seed = 11", 'seed = 11\ntarget = "bodie"', "did you mean 'body'"),
         ("seed = 11", 'seed = 11\nset = ["target.1.model=plate"]', "no entry '1'"),
