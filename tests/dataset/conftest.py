@@ -1,8 +1,12 @@
-"""One dataset that several tests read."""
+"""Two datasets that several tests read: one that is made by flying, and one that is written without a simulator."""
+
+import shutil
 
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.dataset.reading.random_access import open_dataset
+from tests.dataset.dataset_for_tests import make_dataset
 from tests.dataset.set_for_tests import make_spec
 
 
@@ -12,3 +16,19 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("spec")
     spec = make_spec(folder)
     return rl.dataset.make(spec, folder / "made", workers=1), spec
+
+
+@pytest.fixture(scope="session")
+def original(tmp_path_factory):
+    return make_dataset(tmp_path_factory.mktemp("dataset") / "original")
+
+
+@pytest.fixture
+def folder(original, tmp_path):
+    """Return a small dataset that a test has for itself."""
+    return shutil.copytree(original, tmp_path / "two_craft")
+
+
+@pytest.fixture
+def data(folder):
+    return open_dataset(folder)

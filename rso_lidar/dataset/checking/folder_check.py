@@ -74,7 +74,8 @@ def check_folder(
     """
     dataset = Dataset(folder)
     plan = load_plan(dataset, files)
-    problems, tell = [], on_shard or (lambda done, count: None)
+    problems: list[str] = []
+    tell = on_shard or (lambda done, count: None)
     for done, record in enumerate(dataset.records, 1):
         path = dataset.folder / record.path
         if not path.is_file():
@@ -82,6 +83,7 @@ def check_folder(
         elif hash_file(path) != record.sha256:
             problems.append(f"{path}: differs from its hash in the manifest; delete it, and make with --resume")
         tell(done, len(dataset.records))
+    is_readable = not problems
     missing = plan.n_shards - len(dataset.records)
     if missing > 0:
         problems.append(f"{dataset.folder}: {missing:,} of {plan.n_shards:,} shards are not made; make with --resume")
@@ -90,13 +92,10 @@ def check_folder(
             f"{dataset.folder}: its scenario names the Python code '{code}', which is not run; where you trust it, name its "
             "folder by --files, or take --samples 0"
         )
-    remade = 0
-    if not any("differs" in line or "is missing" in line for line in problems):
-        remade, unlike = _make_again(dataset, plan, samples, np.random.default_rng(seed))
-        problems += unlike
-        statistics = collect_statistics(dataset)
-        return FolderCheck(dataset, plan.n_shards, tuple(problems), remade, statistics)
-    return FolderCheck(dataset, plan.n_shards, tuple(problems), remade, None)
+    if not is_readable:
+        return FolderCheck(dataset, plan.n_shards, tuple(problems), 0, None)
+    remade, unlike = _make_again(dataset, plan, samples, np.random.default_rng(seed))
+    return FolderCheck(dataset, plan.n_shards, (*problems, *unlike), remade, collect_statistics(dataset))
 
 
 def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
@@ -154,10 +153,13 @@ def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.
     """
     frames, problems = 0, []
     names = list_names(plan)
-    for _ in range(count if dataset.splits else 0):
-        split = dataset.split(dataset.splits[int(rng.integers(len(dataset.splits)))])
-        index = int(split.read([int(rng.integers(len(split)))], ("sample",))["sample"][0])
-        rows = np.flatnonzero(split.column("sample") == index)
+    splits = [dataset.split(name) for name in dataset.splits]
+    samples = [split.column("sample") for split in splits]
+    for _ in range(count if splits else 0):
+        place = int(rng.integers(len(splits)))
+        split, sample = splits[place], samples[place]
+        index = int(sample[int(rng.integers(len(split)))])
+        rows = np.flatnonzero(sample == index)
         with suppress_warnings():
             for row, (frame, drawn) in zip(rows.tolist(), fly_sample(plan, draw_sample(plan, index)), strict=True):
                 frames += 1

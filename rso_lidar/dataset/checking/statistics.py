@@ -18,6 +18,7 @@ COLUMNS = (
     "total_photons",
     "position_m",
     "intrinsics_px",
+    "step",
     "draw",
 )
 _SHARES = (0.0, 0.5, 1.0)
@@ -64,13 +65,14 @@ class LabelStatistics:
         """Return one line for each leak, and for each finding about targets and returns."""
         first = self.columns["draw"] == 0  # other noise draws of a frame say nothing new
         with_target = first & (self.columns["present"] == 1)
+        independent = with_target & (self.columns["step"] == 0)  # later frames of an encounter resemble its first
         drawn = {name: values for name, values in self.columns.items() if name not in COLUMNS}
         asked = {"range": self.columns["range_to_target_m"], "offset from the centre": self.offset_px} | drawn
         reporting = np.where(self.columns["present"] == 1, self.columns["reporting_pixels"], -1)
         return [
             *find_leaks(
-                {name: values[with_target] for name, values in asked.items()},
-                self.columns["class_id"][with_target],
+                {name: values[independent] for name, values in asked.items()},
+                self.columns["class_id"][independent],
                 self.classes,
             ),
             *find_constants(self.offset_px[with_target], reporting[first]),

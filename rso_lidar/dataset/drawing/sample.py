@@ -121,9 +121,11 @@ def draw_sample(plan: DatasetPlan, index: int) -> Sample:
     draws = _Draws(spec, k, number)
     tables = copy.deepcopy(plan.tables)
     with add_place(f"{spec.where}: sample {index} (class '{one.name}')"):
-        for setting in (*(spec.sensor[sensor].set if spec.sensor else ()), *one.set):
+        for setting in spec.sensor[sensor].set if spec.sensor else ():
             apply_setting(tables, setting)
         _choose_target(tables, plan, name, changes=bool(one.models or one.taxonomy))
+        for setting in one.set:  # of the model that was chosen
+            apply_setting(tables, setting)
         applied = [drawn for drawn in spec.variable if not drawn.classes or one.name in drawn.classes]
         for drawn in applied:
             if drawn.field in draws.values:

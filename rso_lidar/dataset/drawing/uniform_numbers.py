@@ -93,7 +93,6 @@ class HaltonPoints:
 
     def at(self, number: int) -> np.ndarray:
         """Return a point (dimension) of the sequence by its number."""
-        self._sequence.reset()
-        self._sequence.fast_forward(number)
+        self._sequence.num_generated = number  # SciPy's fast_forward makes all points before it
         point: np.ndarray = self._sequence.random(1)[0]
         return point

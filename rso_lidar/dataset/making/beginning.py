@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.dataset.drawing.plan import DatasetPlan
+from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.reading.random_access import SPEC_FILE
 from rso_lidar.dataset.shards.manifest import ShardRecord
 from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, Constants, read_constants, write_constants
@@ -106,10 +107,23 @@ def list_constants(plan: DatasetPlan) -> Constants:
         part_classes=tuple(PART_CLASSES),
         splits=SPLITS,
         model_parts={name: _list_parts(name, plan.folder) for name in plan.models},
-        symmetries={name: _find_symmetry(name) for name in plan.models},
+        symmetries=_find_symmetries(plan),
         line_of_sight=lines,
         lidars=lidars,
     )
+
+
+def _find_symmetries(plan: DatasetPlan) -> dict[str, dict[str, Any] | None]:
+    """Return the symmetry of each model: that of the catalogue, or of the scenario's own target where a class keeps it."""
+    found = {name: _find_symmetry(name) for name in plan.models}
+    for k, one in enumerate(plan.spec.classes):
+        if one.empty or one.models or one.taxonomy is not None:
+            continue
+        first = draw_sample(plan, int((plan.membership.target_class == k).argmax()))
+        target = first.scenario.target[plan.target_index]
+        own = find_symmetry(target)
+        found[target.shape] = None if own is None else own.model_dump(exclude_none=True)
+    return found
 
 
 def _find_symmetry(name: str) -> dict[str, Any] | None:

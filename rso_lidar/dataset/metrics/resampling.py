@@ -125,4 +125,4 @@ def effective_count(hits: np.ndarray, trials: np.ndarray) -> float:
         return float(n)
     residual = hits[asked] - share * trials[asked]
     variance = n / (n - 1) * float((residual**2).sum()) / total**2
-    return min(share * (1.0 - share) / variance, total)
+    return min(share * (1.0 - share) / variance, total) if variance > 0.0 else total  # 0: all encounters have one share

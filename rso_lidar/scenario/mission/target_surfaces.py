@@ -94,9 +94,9 @@ def build_whole_surface(
     form = _SurfaceForm(
         target.name, mesh, scale, target.mesh_axes, center_of_mass_m, target.smooth_parts, wavelength_m, number
     )
-    build: Callable[..., Surface] = (
-        _build_once if _is_lasting((target.material or Lambertian(), *materials.values())) else _build
-    )
+    build: Callable[..., Surface] = _build
+    if _is_lasting((target.material or Lambertian(), *materials.values())):
+        build = _build_once if target.terrain is None else _build_ground_once
     surface = build(form, target.material, tuple(materials.items()))
     if target.terrain is None:
         warn_of_size(mesh, scale, target.name)
@@ -152,6 +152,7 @@ def _build(form: _SurfaceForm, material: Material | None, part_materials: tuple[
 
 
 _build_once = lru_cache(maxsize=32)(_build)
+_build_ground_once = lru_cache(maxsize=2)(_build)  # ground has up to millions of facets, and its seed may be drawn
 
 
 def place_mesh(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[float, tuple[float, float, float]]:

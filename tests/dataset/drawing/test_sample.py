@@ -82,3 +82,9 @@ def test_low_discrepancy_points(tmp_path):
     share = (ranges - np.log(50)) / np.log(8)
     counts = np.histogram(share, 8, (0, 1))[0]
     assert counts.min() >= 6 and counts.max() <= 10  # 8 each; random numbers miss that in nine cases of ten
+
+
+def test_settings_of_a_class_reach_the_model_that_it_chooses(tmp_path):
+    scaled = {"name": "a", "models": ["sphere"], "samples": 8, "set": ["target.body.size_m=3.5"]}
+    (target,) = draw_sample(make_plan(make_spec(tmp_path, classes=[scaled])), 0).scenario.target
+    assert target.model == "sphere" and target.size_m == 3.5

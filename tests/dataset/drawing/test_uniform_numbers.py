@@ -46,3 +46,10 @@ def test_halton_points_cover_better_than_random_ones():
     assert np.array_equal(HaltonPoints(1, "a", 2).at(200), halton[200])
     random = draw_shares(1, "a", np.arange(256), "range", 2)
     assert stats.qmc.discrepancy(halton) < 0.2 * stats.qmc.discrepancy(random)
+
+
+def test_a_halton_point_costs_the_same_at_any_number():
+    points, beyond = HaltonPoints(1, "a", 2), HaltonPoints(1, "a", 2).at(10**15)  # one by one it would take years
+    assert np.array_equal(points.at(10**15), beyond) and not np.array_equal(points.at(10**15 + 1), beyond)
+    sequence = HaltonPoints(1, "a", 2)._sequence
+    assert np.array_equal(sequence.random(6)[5], points.at(5))

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.dataset.drawing.plan import make_plan
+from rso_lidar.dataset.making.beginning import list_constants
 from rso_lidar.dataset.making.make import choose_shards
 from rso_lidar.dataset.shards.manifest import MANIFEST
+from tests.dataset.set_for_tests import make_spec
 
 
 def hashes(folder):
@@ -123,3 +126,10 @@ classes = [{ name = "sphere", samples = 4 }]
     assert (
         off_deg[step == 0] == pytest.approx(0.4, abs=1e-4) and (off_deg[step == 1] < 0.2).all()
     )  # the loop has pointed it
+
+
+def test_the_symmetry_of_a_target_that_the_scenario_describes(tmp_path):
+    one = {"name": "a", "samples": 6, "set": ["target.body.symmetry={fold=3}"]}
+    plan = make_plan(make_spec(tmp_path, classes=[one, {"name": "b", "models": ["sphere"], "samples": 6}]))
+    found = list_constants(plan).symmetries
+    assert found["plate"]["fold"] == 3 and found["sphere"]["is_sphere"]

@@ -71,3 +71,7 @@ def test_intervals_cover_as_often_as_they_say():
         covered_by_frames += low <= 0.8 <= high
     assert 0.915 < covered / trials < 0.98  # 0.95, and three standard deviations of 400 trials
     assert covered_by_frames / trials < 0.85
+
+
+def test_encounters_that_all_have_one_share_count_every_trial():
+    assert effective_count(np.ones(3), np.full(3, 2.0)) == 6.0
