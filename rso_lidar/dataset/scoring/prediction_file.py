@@ -54,9 +54,10 @@ def read_columns(path: Path) -> tuple[dict[str, Any], str]:
     sizes = {name: np.shape(values)[0] if np.ndim(values) else -1 for name, values in columns.items()}
     first = next(iter(sizes), "")
     for name, size in sizes.items():
-        if size != sizes[first]:
+        if size != sizes[first] or size < 0:
             raise DatasetError(
-                f"{path}: {name} has {max(size, 0):,} rows and {first} has {sizes[first]:,}; give one row for each frame"
+                f"{path}: {name} has {max(size, 0):,} rows and {first} has {max(sizes[first], 0):,}; give one row for each "
+                "frame"
             )
     return columns, identity
 

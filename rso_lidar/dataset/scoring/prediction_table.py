@@ -15,6 +15,7 @@ from rso_lidar.errors import DatasetError, did_you_mean, warn
 KEYS = ("sample", "step", "draw")
 _POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 _SCORE = "score."
+_MOST = 1e12  # of a number of a pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,9 +292,12 @@ def _read_pose(columns: Mapping[str, Any], name: str, keys: np.ndarray) -> tuple
     values = np.stack([_convert(columns[column], column, name) for column in _POSE], axis=1)
     known = np.isfinite(values)
     for bad, what in (
-        (np.isinf(values).any(axis=1), "has a pose that is not finite"),
+        ((np.abs(values) > _MOST).any(axis=1), "has a pose that is not finite, or too large"),
         (known.any(axis=1) & ~known.all(axis=1), "has a part of a pose"),
-        (known.all(axis=1) & (np.linalg.norm(np.nan_to_num(values[:, 3:]), axis=1) < 1e-6), "has a quaternion of zero"),
+        (
+            known.all(axis=1) & (np.linalg.norm(np.clip(np.nan_to_num(values[:, 3:]), -1, 1), axis=1) < 1e-6),
+            "has a quaternion of zero",
+        ),
     ):
         if bad.any():
             key = keys[np.flatnonzero(bad)[0]].tolist()

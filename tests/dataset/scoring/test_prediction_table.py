@@ -51,6 +51,7 @@ def test_a_row_without_a_pose_is_a_failure_and_not_an_error():
         ({"x_m": [1, 2, 3]}, "has x_m but no y_m"),
         (POSE | {"x_m": [1.0, np.nan, 2.0]}, "sample 4, step 0, draw 1 has a part of a pose"),
         (POSE | {"x_m": [1.0, np.inf, 2.0]}, "has a pose that is not finite"),
+        (POSE | {"qw": [1.0, 1e300, 1.0]}, "or too large"),
         (
             POSE | {key: [0, 1, 1] for key in ("qx", "qy", "qz", "qw")},
             "sample 4, step 0, draw 0 has a quaternion of zero",
