@@ -98,7 +98,10 @@ class Matched:
         weights = np.zeros((PHASES, 2, self.width))
         if np.count_nonzero(used & self.in_pulse) >= 2:
             jacobian = np.stack([self._shape[:, used], self._slope[:, used]], axis=1)
-            whitened = np.linalg.solve(self._covariance[np.ix_(used, used)], jacobian.transpose(0, 2, 1))
+            # One factorisation for all phases: `solve` would repeat it for each matrix of right-hand sides.
+            sides = jacobian.transpose(2, 0, 1).reshape(jacobian.shape[2], -1)
+            whitened = np.linalg.solve(self._covariance[np.ix_(used, used)], sides)
+            whitened = whitened.reshape(-1, *jacobian.shape[:2]).transpose(1, 0, 2)
             information = np.einsum("pik,pkj->pij", jacobian, whitened)
             # Where height and place are not separable, as in a tail, there is nothing to fit.
             scale = information[:, 0, 0] * information[:, 1, 1]

@@ -149,10 +149,10 @@ def test_each_loop_compiles_once():
 def test_a_window_of_more_samples_than_an_integer_has_bits(clips):
     """A clock nine times as fast: 65 samples in the window, whose patterns go by random words; the same as above."""
     fast = {**KNOWN, "sample_s": SAMPLE_S / 9.0, "clipped": None}
-    samples, clipped = traces(300, 150, 1, 7, SAMPLE_S / 9.0)
+    samples, clipped = traces(150, 150, 1, 7, SAMPLE_S / 9.0)
     fast["clipped"] = clipped if clips else None
     assert Matched.of(PULSE, fast["sample_s"], POLE_S, NOISE).width > 63
-    start = np.random.default_rng(1).integers(0, 150, 300)
+    start = np.random.default_rng(1).integers(0, 150, 150)
     (one_s, one), (other_s, other) = both(locate, samples, start, PULSE, Ranging(), **fast)
     np.testing.assert_allclose(one_s, other_s, rtol=0.0, atol=1e-9 * SAMPLE_S)
     np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-6)
