@@ -75,7 +75,7 @@ class Given:
         return self.numbers.astype(dtype)
 
 
-@pytest.mark.parametrize("mean", [100.5, 300.0, 1e4])  # the first one varies fastest: the tables of a gain are made once
+@pytest.mark.parametrize("mean", [100.5, 300.0, 1e4])  # varies fastest: tables of a gain are made once
 @pytest.mark.parametrize("ionisation_ratio", [0.0, 0.2, 0.6])
 @pytest.mark.parametrize("gain", [1.0, 10.0, 60.0])
 def test_large_means_bend_a_normal_number_alike(mean, gain, ionisation_ratio):

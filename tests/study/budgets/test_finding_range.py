@@ -8,8 +8,12 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.scenario import Finding
+from rso_lidar.scenario.preview.orientations import list_facing_attitudes, spread_attitudes
+from rso_lidar.scenario.preview.whole_target import follow_gate
+from rso_lidar.study.budgets.attitude_search import AttitudeSearch
 from rso_lidar.study.budgets.body import choose_body
 from rso_lidar.study.budgets.finding_range import find_range
+from rso_lidar.units import RANGE_PER_DELAY_M_S
 
 RECEIVER = {"fov_deg": 0.625, "n_rows": 32, "n_cols": 32, "rays_per_pixel": 100}  # a fixed grid is coarse, and fast
 FAST = rl.Lidar(preset="gsfl_1064", detector=rl.Empirical(), receiver=RECEIVER)
@@ -29,6 +33,28 @@ def test_the_greatest_range_has_the_wanted_probability(one, tmp_path):
     head, *rows = one.save(tmp_path / "found.csv").read_text().splitlines()
     assert head == "range_m,found_probability,worst_probability" and len(rows) == len(one.range_m)
     assert one.save(tmp_path / "found.png").stat().st_size > 10_000
+
+
+def test_turning_finds_an_attitude_worse_than_all_that_are_listed(one):
+    flown, number = choose_body(FAST, None, "cubesat_3u")
+    search = AttitudeSearch(FAST, flown, number, Finding(), FEW["attitudes"], in_run=False)
+    listed = [(0, matrix) for matrix in [*spread_attitudes(FEW["attitudes"])[0], *list_facing_attitudes()]]
+    least = min(search.of_attitude(attitude, one.max_range_m, 12) for attitude in listed)
+    assert search.of_attitude((0, one.worst_attitude), one.max_range_m, 12) < least - 0.01
+
+
+def test_a_gate_follows_the_body():
+    """The body is in the middle of a gate of 18 m at each range, as it is at 1 km in one that opens at 991 m."""
+    there = 1000.0
+    found = []
+    for delay_ns in (0.0, (there - 9.0) / RANGE_PER_DELAY_M_S / 1e-9):
+        lidar = FAST.replace(detector=rl.Gsfl(gate={"delay_ns": delay_ns, "width_ns": 120.0}))
+        flown, number = choose_body(lidar, None, "cubesat_3u")
+        search = AttitudeSearch(lidar, flown, number, Finding(), 8, in_run=False)
+        found.append(search.over_attitudes(there, 8))
+        assert follow_gate(lidar, there).detector.sees_from_m == pytest.approx(there - 9.0, abs=0.1)
+    assert found[0] == pytest.approx(found[1], abs=1e-3)
+    assert 0.5 < found[0] < 1.0
 
 
 def test_a_body_that_is_never_found_has_no_range():
