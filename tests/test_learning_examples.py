@@ -13,7 +13,7 @@ pytest.importorskip("sklearn", reason="needs the extra 'learn'")
 
 LEARNING = Path(__file__).resolve().parents[1] / "examples" / "learning"
 MODULES = (
-    "frames", "networks", "training", "predictions", "shape", "resnet", "parts", "super_resolution", "presence",
+    "frames", "networks", "training", "predictions", "shape", "resnet", "pose", "parts", "super_resolution", "presence",
     "noise", "explain", "study",
 )  # fmt: skip
 SPEC = """
@@ -109,12 +109,49 @@ def test_crops_turn_with_the_frame(learning, folder):
     assert np.mean(np.rot90(plain[0, 2]) == turned[0, 2]) > 0.97  # but for cells between two pixels
 
 
+def test_rotation_loss_is_blind_to_a_symmetry(learning):
+    import torch
+    from scipy.spatial.transform import Rotation
+
+    true = Rotation.from_rotvec([0.3, -1.0, 0.4])
+    spun = true * Rotation.from_rotvec([0.0, 0.0, 1.2])
+    flipped = true * Rotation.from_rotvec([np.pi, 0.0, 0.0])
+    found = torch.tensor(np.stack([spun.as_matrix(), flipped.as_matrix()])[None])
+    group = torch.tensor(np.stack([np.eye(3), Rotation.from_rotvec([np.pi, 0.0, 0.0]).as_matrix()])[None])
+    about_z = torch.diag(torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64))[None]
+    loss = learning["pose"].rotation_loss
+    whole = torch.eye(3, dtype=torch.float64)[None]
+    wanted = torch.tensor(true.as_matrix()[None])
+    assert loss(found, wanted, group[:, :1], about_z)[0].tolist() == pytest.approx([0.0, 4.0])
+    assert loss(found, wanted, group, about_z)[0].tolist() == pytest.approx([0.0, 0.0], abs=1e-12)
+    # |A - B|^2 of rotations is 4 (1 - cos angle)
+    assert loss(found, wanted, group, whole)[0].tolist() == pytest.approx([4.0 * (1.0 - np.cos(1.2)), 0.0], abs=1e-12)
+
+
+def test_icp_takes_the_guess_that_fits(learning, folder):
+    from scipy.spatial.transform import Rotation
+
+    pose = learning["pose"]
+    returns = learning["frames"].load_returns(str(folder), "train")
+    frame = int(np.argmax(returns.count * (returns.columns["class_id"] == 0)))
+    mesh = pose.load_meshes(("tdrs",))[0]
+    true = Rotation.from_quat(returns.columns["quaternion_xyzw"][frame])
+    guesses = [(true * Rotation.from_rotvec(off)).as_matrix() for off in ([0.0, 1.5, 0.5], [0.1, -0.1, 0.05])]
+    point_m = returns.point_m[returns.of(frame)][::4].astype(float)
+    near_m = returns.columns["position_m"][frame] + 0.3
+    found, misfit = pose.refine(point_m, mesh, np.stack(guesses), near_m)
+    assert (found.pose.rotation.inv() * true).magnitude() < 0.02
+    assert misfit < pose.refine(point_m, mesh, np.stack(guesses[:1]), near_m)[1]
+    assert np.linalg.norm(found.pose.translation - returns.columns["position_m"][frame]) < 0.1
+
+
 @pytest.mark.parametrize(
     ("name", "options", "column", "shape"),
     [
         ("shape", [], "scores", (2,)),
         ("shape", ["--floor"], "scores", (2,)),
         ("resnet", ["--epochs", "1"], "scores", (2,)),
+        ("pose", ["--epochs", "1", "--no-icp"], "quaternion_xyzw", (4,)),
         ("parts", ["--epochs", "1"], "part_class_id", (128, 128)),
         ("super_resolution", ["--epochs", "1"], "oversampled_range_m", (512, 512)),
         ("presence", [], "present", ()),

@@ -58,9 +58,9 @@ def predict(network: UNet, returns: Returns) -> np.ndarray:
 
 
 def main() -> None:
-    options = parse(__doc__, epochs=20)
+    options = parse(__doc__, epochs=10, draws=True)
     data = rl.dataset.open(options.dataset)
-    returns = load_returns(options.dataset, "train", (LABEL,), options.most)
+    returns = load_returns(options.dataset, "train", (LABEL,), options.most, options.draws)
     test = load_returns(options.dataset, "test", (LABEL,), options.most)
     network = train(returns, len(data.part_classes), options.epochs, options.seed)
     found = predict(network, test)
