@@ -36,8 +36,9 @@ class FolderCheck:
         made = self.dataset.records
         lines = [
             f"{self.dataset.constants.title}: {len(made):,} of {self.n_shards:,} shards, "
-            f"{sum(one.frames for one in made):,} frames, {sum(one.size_bytes for one in made) / 1e9:.3g} GB",
-            f"{self.remade:,} frames were made again and compared bit for bit",
+            f"{sum(one.frames for one in made):,} frames, {sum(one.size_bytes for one in made) / 1e6:,.1f} MB",
+            f"{self.remade:,} frames were made again and compared bit for bit"
+            + (": all are the same" if self.remade and not self.problems else ""),
         ]
         if self.statistics is not None:
             lines += ["", *self.statistics.tabulate()]

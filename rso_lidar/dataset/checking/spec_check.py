@@ -55,11 +55,11 @@ class SpecCheck:
         """Return sizes, time, counts, balance and warnings as text."""
         spec, plan = self.plan.spec, self.plan
         frames, cores = spec.n_samples * spec.frames_per_sample, os.cpu_count() or 1
-        hours = frames * self.frame_s / cores / 3600.0
+        minutes = frames * self.frame_s / cores / 60.0
         counts = plan.count_samples()
         lines = [
             f"{spec.name}: {spec.n_samples:,} samples, {frames:,} frames in {plan.n_shards:,} shards",
-            f"about {frames * self.frame_bytes / 1e9:.3g} GB, and {hours:.3g} h on {cores} cores "
+            f"about {frames * self.frame_bytes / 1e6:,.1f} MB, and {minutes:,.1f} min on {cores} cores "
             f"({self.frame_s * 1e3:.0f} ms and {self.frame_bytes / 1e3:.0f} kB for a frame, measured here)",
             "",
             f"{'samples':20} " + " ".join(f"{name:>8}" for name in SPLITS),
@@ -71,7 +71,8 @@ class SpecCheck:
             f"of {len(self.statistics.columns['draw']):,} frames that were flown for this check:",
             *self.statistics.tabulate(),
         ]
-        return "\n".join([*lines, *(f"warning: {line}" for line in self.warnings)])
+        found = [f"warning: {line}" for line in self.warnings] or ["no leak was found, and no frame without returns"]
+        return "\n".join([*lines, *found])
 
 
 def check_spec(spec: DatasetSpec | str | Path) -> SpecCheck:

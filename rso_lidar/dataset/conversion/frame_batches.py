@@ -11,8 +11,6 @@ import numpy as np
 
 from rso_lidar.dataset.shards.layout import is_image
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.files import MOST_BYTES, read_text
-from rso_lidar.part.toml_text import parse_toml
 
 if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset, Split
@@ -147,23 +145,6 @@ def find_names(data: Dataset, numbers: Mapping[str, Any]) -> dict[str, str | Non
     lists = {"class": data.classes, "model": data.models, "sensor": data.sensors}
     places = {word: int(numbers[f"{word}_id"]) for word in lists}
     return {word: names[places[word]] if places[word] >= 0 else None for word, names in lists.items()}
-
-
-def find_target_number(data: Dataset) -> int:
-    """Return the number, in the labels of pixels, of the target that the labels of frames describe.
-
-    Parameters
-    ----------
-    data : the dataset.
-    """
-    if data.spec.target is None:
-        return 0
-    place = data.folder / "scenario.toml"
-    tables = parse_toml(read_text(place, MOST_BYTES, DatasetError), str(place), DatasetError)
-    names = [one.get("name") for one in tables.get("target", [])]
-    if data.spec.target not in names:
-        raise DatasetError(f"{place}: has no target '{data.spec.target}', which dataset.toml names; restore both files")
-    return names.index(data.spec.target)
 
 
 def _to_json(value: Any) -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.dataset.conversion.coco_annotations import CocoWriter, open_coco
-from rso_lidar.dataset.conversion.frame_batches import ExportedFrame, find_target_number, read_batches, read_frames
+from rso_lidar.dataset.conversion.frame_batches import ExportedFrame, read_batches, read_frames
 from rso_lidar.export.formats.bop import BEYOND, BEYOND_M, FULL, choose_depth_scale, encode_png
 from rso_lidar.units import MM
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset
 
 LEAST_PHOTONS = 1.0  # expected photons from which a pixel belongs to the mask of a target
+OWN_TARGET = 0  # in the label `target`: that of the sample; other bodies have other numbers
 MASKS = ("target", "part_class_id")  # label k is the grey level k + 1, and the sky is 0
 _READ = ("range_m", "intensity_counts", "photons", *MASKS)
 _OF_TARGET = ("lit_pixels", "reporting_pixels", "range_to_target_m", "position_m", "quaternion_xyzw")
@@ -40,7 +41,6 @@ def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info
         Step of range [mm]: the finest of 0.1, 0.2, 0.5, 1, … with which 16 bits reach the farthest true range.
     """
     step_mm = choose_depth_scale(_find_farthest_m(data, splits) / MM)
-    target = find_target_number(data)
     (folder / "annotations").mkdir()
     for split in splits:
         for kind in ("range", "intensity", *MASKS):
@@ -49,7 +49,7 @@ def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info
         with open_coco(folder / "annotations" / f"{split}.json", told, data.classes) as coco:
             for frame in read_frames(data, split, _READ):
                 _write_images(folder / "images" / split, frame, step_mm)
-                _annotate(coco, frame, target)
+                _annotate(coco, frame)
     return step_mm
 
 
@@ -89,19 +89,18 @@ def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
         (folder / kind / f"{frame.name}.png").write_bytes(encode_png(picture))
 
 
-def _annotate(coco: CocoWriter, frame: ExportedFrame, target: int) -> None:
+def _annotate(coco: CocoWriter, frame: ExportedFrame) -> None:
     """Add a frame, and its target where there is one, to the annotations of its split.
 
     Parameters
     ----------
     coco : the annotations.
     frame : with its images.
-    target : number of the target in the labels.
     """
     n_rows, n_cols = frame.images["target"].shape
     told = frame.description
     image = {"file_name": f"{told['split']}/intensity/{frame.name}.png", "height": n_rows, "width": n_cols}
-    mask = (frame.images["target"] == target) & (frame.images["photons"] >= LEAST_PHOTONS)
+    mask = (frame.images["target"] == OWN_TARGET) & (frame.images["photons"] >= LEAST_PHOTONS)
     coco.add(
         {**image, **told}, mask & bool(told["present"]), told["class_id"] + 1, {key: told[key] for key in _OF_TARGET}
     )

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import copy
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,8 @@ from rso_lidar.scenario.mission.validation import apply_setting, get_field, set_
 
 _OF_ANY_MODEL = ("name", "motion", "attitude", "material", "axes")  # fields of a target that another model keeps
 _AROUND = UniformDirection()
+_LAST_SHARE = 1.0 - 2.0**-53
+_MOST_CHOICES = 100  # values of one choice that a check tries
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +47,16 @@ class Sample:
 class _Draws:
     """The values of one sample's variables, by their laws."""
 
-    def __init__(self, spec: DatasetSpec, k: int, number: int) -> None:
+    def __init__(self, spec: DatasetSpec, k: int, number: int, forced: Mapping[str, float]) -> None:
         """Begin the draws of a sample.
 
         Parameters
         ----------
         spec : the specification.
         k, number : index of the class, and number of the sample in it.
+        forced : numbers from 0 to below 1 by variable, in place of those that are drawn.
         """
+        self._forced = forced
         self._spec, self._group, self._number = spec, spec.classes[k].name, number
         self.values: dict[str, Any] = {}
         self._left = np.zeros(0)
@@ -69,6 +75,8 @@ class _Draws:
             share, self._left = self._left[: law.dimensions], self._left[law.dimensions :]
         else:
             share = draw_shares(self._spec.seed, self._group, np.array([self._number]), variable, law.dimensions)[0]
+        if variable in self._forced:
+            share = np.full(law.dimensions, self._forced[variable])
         self.values[variable] = value = law.at(share)
         return value
 
@@ -99,13 +107,31 @@ def _count_dimensions(spec: DatasetSpec, k: int) -> int:
     return sum(law.dimensions for law in _list_laws(spec, k))
 
 
-def draw_sample(plan: DatasetPlan, index: int) -> Sample:
+def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
+    """List what `draw_sample` is forced to, one by one, to meet both ends of each variable of a class, and each choice.
+
+    Parameters
+    ----------
+    spec : the specification.
+    k : index of the class.
+    """
+    ends = []
+    for one in spec.variable:
+        if not one.classes or spec.classes[k].name in one.classes:
+            count = len(one.law.values) if isinstance(one.law, Choice) and not one.law.weights else 1
+            places = [(place + 0.5) / count for place in range(min(count, _MOST_CHOICES))] if count > 1 else []
+            ends += [{one.field: share} for share in (0.0, *places, _LAST_SHARE)]
+    return ends
+
+
+def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = MappingProxyType({})) -> Sample:
     """Draw one sample. It depends on the plan and its number only.
 
     Parameters
     ----------
     plan : of the dataset.
     index : of the sample.
+    forced : numbers from 0 to below 1 by variable, in place of those that are drawn; for checks.
 
     Raises
     ------
@@ -118,7 +144,7 @@ def draw_sample(plan: DatasetPlan, index: int) -> Sample:
     at = np.array([number])
     name = None if one.empty else plan.class_models[k][int(plan.choose_model(k, at)[0])]
     sensor = int(plan.choose_sensor(k, at)[0])
-    draws = _Draws(spec, k, number)
+    draws = _Draws(spec, k, number, forced)
     tables = copy.deepcopy(plan.tables)
     with add_place(f"{spec.where}: sample {index} (class '{one.name}')"):
         for setting in spec.sensor[sensor].set if spec.sensor else ():

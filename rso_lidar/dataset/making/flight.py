@@ -132,7 +132,7 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
         saturated=frame.observation.reading.saturated,
         true_range_m=labels.range_m,
         photons=labels.photons,
-        target=labels.target,
+        target=number_bodies(labels.target, sample.target),
         part=labels.part,
         part_class_id=found.part_class_id,
         sample=sample.index,  # type: ignore[arg-type]  # records take what becomes an array
@@ -157,6 +157,23 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
         part_light_fraction=found.part_light_fraction,
         **optional,
     )
+
+
+def number_bodies(target: np.ndarray, own: int | None) -> np.ndarray:
+    """Number the bodies of a frame alike with and without a target: 0 is the sample's target, from 1 on are others.
+
+    Parameters
+    ----------
+    target : (row, col), index of the target in the scenario, -1 for sky.
+    own : index of the sample's target; None without one.
+
+    >>> number_bodies(np.array([-1, 0, 1, 2]), 1), number_bodies(np.array([-1, 0, 1]), None)
+    (array([-1,  1,  0,  2]), array([-1,  1,  2]))
+    """
+    others = np.where(target >= 0, target + 1, target)
+    if own is None:
+        return others
+    return np.where(target == own, 0, np.where(target > own, target, others))
 
 
 def _find_intrinsics(scenario: Scenario, frame: Frame) -> np.ndarray:

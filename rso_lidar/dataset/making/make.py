@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
-from rso_lidar.dataset.drawing.sample import draw_sample
+from rso_lidar.dataset.drawing.sample import draw_sample, list_ends
 from rso_lidar.dataset.making.beginning import begin_folder, remove_drafts
 from rso_lidar.dataset.making.dask_engine import make_shards_by_dask
 from rso_lidar.dataset.making.process_pool import make_shards
@@ -16,7 +16,7 @@ from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record, read_manifest
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, suppress_warnings
-from rso_lidar.files import convert_path
+from rso_lidar.files import convert_path, hold_lock
 
 _TRIED = 40  # samples that are drawn before the first shard, so that a wrong law is found at once
 
@@ -64,21 +64,41 @@ def make(
     chosen = choose_shards(shards, plan.n_shards)
     check_samples(plan)
     begin_folder(plan, place, join=resume or shards is not None)
+    held = place / f".make{'' if shards is None else re.sub(r'[^0-9]', '-', '-' + shards)}.lock"
+    busy = f"{place}: another run is making these shards; wait for it, or divide the work by --shards"
+    with hold_lock(held, busy=busy):
+        _make_shards(plan, place, chosen, workers or os.cpu_count() or 1, scheduler, on_shard)
+    return Dataset(place)
+
+
+def _make_shards(
+    plan: DatasetPlan,
+    place: Path,
+    chosen: Sequence[int],
+    workers: int,
+    scheduler: str | None,
+    on_shard: Callable[[int, int], None] | None,
+) -> None:
+    """Make those of some shards that are not finished, and keep the record of each.
+
+    Parameters
+    ----------
+    plan, place : of the dataset, and its folder.
+    chosen : numbers of the shards.
+    workers, scheduler, on_shard : as in `make`.
+    """
     finished = read_manifest(place, plan.sha256)
     left = [number for number in chosen if not _is_finished(plan, place, number, finished)]
     tell = on_shard or (lambda done, count: None)
     tell(len(chosen) - len(left), len(chosen))
-    count = workers or os.cpu_count() or 1
     if scheduler is None:
-        records = make_shards(plan, place, left, count)
+        records = make_shards(plan, place, left, workers)
     else:
-        records = make_shards_by_dask(plan, place, left, count, scheduler)
+        records = make_shards_by_dask(plan, place, left, workers, scheduler)
     for done, record in enumerate(records, len(chosen) - len(left) + 1):
         append_record(place, record, plan.sha256)
         tell(done, len(chosen))
-    finished = read_manifest(place, plan.sha256)
-    remove_drafts(place, finished)
-    return Dataset(place)
+    remove_drafts(place, read_manifest(place, plan.sha256))
 
 
 def _is_finished(plan: DatasetPlan, folder: Path, number: int, finished: Mapping[str, ShardRecord]) -> bool:
@@ -128,7 +148,8 @@ def choose_shards(text: str | None, count: int) -> Sequence[int]:
 
 
 def check_samples(plan: DatasetPlan) -> None:
-    """Draw some samples of each class, so that a law that makes no valid scenario is found before the first flash.
+    """Draw some samples of each class, and both ends of every law, so that a value that makes no
+    valid scenario is found before the first flash.
 
     Parameters
     ----------
@@ -141,3 +162,5 @@ def check_samples(plan: DatasetPlan) -> None:
             step = max(1, len(mine) * len(plan.spec.classes) // _TRIED)
             for index in mine[::step].tolist():
                 draw_sample(plan, index)
+            for forced in list_ends(plan.spec, k):
+                draw_sample(plan, int(mine[0]), forced)

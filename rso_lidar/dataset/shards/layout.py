@@ -24,12 +24,17 @@ class LabelledFrame(Record):
     saturated: np.ndarray = array("row col", "u1", "1", "1 where the amplitude clipped")
     true_range_m: np.ndarray = array("row col", "f4", "m", "true range of the brightest cluster, NaN for sky")
     photons: np.ndarray = array("row col", "f4", "1", "expected photons of the whole pixel")
-    target: np.ndarray = array("row col", "i1", "1", "index of the target in the scenario, -1 for sky")
+    target: np.ndarray = array(
+        "row col",
+        "i1",
+        "1",
+        "0 for the sample's target, from 1 for other bodies of the scenario in their order, -1 for sky",
+    )
     part: np.ndarray = array("row col", "i2", "1", "index of the part among those of its model, -1 for sky")
     part_class_id: np.ndarray = array("row col", "i1", "1", "index of the common part class, -1 for sky")
     sample: np.ndarray = array("", "i8", "1", "number of the sample in the dataset")
     step: np.ndarray = array("", "i4", "1", "place of the frame in the sequence of its sample")
-    draw: np.ndarray = array("", "i2", "1", "number of the noise draw: same poses and light, other noise")
+    draw: np.ndarray = array("", "i2", "1", "number of the noise draw: same poses and mean light, other noise")
     seed: np.ndarray = array("", "i8", "1", "random seed of the scenario")
     frame_number: np.ndarray = array("", "i4", "1", "number of the frame in the scenario")
     time_s: np.ndarray = array("", "f8", "s", "seconds since the start of the scenario")
@@ -43,7 +48,9 @@ class LabelledFrame(Record):
     lit_pixels: np.ndarray = array("", "i4", "1", "pixels with at least one expected photon of the target")
     reporting_pixels: np.ndarray = array("", "i4", "1", "pixels that reported the target")
     total_photons: np.ndarray = array("", "f4", "1", "expected photons of the target in all pixels")
-    box_px: np.ndarray = array("edge", "i2", "1", "first row and column, last row and column of the lit pixels; -1")
+    box_px: np.ndarray = array(
+        "edge", "i2", "1", "first row and column, last row and column of the lit pixels; -1 where none is"
+    )
     intrinsics_px: np.ndarray = array(
         "intrinsic",
         "f8",

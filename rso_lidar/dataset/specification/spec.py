@@ -51,7 +51,7 @@ class DatasetSpec(Part):
         ),
     )
     draws: Annotated[Count, Field(le=64)] = Field(
-        default=1, description="Number of noise draws of each frame: the same poses and light, other noise."
+        default=1, description="Number of noise draws of each frame: the same poses and mean light, other noise."
     )
     target: Name | None = Field(
         default=None, description="Name of the scenario's target that classes replace. If omitted, the first."

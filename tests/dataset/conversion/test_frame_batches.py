@@ -9,11 +9,9 @@ from rso_lidar.dataset.conversion.frame_batches import (
     BATCH,
     choose_images,
     divide,
-    find_target_number,
     read_batches,
     read_frames,
 )
-from rso_lidar.dataset.reading.random_access import open_dataset
 from rso_lidar.errors import DatasetError
 
 
@@ -67,14 +65,3 @@ def test_images_are_chosen_by_name(data):
         choose_images(split, ["photon"])
     with pytest.raises(DatasetError, match="class_id: no such images"):
         choose_images(split, ["class_id"])
-
-
-def test_the_labelled_target_is_found_in_the_scenario(folder):
-    assert find_target_number(open_dataset(folder)) == 0
-    spec = folder / "dataset.toml"
-    spec.write_text(spec.read_text(encoding="utf-8").replace("draws", 'target = "second"\ndraws', 1), encoding="utf-8")
-    with pytest.raises(DatasetError, match=r"scenario.toml: has no target 'second', which dataset.toml names"):
-        find_target_number(open_dataset(folder))
-    scenario = folder / "scenario.toml"
-    scenario.write_text(scenario.read_text(encoding="utf-8") + '[[target]]\nname = "second"\n', encoding="utf-8")
-    assert find_target_number(open_dataset(folder)) == 1

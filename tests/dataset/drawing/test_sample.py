@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.simulate import simulate
@@ -88,3 +89,10 @@ def test_settings_of_a_class_reach_the_model_that_it_chooses(tmp_path):
     scaled = {"name": "a", "models": ["sphere"], "samples": 8, "set": ["target.body.size_m=3.5"]}
     (target,) = draw_sample(make_plan(make_spec(tmp_path, classes=[scaled])), 0).scenario.target
     assert target.model == "sphere" and target.size_m == 3.5
+
+
+def test_a_value_at_the_end_of_a_law_is_found_before_the_first_flash(tmp_path):
+    rare = {"field": "target.body.material", "law": {"type": "choice", "values": ["white_paint"] * 99 + ["no_such"]}}
+    with pytest.raises((rl.ScenarioError, rl.DatasetError, rl.MeshError), match="no_such"):
+        rl.dataset.make(make_spec(tmp_path, variable=[rare]), tmp_path / "made", workers=1)
+    assert not (tmp_path / "made").exists()

@@ -133,3 +133,24 @@ def test_the_symmetry_of_a_target_that_the_scenario_describes(tmp_path):
     plan = make_plan(make_spec(tmp_path, classes=[one, {"name": "b", "models": ["sphere"], "samples": 6}]))
     found = list_constants(plan).symmetries
     assert found["plate"]["fold"] == 3 and found["sphere"]["is_sphere"]
+
+
+def test_a_second_run_waits(made, tmp_path):
+    from rso_lidar.files import hold_lock
+
+    spec = made[1]
+    rl.dataset.make(spec, tmp_path / "made", workers=1, shards="0:1")
+    with hold_lock(tmp_path / "made" / ".make.lock"), pytest.raises(rl.RecordingError, match="another run is making"):
+        rl.dataset.make(spec, tmp_path / "made", workers=1, resume=True)
+
+
+def test_bodies_have_the_same_numbers_with_and_without_a_target(tmp_path):
+    clutter = {
+        "models": ["sphere"],
+        "count": {"type": "whole", "low": 2, "high": 2},
+        "range_m": {"type": "uniform", "low": 40, "high": 60},
+    }
+    split = rl.dataset.make(make_spec(tmp_path, clutter=clutter, draws=1), tmp_path / "made", workers=1).split("train")
+    target, present = split.column("target"), split.column("present")
+    assert (target[present == 0] != 0).all() and set(np.unique(target)) <= {-1, 0, 1, 2}
+    assert (target[present == 1] == 0).any() and (target[present == 0] >= 1).any()
