@@ -29,7 +29,7 @@ def format_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     >>> print(format_table(["a", "b"], [[1, "x|y"]]))
     | a | b |
     | --- | --- |
-    | 1 | x\\|y |
+    | 1 | x\|y |
     """
     lines = [list(heads), ["---"] * len(heads), *rows]
     return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
