@@ -42,7 +42,15 @@ def compile_ahead() -> None:
     null = subprocess.DEVNULL
     with suppress(OSError):
         process = subprocess.Popen([sys.executable, *_COMMAND], stdin=subprocess.PIPE, stdout=null, stderr=null)
-        threading.Thread(target=process.wait, daemon=True).start()
+        threading.Thread(target=_wait_for, args=(process,), daemon=True).start()
+
+
+def _wait_for(process: subprocess.Popen[bytes]) -> None:
+    """Wait for the second process, and close the pipe whose end tells it that this process has ended."""
+    process.wait()
+    if process.stdin is not None:
+        with suppress(OSError):
+            process.stdin.close()
 
 
 def compile_for_parent() -> None:

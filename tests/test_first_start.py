@@ -1,6 +1,7 @@
 """The first start: a second process compiles just what a flash calls after its cast, once, where there is nothing yet."""
 
 import functools
+import io
 import os
 import subprocess
 import sys
@@ -43,6 +44,9 @@ def test_it_compiles_what_a_flash_calls_after_its_cast(called):
 
 
 class Process:
+    def __init__(self):
+        self.stdin = io.BytesIO()
+
     def wait(self):
         return 0
 
@@ -82,6 +86,12 @@ def test_the_command_runs_and_imports_nothing_of_the_current_folder(tmp_path):
     command = [sys.executable, *first_start._COMMAND]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path) as child:
         assert child.wait() == 0, child.stderr.read()
+
+
+def test_the_pipe_to_the_second_process_is_closed():
+    process = Process()
+    first_start._wait_for(process)
+    assert process.stdin.closed
 
 
 def test_the_second_process_ends_with_the_first(tmp_path):

@@ -32,7 +32,7 @@ COMMANDS = {
     "animate": "Animate a recording as GIF or MP4.",
     "view": "Show a recording in a viewer, frame by frame.",
     "schema": "Print the JSON Schema of the scenario file.",
-    "dataset": "Make, check, publish and export datasets for learning.",
+    "dataset": "Make, check, publish, export and score datasets for learning.",
     "models": "List the models that can be targets, show one, or add your own.",
 }
 GROUPS = ("dataset", "models")
