@@ -8,8 +8,7 @@ import pytest
 
 import rso_lidar as rl
 
-pytest.importorskip("torch", reason="needs the extra 'learn'")
-pytest.importorskip("sklearn", reason="needs the extra 'learn'")
+pytest.importorskip("torch", reason="needs the extra learn: pip install 'rso-lidar[learn]'")
 
 LEARNING = Path(__file__).resolve().parents[1] / "examples" / "learning"
 MODULES = (

@@ -55,7 +55,7 @@ def test_an_empty_file_is_valid(tmp_path):
 
 @pytest.mark.filterwarnings("ignore")  # of the library itself
 def test_pycocotools_reads_the_masks(tmp_path):
-    coco_module = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
+    coco_module = pytest.importorskip("pycocotools.coco", reason="needs pycocotools: pip install pycocotools")
     place = tmp_path / "train.json"
     with open_coco(place, {}, ["relay"]) as coco:
         coco.add({"file_name": "a.png", "height": 4, "width": 6}, MASK, 1, {})

@@ -40,7 +40,7 @@ def test_archives_are_divided_and_have_no_dates(data, tmp_path, monkeypatch):
 
 @pytest.mark.filterwarnings("ignore")  # of the library itself
 def test_webdataset_reads_them(data, tmp_path):
-    webdataset = pytest.importorskip("webdataset", reason="webdataset is not installed")
+    webdataset = pytest.importorskip("webdataset", reason="needs webdataset: pip install webdataset")
     write_tar_archives(tmp_path, data, ["test"], IMAGES)
     frames = list(webdataset.WebDataset(str(tmp_path / "test-000000.tar"), shardshuffle=False).decode())
     assert [frame["cls"] for frame in frames] == data.split("test").column("class_id").tolist()

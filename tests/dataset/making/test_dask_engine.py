@@ -13,7 +13,7 @@ from tests.dataset.making.test_make import hashes
 
 
 def test_killed_workers_lose_nothing(made, tmp_path):
-    distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
+    distributed = pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
     dataset, spec = made
     killed = []
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -37,7 +37,7 @@ def test_killed_workers_lose_nothing(made, tmp_path):
 
 
 def test_a_scheduler_that_does_not_answer(made, tmp_path, monkeypatch):
-    pytest.importorskip("distributed", reason="the extra dask is not installed")
+    pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
     monkeypatch.setattr(dask_engine, "_CONNECT_S", "0.2s")
     with pytest.raises(rl.DatasetError, match="no scheduler answers"):
         rl.dataset.make(made[1], tmp_path / "made", scheduler="tcp://127.0.0.1:9")

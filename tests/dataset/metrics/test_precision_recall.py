@@ -80,7 +80,7 @@ def test_a_weight_is_a_number_of_copies():
 
 
 def test_they_are_those_of_scikit_learn():
-    metrics = pytest.importorskip("sklearn.metrics", reason="scikit-learn is in the extra 'learn'")
+    metrics = pytest.importorskip("sklearn.metrics", reason="needs scikit-learn: pip install scikit-learn")
     rng = np.random.default_rng(7)
     for levels in (5, 40, 10**6):  # with many ties, some, and none
         score = rng.integers(0, levels, 300).astype(float)

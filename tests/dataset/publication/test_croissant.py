@@ -48,9 +48,11 @@ def test_without_a_table_there_are_no_frames_to_describe(data):
 
 @pytest.mark.filterwarnings("ignore")  # of the library itself
 def test_mlcroissant_finds_no_fault_and_reads_the_frames(data):
-    mlcroissant = pytest.importorskip("mlcroissant", reason="mlcroissant is not installed")
+    mlcroissant = pytest.importorskip(
+        "mlcroissant", reason="needs mlcroissant: pip install mlcroissant (a part of it has no wheel)"
+    )
     if not has_parquet():
-        pytest.skip("pyarrow is not installed")
+        pytest.skip("needs the extra parquet: pip install 'rso-lidar[parquet]'")
     write_frame_index(data)
     place = write_croissant(data, Attribution(licence="CC-BY-4.0"))
     read = mlcroissant.Dataset(jsonld=str(place))

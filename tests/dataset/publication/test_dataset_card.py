@@ -16,7 +16,7 @@ def card(data):
 
 
 def test_the_head_is_yaml_that_hugging_face_knows(card):
-    yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
+    yaml = pytest.importorskip("yaml", reason="needs PyYAML: pip install pyyaml")
     head = yaml.safe_load(card.split("---\n")[1])
     assert head["pretty_name"] == 'Two craft, "near" & far'
     assert head["license"] == "cc-by-4.0" and head["size_categories"] == ["n<1K"]

@@ -6,7 +6,7 @@ import pytest
 from rso_lidar.dataset.publication import frame_index
 from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet, write_frame_index
 
-parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet: pip install 'rso-lidar[parquet]'")
 
 
 def test_rows_are_the_frames_in_order(data):

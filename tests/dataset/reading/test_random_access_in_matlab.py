@@ -28,7 +28,7 @@ printf('%.6f ', frames.range_m(2, 2, 2), frames.range_m(2, 3, 2), frames.range_m
 def test_a_shard_is_read_frame_last(tmp_path):
     octave = shutil.which("octave-cli")
     if octave is None:
-        pytest.skip("GNU Octave is not installed")
+        pytest.skip("needs GNU Octave, which pip does not install")
     folder = make_dataset(tmp_path / "two_craft")
     shutil.copy(EXAMPLES / "read_shard.m", tmp_path)
     ranks = ", ".join(f"'{name}', {rank}" for name, rank in NAMES.items())

@@ -1,3 +1,4 @@
+import h5py
 import numpy as np
 import pytest
 
@@ -86,7 +87,6 @@ def columns_as_read(path):
 
 
 def test_files_of_all_formats_hold_the_same(tmp_path):
-    h5py = pytest.importorskip("h5py")
     arrays = {name: np.array(values) for name, values in (KEYS | SCORES).items()}
     rows = zip(*arrays.values(), strict=True)
     text = "# made by hand\n# dataset: 12ab34cd\n" + "\n".join(
@@ -102,8 +102,9 @@ def test_files_of_all_formats_hold_the_same(tmp_path):
             file[name] = values
     read = [columns_as_read(tmp_path / name) for name in ("a.csv", "a.npz", "b.npz", "a.h5")]
     assert all(one == read[0] for one in read) and read[0][3] == "12ab34cd"
-    pyarrow = pytest.importorskip("pyarrow", reason="Parquet is an extra")
-    parquet = pytest.importorskip("pyarrow.parquet")
+    pyarrow = pytest.importorskip("pyarrow", reason="needs the extra parquet: pip install 'rso-lidar[parquet]'")
+    from pyarrow import parquet
+
     table = pyarrow.table(arrays).replace_schema_metadata({"dataset": "12ab34cd"})
     parquet.write_table(table, tmp_path / "a.parquet")
     assert columns_as_read(tmp_path / "a.parquet") == read[0]

@@ -117,7 +117,7 @@ def test_nothing_imports_torch():
 
 
 def test_a_data_loader_of_pytorch(train):
-    torch = pytest.importorskip("torch", reason="the extra `learn` is not installed")
+    torch = pytest.importorskip("torch", reason="needs the extra learn: pip install 'rso-lidar[learn]'")
     frames = FrameDataset(train, FIELDS, transforms=[CropReturns(16)], augmentations=[Shift()])
     read = []
     for workers in (0, 1):
@@ -143,7 +143,7 @@ def test_batches_without_torch(train):
 
 
 def test_hugging_face_reads_shards_without_our_code(made, train, tmp_path):
-    datasets = pytest.importorskip("datasets", reason="the package `datasets` is not installed")
+    datasets = pytest.importorskip("datasets", reason="needs datasets: pip install datasets")
     files = {name: str(made[0].folder / name / "*.h5") for name in made[0].splits}
     for streaming in (False, True):
         loaded = datasets.load_dataset("hdf5", data_files=files, cache_dir=str(tmp_path), streaming=streaming)

@@ -71,7 +71,7 @@ def test_crossings_of_a_timing_channel_come_back(tmp_path):
 @pytest.mark.parametrize("suffix", [".h5", ".zarr"])
 def test_clipped_samples_and_mean_currents_come_back(tmp_path, suffix):
     if suffix == ".zarr":
-        pytest.importorskip("zarr")
+        pytest.importorskip("zarr", reason="needs the extra zarr: pip install 'rso-lidar[zarr]'")
     frames = []
     for frame in make_frames(2, keep=("waveforms",)):
         waveforms = frame.kept["waveforms"]
