@@ -1,5 +1,6 @@
 """The baselines of examples/learning: what they are fed, and that each trains and writes predictions."""
 
+import importlib
 import sys
 from pathlib import Path
 
@@ -8,13 +9,9 @@ import pytest
 
 import rso_lidar as rl
 
-pytest.importorskip("torch", reason="needs the extra learn: pip install 'rso-lidar[learn]'")
-
 LEARNING = Path(__file__).resolve().parents[1] / "examples" / "learning"
-MODULES = (
-    "frames", "networks", "training", "predictions", "shape", "resnet", "pose", "parts", "super_resolution", "presence",
-    "noise", "explain", "study",
-)  # fmt: skip
+WITHOUT_TORCH = ("arguments", "frames", "predictions", "shape", "presence", "noise", "study")
+WITH_TORCH = ("networks", "training", "resnet", "pose", "parts", "super_resolution", "explain")
 SPEC = """
 version  = 1
 name     = "Few"
@@ -48,17 +45,24 @@ samples = 5
 """
 
 
+class Examples(dict):
+    """The modules of the examples by name, imported at first use; a test that needs torch is skipped without it."""
+
+    def __missing__(self, name):
+        if name in WITH_TORCH:
+            pytest.importorskip("torch", reason="needs the extra learn: pip install 'rso-lidar[learn]'")
+        self[name] = importlib.import_module(name)
+        return self[name]
+
+
 @pytest.fixture
 def learning(monkeypatch):
     """Return the modules of the examples by name; they are forgotten afterwards."""
-    import importlib
-
     monkeypatch.syspath_prepend(str(LEARNING))
-    for name in MODULES:
+    for name in (*WITHOUT_TORCH, *WITH_TORCH):
         monkeypatch.delitem(sys.modules, name, raising=False)
-    found = {name: importlib.import_module(name) for name in MODULES}
-    yield found
-    for name in MODULES:
+    yield Examples()
+    for name in (*WITHOUT_TORCH, *WITH_TORCH):
         sys.modules.pop(name, None)
 
 
@@ -109,16 +113,15 @@ def test_crops_turn_with_the_frame(learning, folder):
 
 
 def test_rotation_loss_is_blind_to_a_symmetry(learning):
-    import torch
     from scipy.spatial.transform import Rotation
 
+    loss, torch = learning["pose"].rotation_loss, learning["pose"].torch
     true = Rotation.from_rotvec([0.3, -1.0, 0.4])
     spun = true * Rotation.from_rotvec([0.0, 0.0, 1.2])
     flipped = true * Rotation.from_rotvec([np.pi, 0.0, 0.0])
     found = torch.tensor(np.stack([spun.as_matrix(), flipped.as_matrix()])[None])
     group = torch.tensor(np.stack([np.eye(3), Rotation.from_rotvec([np.pi, 0.0, 0.0]).as_matrix()])[None])
     about_z = torch.diag(torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64))[None]
-    loss = learning["pose"].rotation_loss
     whole = torch.eye(3, dtype=torch.float64)[None]
     wanted = torch.tensor(true.as_matrix()[None])
     assert loss(found, wanted, group[:, :1], about_z)[0].tolist() == pytest.approx([0.0, 4.0])

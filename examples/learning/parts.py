@@ -5,10 +5,11 @@
 
 import numpy as np
 import torch
+from arguments import parse
 from frames import CROP, Returns, crop, divide, load_returns, outline
 from networks import UNet
 from predictions import write
-from training import fit, parse
+from training import fit, prepare_torch
 
 import rso_lidar as rl
 
@@ -58,7 +59,7 @@ def predict(network: UNet, returns: Returns) -> np.ndarray:
 
 
 def main() -> None:
-    options = parse(__doc__, epochs=10, draws=True)
+    options = prepare_torch(parse(__doc__, epochs=10, draws=True))
     data = rl.dataset.open(options.dataset)
     returns = load_returns(options.dataset, "train", (LABEL,), options.most, options.draws)
     test = load_returns(options.dataset, "test", (LABEL,), options.most)

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 import torch
+from arguments import parse
 from frames import Returns, cloud, divide, load_returns
 from networks import PointNet
 from predictions import accuracy, write
 from scipy.spatial.transform import RigidTransform, Rotation
-from training import fit, parse
+from training import fit, prepare_torch
 
 import rso_lidar as rl
 from rso_lidar.records.symmetry import rotation_error_rad
@@ -197,7 +198,7 @@ def tabulate(
 
 
 def main() -> None:
-    options = parse(__doc__, epochs=80, flags=("no_icp", "search"))
+    options = prepare_torch(parse(__doc__, epochs=80, flags=("no_icp", "search")))
     data = rl.dataset.open(options.dataset)
     returns = load_returns(options.dataset, "train", most=options.most)
     test = load_returns(options.dataset, "test", most=options.most)

@@ -5,9 +5,9 @@ Noise makes groups of one or two reports that are as bright as it happens; a tar
 """
 
 import numpy as np
+from arguments import parse
 from frames import Returns, load_returns
 from predictions import write
-from training import parse
 
 
 def measure_group(returns: Returns) -> np.ndarray:

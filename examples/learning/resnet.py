@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from arguments import parse
 from frames import Returns, crop, divide, load_returns, scale
 from networks import ResNet18
 from predictions import accuracy, write
-from training import fit, parse
+from training import fit, prepare_torch
 
 import rso_lidar as rl
 
@@ -51,7 +52,7 @@ def predict(network: ResNet18, returns: Returns) -> np.ndarray:
 
 
 def main() -> None:
-    options = parse(__doc__, epochs=20, draws=True)
+    options = prepare_torch(parse(__doc__, epochs=20, draws=True))
     returns = load_returns(options.dataset, "train", most=options.most, draws=options.draws)
     test = load_returns(options.dataset, "test", most=options.most)
     network = train(returns, len(rl.dataset.open(options.dataset).classes), options.epochs, options.seed)

@@ -7,9 +7,9 @@ any classifier has to beat and which shows how much a dataset gives away.
 from typing import Any
 
 import numpy as np
+from arguments import parse
 from frames import Returns, load_returns
 from predictions import accuracy, write
-from training import parse
 
 INTENSITY = (3, 4, 5, 6, 7)  # features of brightness among those of `measure_shape`
 

@@ -7,10 +7,11 @@ with `oversampled = true`; with `--repeat`, each pixel is repeated, which is wha
 
 import numpy as np
 import torch
+from arguments import parse
 from frames import Returns, divide, load_returns
 from networks import UNet
 from predictions import write
-from training import fit, parse
+from training import fit, prepare_torch
 
 import rso_lidar as rl
 
@@ -151,7 +152,7 @@ def predict(network: Finer | None, pairs: Pairs) -> np.ndarray:
 
 
 def main() -> None:
-    options = parse(__doc__, epochs=20, flags=("repeat",))
+    options = prepare_torch(parse(__doc__, epochs=20, flags=("repeat",)))
     test = Pairs(options.dataset, "test", options.most)
     network = (
         None if options.repeat else train(Pairs(options.dataset, "train", options.most), options.epochs, options.seed)

@@ -11,32 +11,19 @@ import numpy as np
 import torch
 
 
-def parse(what: str, epochs: int = 0, flags: tuple[str, ...] = (), draws: bool = False) -> argparse.Namespace:
-    """Read the arguments of a baseline, and seed torch.
+def prepare_torch(options: argparse.Namespace) -> argparse.Namespace:
+    """Seed torch and set its number of threads.
 
     Parameters
     ----------
-    what : the module's docstring.
-    epochs : of training, by default; 0 for a baseline without.
-    flags : names of further switches.
-    draws : whether there is an option for the number of noise draws.
+    options : arguments of a baseline that trains a network.
+
+    Returns
+    -------
+    the same arguments.
     """
-    parser = argparse.ArgumentParser(description=what, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("dataset", help="folder that `rso-lidar dataset make` wrote")
-    parser.add_argument("-o", "--output", default="predictions.npz", help="file of predictions for the test split")
-    parser.add_argument("--seed", type=int, default=1, help="of first weights, batches and the validation split")
-    parser.add_argument("--most", type=int, help="greatest number of frames of each split, to try things out")
-    if draws:
-        parser.add_argument("--draws", type=int, default=1, help="number of noise draws of each pose to train on")
-    if epochs:
-        parser.add_argument("--epochs", type=int, default=epochs)
-        parser.add_argument("--threads", type=int, default=1)
-    for flag in flags:
-        parser.add_argument(f"--{flag.replace('_', '-')}", action="store_true")
-    options = parser.parse_args()
     torch.manual_seed(options.seed)
-    if epochs:
-        torch.set_num_threads(options.threads)
+    torch.set_num_threads(options.threads)
     return options
 
 
