@@ -251,7 +251,10 @@ def _default(name: str, field: Any, section: Section) -> str:
         return "none"
     if isinstance(default, part.Part):
         tag = getattr(default, "type", None)
-        return f'`{{ type = "{tag}" }}`' if tag else "its defaults"
+        if tag is None:
+            return "its defaults"
+        table = {"type": tag} | default.model_dump(exclude_defaults=True)  # defaults of the part are in its own table
+        return f"`{{ {', '.join(f'{key} = {_toml(value)}' for key, value in table.items())} }}`"
     return f"`{_toml(default)}`"
 
 

@@ -64,8 +64,8 @@ def make(
         made = dataset.make(spec, output, workers=workers, scheduler=by, shards=shards, resume=resume, on_shard=show)
     for name in made.splits:
         split = made.split(name)
-        echo(f"{name:6} {len(split):9,} frames in {len(split.records):,} shards")
-    if sum(record.samples for record in made.records) == made.spec.n_samples:  # not a part of it
+        echo(f"{name:6} {len(split):9,} frames, shards: {len(split.records):,}")
+    if sum(record.samples for record in made.records) == made.spec.n_samples:  # complete, not only some shards
         for line in dataset.publish(output):
             echo(line)
     echo(str(output))

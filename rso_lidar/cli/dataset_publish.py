@@ -19,10 +19,9 @@ def publish(
     ] = None,
     url: Annotated[str | None, typer.Option("--url", metavar="URL", help="Where the dataset will be.")] = None,
 ) -> None:
-    """Write the card, the Croissant description, the table of frames and two pictures again.
+    """Write README.md (the card), croissant.json, index.parquet (the table of frames) and two pictures again.
 
-    What is not given stays as it was stated before.
+    A licence, creator or address that is not given stays as stated before.
     """
     for line in write_publication(folder, licence=licence, creators=tuple(creator or ()), url=url):
         echo(line)
-    echo(str(folder / "README.md"))

@@ -1,8 +1,9 @@
-"""Leaks: what tells the class, or that there is a target, without its shape.
+"""Leaks: numbers that reveal the class, or the presence of a target, without its shape.
 
-A column of numbers leaks where its distribution in one class differs from that in all others: a two-sample
-Kolmogorov-Smirnov test, and the probability that chance alone keeps the others clear of the end of the range that the class
-leaves empty. Both are corrected for the number of tests.
+A column of numbers leaks if its distribution in one class differs from that in all others. Two tests look for this: a
+two-sample Kolmogorov-Smirnov test, and a test of both ends of the range of the class. The second computes how probable it
+is that no sample of the class lies beyond its extreme value, given the share of the other samples beyond it. Both are
+corrected for the number of tests.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ import numpy as np
 
 _CHANCE = 1e-3  # of a false alarm in a whole check
 _LEAST_DIFFERENCE = 0.15  # greatest difference of two cumulative distributions that training can ignore; assumed
-_LEAST_SAMPLES = 8  # of a class, below which nothing is said
-_CENTRED_PX = 2.0
-_CENTRED_SHARE = 0.9
+_LEAST_SAMPLES = 8  # of a class; assumed: fewer prove no difference at this probability of a false alarm
+_CENTRED_PX = 2.0  # from the centre of the image; assumed
+_CENTRED_SHARE = 0.9  # of the frames with a target; assumed
 
 
 def find_leaks(columns: Mapping[str, np.ndarray], group: np.ndarray, names: Sequence[str]) -> list[str]:
-    """Find columns whose values tell the group.
+    """Find columns whose values reveal the group.
 
     Parameters
     ----------
@@ -74,8 +75,8 @@ def find_constants(offset_px: np.ndarray, reporting: np.ndarray) -> list[str]:
     known = offset_px[np.isfinite(offset_px)]
     if len(known) >= _LEAST_SAMPLES and np.mean(known < _CENTRED_PX) > _CENTRED_SHARE:
         lines.append(
-            f"the target is centred in {np.mean(known < _CENTRED_PX):.0%} of the frames, and a network can learn that; let "
-            "view.offset_fraction vary, or the pointing"
+            f"the target is centred in {np.mean(known < _CENTRED_PX):.0%} of the frames, and a network can learn that; "
+            "widen view.offset_fraction, or, with a PTU, vary its pointing"
         )
     shown = reporting[reporting >= 0]
     if len(shown) and np.mean(shown == 0) > 0.0:

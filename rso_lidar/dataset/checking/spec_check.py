@@ -58,7 +58,7 @@ class SpecCheck:
         minutes = frames * self.frame_s / cores / 60.0
         counts = plan.count_samples()
         lines = [
-            f"{spec.name}: {spec.n_samples:,} samples, {frames:,} frames in {plan.n_shards:,} shards",
+            f"{spec.name}: {spec.n_samples:,} samples, {frames:,} frames, shards: {plan.n_shards:,}",
             f"about {frames * self.frame_bytes / 1e6:,.1f} MB, and {minutes:,.1f} min on {cores} cores "
             f"({self.frame_s * 1e3:.0f} ms and {self.frame_bytes / 1e3:.0f} kB for a frame, measured here)",
             "",

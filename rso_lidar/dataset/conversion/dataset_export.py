@@ -9,25 +9,27 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from rso_lidar.dataset.conversion.frame_batches import choose_images
-from rso_lidar.dataset.conversion.image_folders import write_image_folders
+from rso_lidar.dataset.conversion.image_folders import IMAGES, write_image_folders
 from rso_lidar.dataset.conversion.tar_archives import write_tar_archives
 from rso_lidar.dataset.conversion.tensorflow_files import write_tensorflow_files
 from rso_lidar.dataset.shards.layout import is_image
 from rso_lidar.errors import DatasetError, did_you_mean
+from rso_lidar.export.formats.bop import FULL
 from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.units import MM
 
 if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset
 
-MARK = "dataset_export.json"  # by which an older export is known, so that it may be overwritten
+MARK = "dataset_export.json"  # marks a folder as an export, which --overwrite may replace
 FORMATS = {
     "webdataset": "tar archives of arrays, for reading in sequence from object stores",
     "images": "folders of PNG images with annotations in the format of COCO",
     "tfrecord": "TFRecord files of messages tf.train.Example",
 }
 _LIMITS = {
-    "webdataset": "nothing of what it holds",
-    "images": "range between grey levels, photons and their predictions",
+    "webdataset": "no precision",
+    "images": "differences of range below one grey level",
     "tfrecord": "double precision of numbers",
 }
 
@@ -56,12 +58,12 @@ def export_dataset(
     Returns
     -------
     list of str
-        What was written and what it leaves out, in lines for the user.
+        Lines for the user: what was written and what was left out.
 
     Raises
     ------
     DatasetError
-        For an unknown format, split or array, and for arrays asked of a format that has its own.
+        For an unknown format, split or array, and for a choice of arrays with the format `images`, which has its own.
     RecordingError
         If the folder may not be written.
     """
@@ -80,14 +82,17 @@ def export_dataset(
     lines = []
     with draft_folder(place, overwrite=overwrite) as draft:
         if to == "images":
-            info["range_step_mm"] = write_image_folders(draft, data, chosen, info)
-            lines.append(f"range       {info['range_step_mm']:g} mm per grey level, 0 is no return")
+            arrays, advice = list(IMAGES), f"this format has {', '.join(IMAGES)} only"
+            info["range_step_mm"] = step_mm = write_image_folders(draft, data, chosen, info)
+            lines.append(
+                f"range       {step_mm:g} mm per grey level; 0 is no return, or a range beyond {FULL * step_mm * MM:,.0f} m"
+            )
         else:
-            info["images"] = arrays
+            info["images"], advice = arrays, "choose arrays by --arrays, or all of them by --arrays all"
             write = write_tar_archives if to == "webdataset" else write_tensorflow_files
             write(draft, data, chosen, arrays)
-            left = [name for name in data.split(chosen[0]).names if is_image(name) and name not in arrays]
-            lines += [f"left out    {', '.join(left)}; choose images by --arrays, or all"] if left else []
+        left = [name for name in data.split(chosen[0]).names if is_image(name) and name not in arrays]
+        lines += [f"left out    images {', '.join(left)}; {advice}"] if left else []
         (draft / MARK).write_text(json.dumps(info, indent=1) + "\n", encoding="utf-8", newline="\n")
     return [f"written     {place} ({to}, {sum(info['splits'].values())} frames); lost: {_LIMITS[to]}", *lines]
 
@@ -104,7 +109,7 @@ def _choose_splits(data: Dataset, splits: Sequence[str]) -> list[str]:
     if not chosen:
         raise DatasetError(f"{data.folder}: holds no frames yet; make them with --resume")
     for name in chosen:
-        data.split(name)  # which refuses a name that it does not know
+        data.split(name)  # raises for an unknown name
     return chosen
 
 

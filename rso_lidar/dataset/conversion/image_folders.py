@@ -1,4 +1,4 @@
-"""Frames as folders of PNG images, with annotations in the format of COCO, for people who look and for image tools."""
+"""Frames as folders of PNG images, with annotations in the format of COCO, for viewing and for image tools."""
 
 from __future__ import annotations
 
@@ -17,16 +17,18 @@ if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset
 
 LEAST_PHOTONS = 1.0  # expected photons from which a pixel belongs to the mask of a target
-OWN_TARGET = 0  # in the label `target`: that of the sample; other bodies have other numbers
+OWN_TARGET = 0  # value of the label `target` on the sample's target; other bodies have other numbers
 MASKS = ("target", "part_class_id")  # label k is the grey level k + 1, and the sky is 0
-_READ = ("range_m", "intensity_counts", "photons", *MASKS)
+IMAGES = ("range_m", "intensity_counts", *MASKS)  # arrays that are written
+_READ = (*IMAGES, "photons")
 _OF_TARGET = ("lit_pixels", "reporting_pixels", "range_to_target_m", "position_m", "quaternion_xyzw")
 
 
 def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info: Mapping[str, Any]) -> float:
     """Write images/<split>/<range|intensity|target|part_class_id>/<frame>.png, and annotations/<split>.json.
 
-    A grey level of a range image is a step of range, the same in all images of the folder; 0 is no return.
+    A grey level of a range image is a step of range, the same in all images of the folder. Grey level 0 is no return, or a
+    range beyond 65,535 steps.
 
     Parameters
     ----------
@@ -45,8 +47,8 @@ def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info
     for split in splits:
         for kind in ("range", "intensity", *MASKS):
             (folder / "images" / split / kind).mkdir(parents=True)
-        told = {**info, "range_step_mm": step_mm}
-        with open_coco(folder / "annotations" / f"{split}.json", told, data.classes) as coco:
+        place = folder / "annotations" / f"{split}.json"
+        with open_coco(place, {**info, "range_step_mm": step_mm}, data.classes) as coco:
             for frame in read_frames(data, split, _READ):
                 _write_images(folder / "images" / split, frame, step_mm)
                 _annotate(coco, frame)
@@ -82,7 +84,7 @@ def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
     valid = np.isfinite(range_m)
     levels = np.zeros(range_m.shape)
     levels[valid] = np.maximum(np.rint(range_m[valid].astype(float) / (step_mm * MM)), 1)
-    levels[levels > FULL] = 0  # false returns far behind everything that is there
+    levels[levels > FULL] = 0  # false alarms far behind all bodies
     pictures = {"range": levels.astype(np.uint16), "intensity": frame.images["intensity_counts"].astype(np.uint16)}
     pictures |= {mask: (frame.images[mask] + 1).astype(np.uint8) for mask in MASKS}
     for kind, picture in pictures.items():
@@ -98,9 +100,8 @@ def _annotate(coco: CocoWriter, frame: ExportedFrame) -> None:
     frame : with its images.
     """
     n_rows, n_cols = frame.images["target"].shape
-    told = frame.description
-    image = {"file_name": f"{told['split']}/intensity/{frame.name}.png", "height": n_rows, "width": n_cols}
+    facts = frame.description
+    image = {"file_name": f"{facts['split']}/intensity/{frame.name}.png", "height": n_rows, "width": n_cols}
     mask = (frame.images["target"] == OWN_TARGET) & (frame.images["photons"] >= LEAST_PHOTONS)
-    coco.add(
-        {**image, **told}, mask & bool(told["present"]), told["class_id"] + 1, {key: told[key] for key in _OF_TARGET}
-    )
+    of_target = {key: facts[key] for key in _OF_TARGET}
+    coco.add({**image, **facts}, mask & bool(facts["present"]), facts["class_id"] + 1, of_target)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _TASKS = ("image-classification", "object-detection", "image-segmentation")
 _TAGS = ("lidar", "flash-lidar", "range-image", "point-cloud", "space", "spacecraft", "pose-estimation", "simulation")
+_SAMPLING = {"random": "pseudo-random numbers", "halton": "a scrambled Halton sequence"}
 _SIZES = (
     (10**3, "n<1K"),
     (10**4, "1K<n<10K"),
@@ -103,8 +104,8 @@ def _explain_making(data: Dataset) -> str:
     return (
         "## How it was made\n\n"
         f"The simulator rso_lidar flew the scenario `scenario.toml` for each sample. A sample is {steps}, with {draws}. "
-        f"Sample i depends on `dataset.toml` and i only: the seed is {spec.seed}, and laws are sampled by "
-        f"`{spec.sampling}` points. To make it again:\n\n"
+        f"Sample i depends on `dataset.toml` and i only. The random seed is {spec.seed}, and values are drawn from their "
+        f"laws by {_SAMPLING[spec.sampling]}. To make it again:\n\n"
         "```sh\nrso-lidar dataset make dataset.toml -o again\n```\n\n"
         f"Made with {versions}. The hash of the specification, scenario and meshes is `{data.constants.sha256}`.\n\n"
         f"{list_laws(data)}"
@@ -112,7 +113,7 @@ def _explain_making(data: Dataset) -> str:
 
 
 def _list_versions(text: str) -> str:
-    """Return versions, which the manifest holds as JSON, in words."""
+    """Format the versions of a shard, which the manifest holds as JSON."""
     return ", ".join(f"{name} {version}" for name, version in json.loads(text).items())
 
 
@@ -142,7 +143,7 @@ def _number(names: Sequence[str]) -> str:
 
 
 def _explain_splits(data: Dataset) -> str:
-    """Return the section on splits, and on how results become better than they are."""
+    """Return the section on splits, and on mistakes that make results look too good."""
     rule = data.spec.split
     if isinstance(rule, RandomSplit):
         how = (
@@ -157,9 +158,9 @@ def _explain_splits(data: Dataset) -> str:
         f"## Splits\n\n{how} All frames and noise draws of a sample are in one split, and a larger dataset of the same "
         "specification moves no sample.\n\n"
         "- Divide the training split further by `sample`, never by frame: noise draws of one pose are nearly copies.\n"
-        "- Choose models and thresholds on the training or validation split, and use the test split once.\n"
-        "- Report results by range and by reporting pixels. Absolute range and the number of lit pixels alone can tell "
-        "classes apart that differ in size.\n"
+        "- Choose networks and thresholds on the training or validation split, and use the test split once.\n"
+        "- Report results by range and by reporting pixels. Where classes differ in size, absolute range and the number of "
+        "lit pixels alone can tell them apart.\n"
         "- Labels such as `true_range_m`, `photons` and `lit_pixels` are not measured; do not feed them to a classifier."
     )
 

@@ -52,15 +52,16 @@ def publish(
         raise DatasetError(f"{folder}: holds no frames yet; make them with --resume")
     stated = read_attribution(folder)
     attribution = Attribution(licence or stated.licence, creators or stated.creators, url or stated.url)
-    lines = []
+    lines, written = [], [CARD, CROISSANT]
     if has_parquet():
-        write_frame_index(data)
+        written.append(write_frame_index(data).name)
     else:
         (folder / INDEX).unlink(missing_ok=True)  # of an earlier run: it would not describe these frames
         lines.append(f"{INDEX} left out: it needs an extra, pip install rso-lidar[parquet]")
     pictures = _draw_pictures(data)
     write_card(data, count_frames(data), pictures, attribution)
     write_croissant(data, attribution)
+    lines.insert(0, f"written     {', '.join([*written, *pictures])} in {folder}")
     if attribution.licence is None:
         lines.append(f"{CARD} and {CROISSANT} state no licence: rso-lidar dataset publish {folder} --licence CC-BY-4.0")
     return lines

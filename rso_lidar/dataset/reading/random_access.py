@@ -145,7 +145,7 @@ class Split:
 
     def __repr__(self) -> str:
         """Return name, frames and shards."""
-        return f"<Split {self.name!r}: {len(self):,} frames in {len(self.records):,} shards>"
+        return f"<Split {self.name!r}: {len(self):,} frames, shards: {len(self.records):,}>"
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -9,6 +9,12 @@ import numpy as np
 from rso_lidar.records.schema import ArraySpec, Record, array, specs
 
 VARIABLE_PREFIX = "variable."  # of the arrays that hold drawn numbers
+_COMPONENTS = {  # names of the components of the vectors that a view draws
+    "view.offset_fraction": ("right", "down"),
+    "view.attitude": ("x", "y", "z", "w"),
+    "view.spin_axis": ("x", "y", "z"),
+    "view.sun": ("x", "y", "z"),
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -16,7 +22,7 @@ class LabelledFrame(Record):
     """One frame of a dataset with its labels. In a shard every array has the frame as its first dimension.
 
     Part classes are those that all models share. Poses are lidar_from_target of the sample's target; other bodies are
-    clutter. A frame without a target has NaN, -1 and 0 in their place.
+    clutter. In a frame without a target, labels of the target are NaN, -1 or 0.
     """
 
     range_m: np.ndarray = array("row col", "f4", "m", "measured slant range, NaN where nothing was reported")
@@ -77,7 +83,7 @@ class LabelledFrame(Record):
 
 
 def describe_array(name: str) -> ArraySpec:
-    """Return the statement of an array of a shard, without its first dimension, the frame.
+    """Return dims, dtype, unit and meaning of an array of a shard, without its first dimension, the frame.
 
     Parameters
     ----------
@@ -85,6 +91,9 @@ def describe_array(name: str) -> ArraySpec:
     """
     if name.startswith(VARIABLE_PREFIX):
         place = name.removeprefix(VARIABLE_PREFIX)
+        vector, _, number = place.rpartition(".")
+        if vector in _COMPONENTS:
+            place = f"{vector}, component {_COMPONENTS[vector][int(number)]}"
         return ArraySpec((), np.dtype("f8"), "1", f"drawn value of {place}, in its unit; NaN where it is not drawn")
     return specs(LabelledFrame)[name]
 

@@ -91,7 +91,8 @@ def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarra
     shown = window.cut(values)
     absent = ~np.isfinite(shown) if name == "range_m" else shown <= 0.0
     seen = shown[~absent & window.cut(on_target)]
-    low, high = np.percentile(seen, [2, 98]) if seen.size else (0.0, 1.0)
+    is_probability = name == "detection_probability"
+    low, high = np.percentile(seen, [2, 98]) if seen.size and not is_probability else (0.0, 1.0)
     colours = colormaps[_RAMPS.get(name, RANGE_RAMP)].with_extremes(bad=hex_colour(NO_RETURN))
     pad = 0.05 if high - low < 0.1 else 0.0  # a flat target: its noise does not fill the ramp
     is_light = name in ("intensity_counts", "photons")  # a few glints outshine the rest

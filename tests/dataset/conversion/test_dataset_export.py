@@ -17,7 +17,12 @@ from rso_lidar.errors import DatasetError, RecordingError, RunError
 def test_an_export_says_what_it_holds_and_what_it_leaves_out(data, tmp_path, to):
     lines = export_dataset(data, tmp_path / "out", to)
     assert lines[0].startswith(f"written     {tmp_path / 'out'} ({to}, 10 frames); lost: ")
-    assert lines[1].startswith("range       20 mm" if to == "images" else "left out    part, photons, true_range_m")
+    *scale, left_out = lines[1:]
+    level = "range       20 mm per grey level; 0 is no return, or a range beyond 1,311 m"
+    assert scale == ([level] if to == "images" else [])
+    assert left_out.startswith(
+        "left out    images part, photons, " + ("saturated, " if to == "images" else "") + "true_range_m"
+    )
     mark = json.loads((tmp_path / "out" / MARK).read_text(encoding="utf-8"))
     assert mark["splits"] == {"train": 6, "test": 4} and mark["classes"] == ["relay", "cube"]
     with pytest.raises(RecordingError, match="exists already"):
