@@ -6,10 +6,11 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Future
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import ExitStack, suppress
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -56,6 +57,7 @@ class Processes:
             raise ScenarioError("workers: a daemon process cannot start processes; leave out workers")
         fresh = multiprocessing.get_context("spawn")  # a forked process would inherit locks that other threads hold
         # Sent by a file: a worker that dies early would leave its parent waiting at a full pipe.
+        self._count = count
         with ExitStack() as stack:
             file = Path(stack.enter_context(make_temporary_folder()), "function")
             file.write_bytes(sent)
@@ -96,6 +98,21 @@ class Processes:
             return future.result()
         except BrokenExecutor as error:
             raise _lost() from error
+
+    def map_unordered(self, values: Iterable[Any]) -> Iterator[Any]:
+        """Call the function with each value, and yield each result when it is ready, in any order.
+
+        At most two calls for each process wait or run, so that memory does not grow with the number of values.
+        """
+        left = iter(values)
+        waiting: set[Future[Any]] = set()
+        while True:
+            waiting |= {self.submit(value) for value in islice(left, 2 * self._count - len(waiting))}
+            if not waiting:
+                return
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield self.result(future)
 
 
 def _start_quiet_tracker() -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.dataset.drawing.plan import DatasetPlan
-from rso_lidar.dataset.making.process_pool import make_shard
+from rso_lidar.dataset.making.shard_making import make_shard
 from rso_lidar.dataset.shards.manifest import ShardRecord
 from rso_lidar.errors import DatasetError, RsoLidarError, RunError
 

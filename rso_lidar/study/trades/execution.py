@@ -8,7 +8,6 @@ import importlib.metadata
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -141,17 +140,7 @@ def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None)
         yield from map(plan.row, left)
         return
     with Processes(min(workers, len(left)), partial(TradePlan.row, plan)) as processes:
-        waiting: set[Future[Any]] = set()
-        try:
-            while left or waiting:
-                while left and len(waiting) < 2 * workers:
-                    waiting.add(processes.submit(left.pop(0)))
-                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in done:
-                    yield processes.result(future)
-        except BaseException:
-            processes.abandon()
-            raise
+        yield from processes.map_unordered(left)
 
 
 class Trade(TradeTable):
