@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import copy
 import math
-from typing import Annotated, Any, Literal, Self
+from abc import abstractmethod
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, Strict, model_validator
@@ -46,7 +47,27 @@ def _shorten(values: np.ndarray) -> list[float]:
     return [float(f"{one:.12g}") for one in values.tolist()]
 
 
-class _Bounded(Part):
+class _Law(Part):
+    """How a value is drawn."""
+
+    _DIMENSIONS: ClassVar[int] = 1
+
+    @property
+    def dimensions(self) -> int:
+        """Count of even numbers that one value needs."""
+        return self._DIMENSIONS
+
+    @abstractmethod
+    def at(self, share: np.ndarray) -> Any:
+        """Return the value at a place of the unit cube.
+
+        Parameters
+        ----------
+        share : (dimension), numbers from 0 to below 1.
+        """
+
+
+class _Bounded(_Law):
     """A law of numbers between two bounds."""
 
     low: Bound = Field(description="Lowest value, in the unit of the field; for a vector, a list of one per component.")
@@ -63,12 +84,7 @@ class _Bounded(Part):
         return len(self.low) if isinstance(self.low, tuple) else 1
 
     def at(self, share: np.ndarray) -> Any:
-        """Return the value at a place of the unit cube: a number, or a list of numbers.
-
-        Parameters
-        ----------
-        share : (dimension), numbers from 0 to below 1.
-        """
+        """Return the value at a place of the unit cube: a number, or a list of numbers."""
         values = _shorten(self.spread(share, *_list_bounds(self.low, self.high)))
         return values if isinstance(self.low, tuple) else values[0]
 
@@ -103,13 +119,7 @@ class LogUniform(_Bounded):
         return self
 
     def spread(self, share: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Return the values (component) at `share`.
-
-        Parameters
-        ----------
-        share : (component), from 0 to below 1.
-        low, high : (component) bounds.
-        """
+        """Return the values (component) at `share`."""
         spread: np.ndarray = low * (high / low) ** share
         return spread
 
@@ -129,13 +139,7 @@ class Normal(_Bounded):
         return self
 
     def spread(self, share: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Return the values (component) at `share`.
-
-        Parameters
-        ----------
-        share : (component), from 0 to below 1.
-        low, high : (component) bounds.
-        """
+        """Return the values (component) at `share`."""
         from scipy.special import ndtr, ndtri
 
         below, above = ndtr((low - self.mean) / self.sigma), ndtr((high - self.mean) / self.sigma)
@@ -143,7 +147,7 @@ class Normal(_Bounded):
         return drawn
 
 
-class WholeNumber(Part):
+class WholeNumber(_Law):
     """Whole numbers between two bounds, all equally likely; for counts and for random seeds of shapes."""
 
     type: Literal["whole"] = "whole"
@@ -158,22 +162,12 @@ class WholeNumber(Part):
             raise ValueError("low and high are below 2^52 in magnitude; take smaller ones")
         return self
 
-    @property
-    def dimensions(self) -> int:
-        """Count of even numbers that one value needs."""
-        return 1
-
     def at(self, share: np.ndarray) -> int:
-        """Return the value at a place of the unit cube.
-
-        Parameters
-        ----------
-        share : (dimension), numbers from 0 to below 1.
-        """
+        """Return the value at a place of the unit cube."""
         return self.low + int(share[0] * (self.high - self.low + 1))
 
 
-class Choice(Part):
+class Choice(_Law):
     """One of several values: numbers, texts, lists or tables of the scenario."""
 
     type: Literal["choice"] = "choice"
@@ -190,49 +184,33 @@ class Choice(Part):
             raise ValueError(f"{len(self.weights)} weights for {len(self.values)} values; give one for each")
         return self
 
-    @property
-    def dimensions(self) -> int:
-        """Count of even numbers that one value needs."""
-        return 1
-
     def at(self, share: np.ndarray) -> Any:
-        """Return the value at a place of the unit cube.
-
-        Parameters
-        ----------
-        share : (dimension), numbers from 0 to below 1.
-        """
+        """Return the value at a place of the unit cube."""
         weights = np.array(self.weights or [1.0] * len(self.values))
         ends = np.cumsum(weights) / weights.sum()
         chosen = min(int(np.searchsorted(ends, share[0], side="right")), len(self.values) - 1)
         return copy.deepcopy(self.values[chosen])  # a table that a later variable may change
 
 
-class UniformRotation(Part):
+class UniformRotation(_Law):
     """Uniform on SO(3): a unit quaternion x, y, z, w (Shoemake 1992, "Uniform random rotations", Graphics Gems III)."""
+
+    _DIMENSIONS: ClassVar[int] = 3
 
     type: Literal["so3"] = "so3"
 
-    @property
-    def dimensions(self) -> int:
-        """Count of even numbers that one value needs."""
-        return 3
-
     def at(self, share: np.ndarray) -> list[float]:
-        """Return the quaternion at a place of the unit cube.
-
-        Parameters
-        ----------
-        share : (dimension), numbers from 0 to below 1.
-        """
+        """Return the quaternion at a place of the unit cube."""
         first, second = math.sqrt(1.0 - share[0]), math.sqrt(share[0])
         a, b = 2.0 * math.pi * share[1], 2.0 * math.pi * share[2]
         quaternion = np.array([first * math.sin(a), first * math.cos(a), second * math.sin(b), second * math.cos(b)])
         return _shorten(quaternion if quaternion[3] >= 0.0 else -quaternion)
 
 
-class UniformDirection(Part):
+class UniformDirection(_Law):
     """Uniform on the sphere, or on a cap of it: a unit vector."""
+
+    _DIMENSIONS: ClassVar[int] = 2
 
     type: Literal["direction"] = "direction"
     axis: Direction = Field(default=(0.0, 0.0, 1.0), description="Centre of the cap.")
@@ -240,18 +218,8 @@ class UniformDirection(Part):
         default=180.0, description="Greatest angle from the axis [deg]; 180 is the whole sphere."
     )
 
-    @property
-    def dimensions(self) -> int:
-        """Count of even numbers that one value needs."""
-        return 2
-
     def at(self, share: np.ndarray) -> list[float]:
-        """Return the unit vector at a place of the unit cube.
-
-        Parameters
-        ----------
-        share : (dimension), numbers from 0 to below 1.
-        """
+        """Return the unit vector at a place of the unit cube."""
         cosine = 1.0 - share[0] * (1.0 - math.cos(self.half_angle_deg * units.DEG))
         sine, around = math.sqrt(max(0.0, 1.0 - cosine * cosine)), 2.0 * math.pi * share[1]
         axis = np.array(self.axis) / np.linalg.norm(self.axis)
@@ -263,6 +231,8 @@ class UniformDirection(Part):
 
 class Shell(UniformDirection):
     """A position in a spherical shell, or in a cone of it: uniform in direction, and in volume, radius or its logarithm."""
+
+    _DIMENSIONS: ClassVar[int] = 3
 
     type: Literal["shell"] = "shell"  # type: ignore[assignment]
     inner_m: Positive = Field(description="Inner radius [m].")
@@ -277,18 +247,8 @@ class Shell(UniformDirection):
             raise ValueError(f"inner_m ({self.inner_m:g}) is not below outer_m ({self.outer_m:g}); exchange the two")
         return self
 
-    @property
-    def dimensions(self) -> int:
-        """Count of even numbers that one value needs."""
-        return 3
-
     def at(self, share: np.ndarray) -> list[float]:
-        """Return the position [m] at a place of the unit cube.
-
-        Parameters
-        ----------
-        share : (dimension), numbers from 0 to below 1.
-        """
+        """Return the position [m] at a place of the unit cube."""
         inner, outer, s = self.inner_m, self.outer_m, float(share[2])
         if self.even_in == "volume":
             radius = (inner**3 + s * (outer**3 - inner**3)) ** (1.0 / 3.0)
