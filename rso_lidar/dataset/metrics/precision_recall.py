@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
 from rso_lidar.dataset.metrics.resampling import EncounterIndex
-from rso_lidar.dataset.metrics.weighted_statistics import bootstrap_interval, count_asked, in_chunks
+from rso_lidar.dataset.metrics.weighted_statistics import FrameStatistic, in_chunks
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +31,13 @@ class RankingCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class _Ranking:
+class _Ranking(FrameStatistic):
     """Scores (frame) against truth (frame) of frames that are asked for, ranked from the highest score to the lowest."""
 
     encounters: EncounterIndex
     score: np.ndarray
     positive: np.ndarray
     asked: np.ndarray
-    needs_draws: ClassVar[bool] = True
 
     @cached_property
     def rows(self) -> np.ndarray:
@@ -75,20 +73,6 @@ class _Ranking:
                 return find(hits[:, self.last_of_tie], alarms[:, self.last_of_tie], hits[:, -1], alarms[:, -1])
 
         return in_chunks(weights, self.encounters.index[self.rows], count)
-
-    def find_interval(self, replicates: np.ndarray, confidence: float) -> tuple[float, float, str]:
-        """Return the bootstrap's interval.
-
-        Parameters
-        ----------
-        replicates : (replicate) values of a bootstrap.
-        confidence : probability of the interval.
-        """
-        return bootstrap_interval(replicates, self.count()[1], confidence)
-
-    def count(self) -> tuple[int, int]:
-        """Return the number of frames that matter, and of their encounters."""
-        return count_asked(self.encounters, self.asked)
 
     def trace(self) -> RankingCurve:
         """Trace precision, recall and the rate of false alarms over all thresholds."""

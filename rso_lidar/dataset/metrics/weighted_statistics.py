@@ -6,9 +6,9 @@ a bootstrap it is a replicate. Two sets of predictions evaluated with the same w
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -23,17 +23,17 @@ from rso_lidar.dataset.metrics.resampling import (
 _CHUNK = 2_000_000  # weights of frames in one step
 
 
-class Statistic(Protocol):
-    """A number computed from frames whose encounters have weights."""
+class Statistic(ABC):
+    """A number computed from frames whose encounters have weights. Its interval is that of a bootstrap over encounters."""
 
     @property
     def needs_draws(self) -> bool:
         """Whether the interval needs the values of a bootstrap."""
-        ...
+        return True
 
+    @abstractmethod
     def evaluate(self, weights: np.ndarray) -> np.ndarray:
         """Return the values (replicate) for weights (replicate, encounter); NaN where there is none."""
-        ...
 
     def find_interval(self, replicates: np.ndarray, confidence: float) -> tuple[float, float, str]:
         """Return an interval and the name of its method.
@@ -43,15 +43,26 @@ class Statistic(Protocol):
         replicates : (replicate) values of a bootstrap.
         confidence : probability of the interval.
         """
-        ...
+        return bootstrap_interval(replicates, self.count()[1], confidence)
 
+    @abstractmethod
     def count(self) -> tuple[int, int]:
         """Return the number of frames that matter, and of their encounters."""
-        ...
+
+
+class FrameStatistic(Statistic):
+    """A statistic of the frames (frame) that are `asked` for."""
+
+    encounters: EncounterIndex
+    asked: np.ndarray
+
+    def count(self) -> tuple[int, int]:
+        """Return the number of frames that are asked for, and of their encounters."""
+        return count_asked(self.encounters, self.asked)
 
 
 @dataclass(frozen=True, eq=False)
-class Ratios:
+class Ratios(Statistic):
     """Mean over columns of ratios of sums: accuracies, recalls, mean errors, overlaps.
 
     `above` and `below` are (frame) or (frame, column). A column without anything below is left out of the mean. `root`
@@ -86,18 +97,12 @@ class Ratios:
         return np.where(asked.any(axis=1), sums / np.maximum(asked.sum(axis=1), 1), np.nan)
 
     def find_interval(self, replicates: np.ndarray, confidence: float) -> tuple[float, float, str]:
-        """Return Wilson's interval of a proportion with the design effect of encounters, else the bootstrap's.
-
-        Parameters
-        ----------
-        replicates : (replicate) values of a bootstrap.
-        confidence : probability of the interval.
-        """
+        """Return Wilson's interval of a proportion with the design effect of encounters, else the bootstrap's."""
         above, below = (part[:, 0] for part in self._sums)
         if self.is_proportion and below.sum() > 0:
             share = float(above.sum() / below.sum())
             return *wilson_interval(share, effective_count(above, below), confidence), "Wilson, design effect"
-        return bootstrap_interval(replicates, self.count()[1], confidence)
+        return super().find_interval(replicates, confidence)
 
     def count(self) -> tuple[int, int]:
         """Return the number of frames that matter, and of their encounters."""
@@ -105,14 +110,13 @@ class Ratios:
 
 
 @dataclass(frozen=True, eq=False)
-class Quantile:
+class Quantile(FrameStatistic):
     """Quantile of values (frame) over frames that are `asked` for; infinite values are those of failures."""
 
     encounters: EncounterIndex
     values: np.ndarray
     asked: np.ndarray
     level: float = 0.5
-    needs_draws: ClassVar[bool] = True
 
     def evaluate(self, weights: np.ndarray) -> np.ndarray:
         """Return the values (replicate) for weights (replicate, encounter)."""
@@ -132,27 +136,12 @@ class Quantile:
 
         return in_chunks(weights, self.encounters.index[rows], find)
 
-    def find_interval(self, replicates: np.ndarray, confidence: float) -> tuple[float, float, str]:
-        """Return the bootstrap's interval.
-
-        Parameters
-        ----------
-        replicates : (replicate) values of a bootstrap.
-        confidence : probability of the interval.
-        """
-        return bootstrap_interval(replicates, self.count()[1], confidence)
-
-    def count(self) -> tuple[int, int]:
-        """Return the number of frames that matter, and of their encounters."""
-        return count_asked(self.encounters, self.asked)
-
 
 @dataclass(frozen=True, eq=False)
-class Mean:
+class Mean(Statistic):
     """Mean of other statistics, such as average precisions over classes; one without a value is left out."""
 
     parts: tuple[Statistic, ...]
-    needs_draws: ClassVar[bool] = True
 
     def evaluate(self, weights: np.ndarray) -> np.ndarray:
         """Return the values (replicate) for weights (replicate, encounter)."""
@@ -160,16 +149,6 @@ class Mean:
         known = ~np.isnan(values)
         sums = np.where(known, values, 0.0).sum(axis=0)
         return np.where(known.any(axis=0), sums / np.maximum(known.sum(axis=0), 1), np.nan)
-
-    def find_interval(self, replicates: np.ndarray, confidence: float) -> tuple[float, float, str]:
-        """Return the bootstrap's interval.
-
-        Parameters
-        ----------
-        replicates : (replicate) values of a bootstrap.
-        confidence : probability of the interval.
-        """
-        return bootstrap_interval(replicates, self.count()[1], confidence)
 
     def count(self) -> tuple[int, int]:
         """Return the number of frames that matter, and of their encounters."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from rso_lidar.dataset.metrics.merits import (
 )
 from rso_lidar.dataset.metrics.precision_recall import AveragePrecision, RankingCurve
 from rso_lidar.dataset.metrics.resampling import EncounterIndex
-from rso_lidar.dataset.metrics.weighted_statistics import Mean, Ratios, bootstrap_interval, count_asked, in_chunks
+from rso_lidar.dataset.metrics.weighted_statistics import FrameStatistic, Mean, Ratios, in_chunks
 from rso_lidar.dataset.scoring.ground_truth import FrameTruth
 
 RELIABLE_PIXELS = 100  # Fuller et al., sec. 5: about 100 pixels are needed for reliable classification
@@ -50,7 +49,7 @@ class Classification:
 
 
 @dataclass(frozen=True, eq=False)
-class PassingLevel:
+class PassingLevel(FrameStatistic):
     """Least value (frame) of a quantity from which the share of hits is `level` or more; infinite if it never is.
 
     The share is fitted as a function that never falls, by isotonic regression, so that no bins have to be chosen. Its last
@@ -62,7 +61,6 @@ class PassingLevel:
     hit: np.ndarray
     asked: np.ndarray
     level: float = RELIABLE_RECALL
-    needs_draws: ClassVar[bool] = True
     _order: tuple[np.ndarray, np.ndarray, np.ndarray] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -94,20 +92,6 @@ class PassingLevel:
             return found
 
         return in_chunks(weights, self.encounters.index[rows], find)
-
-    def find_interval(self, replicates: np.ndarray, confidence: float) -> tuple[float, float, str]:
-        """Return the bootstrap's interval.
-
-        Parameters
-        ----------
-        replicates : (replicate) values of a bootstrap.
-        confidence : probability of the interval.
-        """
-        return bootstrap_interval(replicates, self.count()[1], confidence)
-
-    def count(self) -> tuple[int, int]:
-        """Return the number of frames that matter, and of their encounters."""
-        return count_asked(self.encounters, self.asked)
 
 
 def score_classes(truth: FrameTruth, chosen: np.ndarray, scores: np.ndarray | None = None) -> Classification:
