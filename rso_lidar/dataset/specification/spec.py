@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar.dataset.specification.tables import (
     ClassOfTargets,
@@ -21,15 +20,14 @@ from rso_lidar.dataset.specification.tables import (
     SensorSplit,
     SplitRule,
 )
-from rso_lidar.errors import DatasetError, ScenarioError, did_you_mean
-from rso_lidar.files import convert_path
-from rso_lidar.part import Count, Name, Part, Text, Whole
-from rso_lidar.scenario.mission.validation import read_toml, validate_toml
+from rso_lidar.errors import DatasetError, did_you_mean
+from rso_lidar.part import Count, Name, Text, Whole
+from rso_lidar.scenario.mission.validation import FilePart
 
 MOST_SAMPLES = 10**8
 
 
-class DatasetSpec(Part):
+class DatasetSpec(FilePart):
     """A dataset as its TOML file says it. Sample i depends on the specification and on i only."""
 
     version: Literal[1] = Field(description="Version of the file format.")
@@ -74,65 +72,13 @@ class DatasetSpec(Part):
     shard_frames: Annotated[Count, Field(le=65536)] = Field(
         default=256, description="Greatest number of frames of a shard; a sample is never divided."
     )
-    _folder: Path = PrivateAttr(default=Path())
-    _where: str = PrivateAttr(default="dataset")
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Load a specification from a TOML file.
-
-        Parameters
-        ----------
-        path : of the file.
-
-        Raises
-        ------
-        ScenarioError
-            For a file that cannot be read, and for content that is not a valid specification.
-        """
-        path = convert_path(path, ScenarioError)
-        return cls.loads(read_toml(path), folder=path.parent, where=path.name)
-
-    @classmethod
-    def loads(cls, text: str, *, folder: Path | None = None, where: str = "dataset") -> Self:
-        """Load a specification from a TOML text.
-
-        Parameters
-        ----------
-        text : the TOML.
-        folder : start of relative paths (None: the working folder).
-        where : name of the text in error messages.
-
-        Raises
-        ------
-        ScenarioError
-            For a text that is not a valid specification.
-        """
-        spec = validate_toml(cls, text, where)
-        spec._folder, spec._where = folder or Path(), where
-        return spec
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a copy with some fields changed, validated like a new specification."""
-        changed = super().replace(**changes)
-        changed._folder, changed._where = self._folder, self._where
-        return changed
+    _KIND: ClassVar[str] = "dataset"
 
     def dumps(self) -> str:
         """Return the specification as TOML, with every default written out."""
         import tomli_w
 
         return tomli_w.dumps(self.model_dump(exclude_none=True))
-
-    @property
-    def folder(self) -> Path:
-        """Folder in which relative paths start."""
-        return self._folder
-
-    @property
-    def where(self) -> str:
-        """Name of the specification in messages."""
-        return self._where
 
     @property
     def n_samples(self) -> int:

@@ -2,16 +2,75 @@
 
 import re
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
-from pydantic import ValidationError
+from pydantic import PrivateAttr, ValidationError
 
 from rso_lidar.errors import FieldError, ScenarioError, SettingError
-from rso_lidar.files import read_text
+from rso_lidar.files import convert_path, read_text
 from rso_lidar.part import Part, explain
 from rso_lidar.part.toml_text import DEEPEST, MOST_BYTES, parse_toml
 
 AnyPart = TypeVar("AnyPart", bound=Part)
+
+
+class FilePart(Part):
+    """A part that fills a TOML file of its own, beside a scenario that it names."""
+
+    _folder: Path = PrivateAttr(default=Path())
+    _where: str = PrivateAttr(default="")
+    _KIND: ClassVar[str]
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Load the part from a TOML file; relative paths in it start in the file's folder.
+
+        Parameters
+        ----------
+        path : of the file.
+
+        Raises
+        ------
+        ScenarioError
+            For a file that cannot be read, and for content that is not valid.
+        """
+        path = convert_path(path, ScenarioError)
+        return cls.loads(read_toml(path), folder=path.parent, where=path.name)
+
+    @classmethod
+    def loads(cls, text: str, *, folder: Path | None = None, where: str | None = None) -> Self:
+        """Load the part from a TOML text.
+
+        Parameters
+        ----------
+        text : the TOML.
+        folder : start of relative paths (None: the working folder).
+        where : name of the text in error messages (None: the kind of the part).
+
+        Raises
+        ------
+        ScenarioError
+            For a text that is not valid.
+        """
+        part = validate_toml(cls, text, where or cls._KIND)
+        part._folder, part._where = folder or Path(), where or cls._KIND
+        return part
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed, validated like a new part."""
+        changed = super().replace(**changes)
+        changed._folder, changed._where = self._folder, self._where
+        return changed
+
+    @property
+    def folder(self) -> Path:
+        """Folder in which relative paths start."""
+        return self._folder
+
+    @property
+    def where(self) -> str:
+        """Name of the file in error messages."""
+        return self._where or self._KIND
 
 
 def read_toml(path: Path) -> str:

@@ -7,16 +7,16 @@ import json
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
-from rso_lidar.files import convert_path, expand_user
+from rso_lidar.files import expand_user
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.validation import read_toml, validate_toml
+from rso_lidar.scenario.mission.validation import FilePart
 from rso_lidar.simulate import frame_numbers
 from rso_lidar.study.trades.merits import MERITS, list_evaluated
 
@@ -202,7 +202,7 @@ class Report(Part):
     )
 
 
-class Study(Part):
+class Study(FilePart):
     """A trade study, as its TOML file says it."""
 
     version: Literal[1] = Field(description="Version of the file format.")
@@ -246,43 +246,7 @@ class Study(Part):
     )
     axis: tuple[Axis, ...] = Field(description="Fields that change from point to point.")
     report: Report = Field(default=Report(), description="Contents of the report.")
-    _folder: Path | None = PrivateAttr(default=None)
-    _where: str = PrivateAttr(default="study")
-
-    @classmethod
-    def load(cls, path: str | Path) -> Study:
-        """Return the study in a TOML file; the path of its scenario is relative to the file's folder.
-
-        Parameters
-        ----------
-        path : of the file.
-
-        Raises
-        ------
-        ScenarioError
-            For a file that cannot be read, and for content that is not a valid study.
-        """
-        path = convert_path(path, ScenarioError)
-        return cls.loads(read_toml(path), folder=path.parent, where=path.name)
-
-    @classmethod
-    def loads(cls, text: str, *, folder: Path | None = None, where: str = "study") -> Study:
-        """Return the study in a TOML text.
-
-        Parameters
-        ----------
-        text : the TOML.
-        folder, where : start of relative paths (None: the working folder), and name of the text in messages.
-        """
-        study = validate_toml(cls, text, where)
-        study._folder, study._where = folder, where
-        return study
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a copy with some fields changed, validated like a new study."""
-        changed = super().replace(**changes)
-        changed._folder, changed._where = self._folder, self._where
-        return changed
+    _KIND: ClassVar[str] = "study"
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -319,28 +283,22 @@ class Study(Part):
         return list_evaluated(self.merits)
 
     @property
-    def where(self) -> str:
-        """Name of the study in error messages."""
-        return self._where
-
-    @property
     def places(self) -> tuple[str, ...]:
         """All fields that change, in the order of the axes."""
         return tuple(field for axis in self.axis for field in axis.field)
 
     def scenario_file(self) -> Path:
         """Find the scenario file, or raise `ScenarioError`."""
-        folder = self._folder or Path()
-        path = folder / expand_user(self.scenario)
+        path = self.folder / expand_user(self.scenario)
         if not path.is_file():
             raise ScenarioError(
-                f"{self._where}: scenario: no file '{self.scenario}' in {folder.resolve()}; give its path from the study"
+                f"{self.where}: scenario: no file '{self.scenario}' in {self.folder.resolve()}; give its path from the study"
             )
         return path
 
     def base(self) -> Scenario:
         """Load the scenario before any axis changes it, and check target and frames."""
-        with add_place(self._where):
+        with add_place(self.where):
             scenario = Scenario.load(self.scenario_file(), self.set)
             self.number(scenario)
             if not any(place.startswith("time.") for place in self.places):
