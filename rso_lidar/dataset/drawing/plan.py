@@ -22,8 +22,8 @@ from rso_lidar.files import convert_path, expand_user
 from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import apply_setting, read_toml
-from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library.model_index import model, models, own_models
+from rso_lidar.scene import Mesh, load_mesh
+from rso_lidar.scene.library.model_index import is_mesh_path, model, models, own_models
 from rso_lidar.shipped import find
 
 
@@ -252,7 +252,7 @@ def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None, tru
         named = tuple(_list_models(spec, one, base) for one in spec.classes)
         check_model_split(spec, list(named))
         used = {name for names in named for name in names} | ({*spec.clutter.models} if spec.clutter else set())
-        hashes = {name: _hash_mesh(name, folder) for name in sorted(used)}
+        hashes = {name: find_mesh(name, folder).sha256 for name in sorted(used)}
     plan = DatasetPlan(spec, tables, folder, path.name, named, hashes, trust_code)
     _check_split(plan)
     return plan
@@ -299,20 +299,20 @@ def _list_models(spec: DatasetSpec, one: ClassOfTargets, base: Scenario) -> tupl
     return (base.target[place].shape,)
 
 
-def _hash_mesh(name: str, folder: Path) -> str:
-    """Return the SHA-256 of a model's mesh.
+def find_mesh(name: str, folder: Path) -> Mesh:
+    """Return the mesh of a model.
 
     Parameters
     ----------
     name : of the catalogue, or a path.
     folder : start of a relative path.
     """
-    if not any(sign in name for sign in "/\\."):
-        return model(name).mesh.sha256
+    if not is_mesh_path(name):
+        return model(name).mesh
     path = find(name, folder)
     if path is None:
         raise MeshError(f"no mesh '{name}' beside the scenario nor among the shipped data; check the name")
-    return load_mesh(path).sha256
+    return load_mesh(path)
 
 
 def _check_split(plan: DatasetPlan) -> None:

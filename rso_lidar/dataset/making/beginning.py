@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.dataset.drawing.plan import DatasetPlan
+from rso_lidar.dataset.drawing.plan import DatasetPlan, find_mesh
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.reading.random_access import SPEC_FILE
 from rso_lidar.dataset.shards.manifest import ShardRecord
@@ -21,9 +21,7 @@ from rso_lidar.records.part_classes import PART_CLASSES
 from rso_lidar.scenario.mission.target_surfaces import find_symmetry
 from rso_lidar.scenario.mission.validation import apply_setting
 from rso_lidar.scenario.tables.target import Target
-from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library.model_index import model
-from rso_lidar.shipped import find
+from rso_lidar.scene.library.model_index import is_mesh_path
 
 SCENARIO_FILE = "scenario.toml"
 _LOCK = ".dataset.lock"
@@ -106,7 +104,7 @@ def list_constants(plan: DatasetPlan) -> Constants:
         sensors=plan.sensors,
         part_classes=tuple(PART_CLASSES),
         splits=SPLITS,
-        model_parts={name: _list_parts(name, plan.folder) for name in plan.models},
+        model_parts={name: find_mesh(name, plan.folder).part_names for name in plan.models},
         symmetries=_find_symmetries(plan),
         line_of_sight=lines,
         lidars=lidars,
@@ -128,24 +126,10 @@ def _find_symmetries(plan: DatasetPlan) -> dict[str, dict[str, Any] | None]:
 
 def _find_symmetry(name: str) -> dict[str, Any] | None:
     """Return the symmetry of a model of the catalogue in its body axes, with hinges at zero; None of another mesh."""
-    if any(sign in name for sign in "/\\."):
+    if is_mesh_path(name):
         return None
     found = find_symmetry(Target(name="target", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0))))
     return None if found is None else found.model_dump(exclude_none=True)
-
-
-def _list_parts(name: str, folder: Path) -> tuple[str, ...]:
-    """List the parts of a model in the order of their numbers.
-
-    Parameters
-    ----------
-    name : of the catalogue, or a path.
-    folder : start of a relative path.
-    """
-    if not any(sign in name for sign in "/\\."):
-        return model(name).mesh.part_names
-    path = find(name, folder)
-    return load_mesh(path).part_names if path is not None else ()
 
 
 def remove_drafts(folder: Path, finished: dict[str, ShardRecord]) -> None:

@@ -147,7 +147,7 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
         present=int(sample.target is not None),  # type: ignore[arg-type]
         position_m=position,
         quaternion_xyzw=quaternion,
-        range_to_target_m=np.linalg.norm(position),  # type: ignore[arg-type]
+        range_to_target_m=found.range_to_target_m,  # type: ignore[arg-type]
         lit_pixels=found.lit_pixels,  # type: ignore[arg-type]
         reporting_pixels=found.reporting_pixels,  # type: ignore[arg-type]
         total_photons=found.total_photons,  # type: ignore[arg-type]

@@ -19,7 +19,7 @@ from rso_lidar.scenario.tables.joints import Joint, ModelPlacement, complete_joi
 from rso_lidar.scenario.tables.library_model import LibraryModel
 from rso_lidar.scenario.tables.terrain import Terrain, name_terrain
 from rso_lidar.scene import AnyMaterial
-from rso_lidar.scene.library.model_index import model
+from rso_lidar.scene.library.model_index import is_mesh_path, model
 
 Colour = Annotated[str, Strict(), Field(pattern=r"^#[0-9A-Fa-f]{6}$")]
 
@@ -145,7 +145,7 @@ class Target(Body):
     @property
     def is_path(self) -> bool:
         """Whether the shape is a file or terrain, and no model of the catalogue."""
-        return self.terrain is not None or any(sign in self.shape for sign in "/\\.")
+        return self.terrain is not None or is_mesh_path(self.shape)
 
     @property
     def shape(self) -> str:

@@ -146,6 +146,11 @@ def model(name: str) -> ModelEntry:
     return own[name]
 
 
+def is_mesh_path(name: str) -> bool:
+    """Return whether the name of a shape is the path of a file, and no model of the catalogue."""
+    return any(sign in name for sign in "/\\.")
+
+
 def _tell_of_shadow(name: str) -> None:
     """Warn, once a process, that a shipped model hides one of the user's own of the same name."""
     place = own_folder(), name
