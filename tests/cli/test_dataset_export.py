@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.dataset.dataset_for_tests import make_dataset
+from tests.dataset.written_for_tests import make_dataset
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from tests.dataset.set_for_tests import SPEC, make_spec
+from tests.dataset.bench_for_tests import SPEC, make_spec
 
 
 @pytest.fixture(scope="module")

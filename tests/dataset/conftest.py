@@ -6,8 +6,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset.reading.random_access import open_dataset
-from tests.dataset.dataset_for_tests import make_dataset
-from tests.dataset.set_for_tests import make_spec
+from tests.dataset.bench_for_tests import make_spec
+from tests.dataset.written_for_tests import make_dataset
 
 
 @pytest.fixture(scope="session")

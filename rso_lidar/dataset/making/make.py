@@ -9,8 +9,8 @@ from pathlib import Path
 
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample, list_ends
-from rso_lidar.dataset.making.beginning import begin_folder, remove_drafts
 from rso_lidar.dataset.making.dask_engine import make_shards_by_dask
+from rso_lidar.dataset.making.folder_setup import begin_folder, remove_drafts
 from rso_lidar.dataset.making.process_pool import make_shards
 from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record, read_manifest

@@ -6,7 +6,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset.checking.folder_check import check_folder
-from tests.dataset.set_for_tests import make_spec
+from tests.dataset.bench_for_tests import make_spec
 
 
 def test_a_whole_folder_has_no_problems(made):

@@ -1,7 +1,7 @@
 """The check of a specification tells its sizes, and finds a class that its range gives away."""
 
 from rso_lidar.dataset.checking.spec_check import check_spec
-from tests.dataset.set_for_tests import make_spec
+from tests.dataset.bench_for_tests import make_spec
 
 
 def test_sizes_and_counts(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
-from tests.dataset.set_for_tests import SPEC, make_spec
+from tests.dataset.bench_for_tests import SPEC, make_spec
 
 
 def classes(counts, **further):

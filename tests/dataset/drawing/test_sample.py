@@ -9,7 +9,7 @@ import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.simulate import simulate
-from tests.dataset.set_for_tests import SCENARIO, make_spec
+from tests.dataset.bench_for_tests import SCENARIO, make_spec
 
 
 def test_a_view_places_the_target(tmp_path):

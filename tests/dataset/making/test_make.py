@@ -9,10 +9,10 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
-from rso_lidar.dataset.making.beginning import list_constants
+from rso_lidar.dataset.making.folder_setup import list_constants
 from rso_lidar.dataset.making.make import choose_shards
 from rso_lidar.dataset.shards.manifest import MANIFEST
-from tests.dataset.set_for_tests import make_spec
+from tests.dataset.bench_for_tests import make_spec
 
 
 def hashes(folder):

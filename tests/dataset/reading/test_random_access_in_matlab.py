@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rso_lidar.dataset.reading.random_access import open_dataset
-from tests.dataset.dataset_for_tests import make_dataset
+from tests.dataset.written_for_tests import make_dataset
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "matlab"
 NAMES = {"range_m": 3, "class_id": 1, "box_px": 2}  # with the number of dimensions of each

@@ -25,7 +25,7 @@ from rso_lidar.scene.library.model_index import is_mesh_path
 
 SCENARIO_FILE = "scenario.toml"
 _LOCK = ".dataset.lock"
-_LOCK_WAIT_S = 120.0  # beginning a folder takes seconds, with the meshes of all models
+_LOCK_WAIT_S = 120.0  # to set up a folder takes seconds, with the meshes of all models
 
 
 def begin_folder(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
