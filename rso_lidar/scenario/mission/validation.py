@@ -23,7 +23,7 @@ class FilePart(Part):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Load the part from a TOML file; relative paths in it start in the file's folder.
+        """Return the part in a TOML file; relative paths in it start in the file's folder.
 
         Parameters
         ----------
@@ -39,7 +39,7 @@ class FilePart(Part):
 
     @classmethod
     def loads(cls, text: str, *, folder: Path | None = None, where: str | None = None) -> Self:
-        """Load the part from a TOML text.
+        """Return the part in a TOML text.
 
         Parameters
         ----------
