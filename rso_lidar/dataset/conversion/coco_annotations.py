@@ -14,6 +14,8 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from rso_lidar.dataset.annotation.frame_labels import find_box
+
 
 class CocoWriter:
     """Images and annotations of one file as they come; `open_coco` makes it."""
@@ -87,10 +89,9 @@ def outline_mask(mask: np.ndarray) -> dict[str, Any]:
     dict
         ``bbox`` (left, top, width, height [pixels]), ``area`` [pixels], ``segmentation`` and ``iscrowd``.
     """
-    rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    box = [int(cols[0]), int(rows[0]), int(cols[-1] - cols[0]) + 1, int(rows[-1] - rows[0]) + 1]
+    top, left, bottom, right = find_box(mask).tolist()
     return {
-        "bbox": box,
+        "bbox": [left, top, right - left + 1, bottom - top + 1],
         "area": int(mask.sum()),
         "segmentation": {"counts": measure_runs(mask), "size": list(mask.shape)},
         "iscrowd": 0,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rso_lidar.dataset.annotation.frame_labels import LEAST_PHOTONS
 from rso_lidar.dataset.conversion.coco_annotations import CocoWriter, open_coco
 from rso_lidar.dataset.conversion.frame_batches import ExportedFrame, read_batches, read_frames
 from rso_lidar.export.formats.bop import BEYOND, BEYOND_M, FULL, choose_depth_scale, encode_png
@@ -16,7 +17,6 @@ from rso_lidar.units import MM
 if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset
 
-LEAST_PHOTONS = 1.0  # expected photons from which a pixel belongs to the mask of a target
 OWN_TARGET = 0  # value of the label `target` on the sample's target; other bodies have other numbers
 MASKS = ("target", "part_class_id")  # label k is the grey level k + 1, and the sky is 0
 IMAGES = ("range_m", "intensity_counts", *MASKS)  # arrays that are written

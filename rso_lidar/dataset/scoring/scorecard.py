@@ -118,8 +118,7 @@ class Scorecard:
         places : of the figures of merit among `merits`.
         """
         encounters = self.benchmark.truth.encounters
-        statistics = [[run.merits[place].statistic for place in places] for run in self.runs]
-        return np.stack([replicate(of_run, encounters, self.replicates) for of_run in statistics])
+        return np.stack([replicate(of_run, encounters, self.replicates) for of_run in self._choose(places)])
 
     def evaluate(self, places: Sequence[int]) -> np.ndarray:
         """Return the means over runs (merit) of some figures of merit, without intervals.
@@ -129,9 +128,12 @@ class Scorecard:
         places : of the figures of merit among `merits`.
         """
         encounters = self.benchmark.truth.encounters
-        statistics = [[run.merits[place].statistic for place in places] for run in self.runs]
-        mean: np.ndarray = np.stack([evaluate_all(of_run, encounters) for of_run in statistics]).mean(axis=0)
+        mean: np.ndarray = np.stack([evaluate_all(of_run, encounters) for of_run in self._choose(places)]).mean(axis=0)
         return mean
+
+    def _choose(self, places: Sequence[int]) -> list[list[Statistic]]:
+        """Return the statistics (run, merit) of some figures of merit."""
+        return [[run.merits[place].statistic for place in places] for run in self.runs]
 
     @cached_property
     def merits(self) -> tuple[ScoredMerit, ...]:

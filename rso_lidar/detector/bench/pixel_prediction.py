@@ -295,13 +295,7 @@ def _predict_by_repetition(
 
     Parameters
     ----------
-    photons, detector : the light, and the detector.
-    there : the labelled clusters.
-    draws, threads : number of repetitions, and of threads.
-
-    Returns
-    -------
-    probability and scatter [m] (lit).
+    photons, detector, there, draws, threads : as for `_predict`, which also says what is returned.
     """
     reported_m = np.empty((draws, len(there.pixel)))
     for k in range(draws):
