@@ -14,7 +14,7 @@ import numpy as np
 from rso_lidar.dataset.reading.random_access import Split
 from rso_lidar.errors import DatasetError
 
-IMAGES = (
+_NOISY = (
     "range_m",
     "intensity_counts",
     "saturated",
@@ -22,6 +22,9 @@ IMAGES = (
     "photons",
     "detection_probability",
     "range_sigma_m",
+)  # the reading, and what its noise is drawn from
+IMAGES = (
+    *_NOISY,
     "target",
     "part",
     "part_class_id",
@@ -55,15 +58,7 @@ class RedrawNoise:
 
     excess: float = 4.4
     noise_photons: float = 127.0
-    needs: tuple[str, ...] = (
-        "range_m",
-        "intensity_counts",
-        "saturated",
-        "true_range_m",
-        "photons",
-        "detection_probability",
-        "range_sigma_m",
-    )
+    needs: tuple[str, ...] = _NOISY
 
     def __call__(self, frame: dict[str, np.ndarray], rng: np.random.Generator) -> dict[str, np.ndarray]:
         """Return the frame with another draw of its noise."""
