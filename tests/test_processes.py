@@ -61,6 +61,12 @@ def test_an_object_that_cannot_be_restored_is_told():
             processes.result(future)
 
 
+def test_every_value_gives_a_result():
+    with Processes(2, abs) as processes:
+        assert sorted(processes.map_unordered(range(-9, 1))) == list(range(10))
+        assert list(processes.map_unordered(())) == []
+
+
 class OddError(Exception):
     """An exception that cannot be restored: it is called with one argument less."""
 
