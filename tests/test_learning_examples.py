@@ -1,4 +1,4 @@
-"""The baselines of examples/learning: what they are fed, and that each trains and writes predictions."""
+"""The baselines of examples/learning: their inputs, and that each trains and writes predictions."""
 
 import importlib
 import sys
@@ -57,7 +57,7 @@ class Examples(dict):
 
 @pytest.fixture
 def learning(monkeypatch):
-    """Return the modules of the examples by name; they are forgotten afterwards."""
+    """Return the modules of the examples by name, and remove them from `sys.modules` afterwards."""
     monkeypatch.syspath_prepend(str(LEARNING))
     for name in (*WITHOUT_TORCH, *WITH_TORCH):
         monkeypatch.delitem(sys.modules, name, raising=False)

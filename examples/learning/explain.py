@@ -1,8 +1,8 @@
 """Which parts decide? LIME over parts and Grad-CAM of the ResNet-18 classifier, with captum.
 
-LIME (Ribeiro et al. 2016) takes the returns of some parts away, asks the network again, and fits a linear model: the weight
-of a part is what its presence adds to the probability of the true class. Grad-CAM (Selvaraju et al. 2017) maps where the
-last layers look. `python examples/learning/explain.py FOLDER resnet.pt -o explain.png`
+LIME (Ribeiro et al. 2016) removes the returns of random parts, runs the network, and fits a linear model: the weight of a
+part is what its presence adds to the probability of the true class. Grad-CAM (Selvaraju et al. 2017) maps the cells of a
+crop that raise the score of that class. `python examples/learning/explain.py FOLDER resnet.pt -o explain.png`
 """
 
 import argparse
@@ -52,7 +52,7 @@ def weigh_parts(network: ResNet18, returns: Returns, frame: int, parts: int, sam
 
 
 def map_attention(network: ResNet18, returns: Returns, frame: int) -> np.ndarray:
-    """Return where the second stage of the network looks (row, col) for the true class of a frame, 0 to 1.
+    """Return the Grad-CAM map (row, col) of the network's second stage for the true class of a frame, from 0 to 1.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Frames of a dataset as lists of returns, and what the networks are fed: crops and clouds.
+"""Frames of a dataset as lists of returns, and the inputs of the networks: crops and clouds.
 
-A frame has some thousand reports at most, and a few of them are noise. `Returns` holds those that belong to the densest
-group in space, found from the reading alone; labels are carried along for training and never looked at to find them.
+A frame has a few thousand reports at most, and a few of them are noise. `Returns` holds the reports of the densest group in
+space. The group is found from the reading alone; labels are carried along for training only.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import numpy as np
 
 import rso_lidar as rl
 
-GROUP_RADIUS_M = 20.0  # half of the longest craft of the study (comsat, 36 m) and some
+GROUP_RADIUS_M = 20.0  # half of the longest craft of the study (comsat, 36 m), and a margin
 NEIGHBOUR_M = 5.0  # a few pixels at 3 km, less than a bus
 CROP = 64  # pixels
-SMALLEST_RADIUS = 4.0  # pixels; of a crop about few returns
+SMALLEST_RADIUS = 4.0  # pixels; lower bound of the radius of a crop about few returns
 READING = ("range_m", "intensity_counts", "intrinsics_px")
 FRAME_COLUMNS = (
     "sample", "step", "draw", "class_id", "model_id", "sensor_id", "present", "range_to_target_m", "lit_pixels",
@@ -50,7 +50,7 @@ class Returns:
 
     @property
     def has_craft(self) -> np.ndarray:
-        """Frames (frame) with a craft, of which something came back: those to learn a class, pose or parts from."""
+        """Frames with returns of a craft (frame), from which a class, a pose or parts can be learned."""
         return (self.count > 0) & (self.columns["class_id"] >= 0)
 
     def of(self, k: int) -> slice:
@@ -82,7 +82,7 @@ def directions(shape: tuple[int, int], intrinsics_px: np.ndarray) -> np.ndarray:
 
 
 def find_group(point_m: np.ndarray, intensity: np.ndarray) -> np.ndarray:
-    """Find the returns of the target among all reports of a frame: those about the densest place.
+    """Find the returns of the target among all reports of a frame: the reports near the densest place.
 
     Noise reports anywhere in the gate, so that two of them are hardly ever within metres of each other. Where no report
     has a neighbour the brightest is taken. Returns whether each report is kept.
@@ -154,7 +154,7 @@ def load_returns(
 
 
 def divide(returns: Returns, seed: int, share: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
-    """Divide frames into those to train on and those to validate with, by sample: draws of one pose stay together."""
+    """Divide frames into training and validation frames by sample, so that noise draws of one pose stay together."""
     samples = np.unique(returns.columns["sample"])
     held = np.random.default_rng(seed).permutation(samples)[: max(1, int(share * len(samples)))]
     held_out = np.isin(returns.columns["sample"], held)
@@ -171,7 +171,7 @@ def outline(returns: Returns, frame: int) -> tuple[np.ndarray, float]:
 
 
 def scale(returns: Returns, frames: np.ndarray) -> np.ndarray:
-    """Return what a crop does not show (frame, 2): logarithms of its half width [10 m] and of the count of returns."""
+    """Return two numbers that a crop lacks (frame, 2): logarithms of its half width [10 m] and of the number of returns."""
     out = np.zeros((len(frames), 2), np.float32)
     for k, frame in enumerate(frames):
         point = returns.point_m[returns.of(frame)]
@@ -185,7 +185,7 @@ def scale(returns: Returns, frames: np.ndarray) -> np.ndarray:
 def crop(
     returns: Returns, frames: np.ndarray, rng: np.random.Generator | None = None, names: tuple[str, ...] = ()
 ) -> Any:
-    """Return crops (frame, 3, row, col) about the returns: range about its median, log intensity, whether there is one.
+    """Return crops (frame, 3, row, col) about the returns: range minus its median, log intensity, 1 where there is a return.
 
     A crop encloses a circle about the returns. A range of 10 m is 1. Cells take the return of the pixel that they lie in.
 

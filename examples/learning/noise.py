@@ -1,8 +1,8 @@
-"""What does it help to know the noise? The shape classifier trained on one noisy frame of each pose, on two, and on more.
+"""Train the shape classifier on one noise draw of each pose, on two, and on more, and compare the accuracies.
 
-A frame that was recorded once shows one outcome of its noise. The dataset holds a second draw of each pose and, for every
-pixel, the probability that it reports and the standard deviation of its range: from these any number of outcomes are drawn
-at no cost. Features are of range alone but for the last row. `python examples/learning/noise.py FOLDER --seeds 5`
+A recorded frame is one draw of its noise. The dataset has a second draw of each pose, and for every pixel the probability
+that it reports and the standard deviation of its range. From these, any number of further draws is made without a
+simulation. All rows but the last use features of range only. `python examples/learning/noise.py FOLDER --seeds 5`
 """
 
 import argparse
@@ -23,7 +23,7 @@ def draw_returns(folder: str, split: str, frames: np.ndarray, times: int, rng: n
     ----------
     folder, split : of the dataset.
     frames : their numbers.
-    times : how often each is drawn.
+    times : number of draws of each frame.
     rng : random generator.
     """
     part = rl.dataset.open(folder).split(split)
@@ -77,13 +77,13 @@ def main() -> None:
         ),
         "one draw, with intensity": (measured[first], truth[first], np.arange(measured.shape[1])),
     }
-    asked = measure_shape(test)
+    measured_test = measure_shape(test)
     columns = test.columns
     lit, few = columns["lit_pixels"] >= 1, columns["reporting_pixels"] <= 100
     for name, (features, classes, used) in ways.items():
         right = np.array(
             [
-                classifier(seed).fit(features, classes).predict(asked[:, used]) == columns["class_id"]
+                classifier(seed).fit(features, classes).predict(measured_test[:, used]) == columns["class_id"]
                 for seed in range(1, options.seeds + 1)
             ]
         )

@@ -1,4 +1,4 @@
-"""Name the part of each return with a small U-Net on crops: the common part classes of a dataset.
+"""Predict the common part class of each return with a small U-Net on crops.
 
 `python examples/learning/parts.py FOLDER -o parts.npz`
 """
@@ -17,7 +17,7 @@ LABEL = "part_class_id"
 
 
 def train(returns: Returns, classes: int, epochs: int, seed: int) -> UNet:
-    """Train on cells with a return that is of a target; a rare part class weighs more.
+    """Train on cells with a return of a target; rare part classes have larger weights.
 
     Parameters
     ----------

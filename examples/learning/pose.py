@@ -1,9 +1,10 @@
 """Estimate class and pose with PointNet, and refine the pose by ICP against the model's mesh.
 
-PointNet sees 128 returns about their mean. It gives each model four rotations, as the first two columns of a matrix (Zhou
-et al. 2019, "On the continuity of rotation representations"), with a score each, and the place of the origin. The loss takes
-the best of the four, and the symmetry of the model that is nearest. ICP starts from each of the four, and the pose with the
-least misfit is taken. With `--search`, ICP also starts from 96 attitudes, even over all, at two seconds a frame.
+PointNet gets 128 returns relative to their mean. For each model it predicts four rotations with scores, as the first two
+columns of a matrix (Zhou et al. 2019, "On the continuity of rotation representations"), and the position of the origin. The
+loss is that of the best of the four, over the symmetry of the model. ICP starts from each of the four, and the pose with the
+least misfit is taken. With `--search`, ICP also starts from 96 attitudes that cover all rotations evenly, which takes two
+seconds for each frame.
 
 `python examples/learning/pose.py FOLDER --search -o pose.npz`; with `--no-icp`, the network's best rotation as it stands.
 """
@@ -108,7 +109,7 @@ def train(returns: Returns, symmetries: Any, epochs: int, seed: int) -> PoseNetw
         row = torch.arange(len(frames))
         distance = rotation_loss(found[row, of], true, group[of], projection[of])
         best = distance.detach().argmin(dim=1)
-        nearest = 0.95 * distance[row, best] + 0.05 * distance.mean(dim=1)  # a little for all, so that none is lost
+        nearest = 0.95 * distance[row, best] + 0.05 * distance.mean(dim=1)  # so that each is trained
         return (
             torch.nn.functional.cross_entropy(logits, of)
             + nearest.mean()

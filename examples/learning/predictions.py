@@ -26,7 +26,7 @@ def write(path: str, folder: str, returns: Returns, **arrays: np.ndarray) -> Non
 
 
 def accuracy(returns: Returns, scores: np.ndarray) -> str:
-    """Summarise a classifier: share of frames it gets right, of all with a lit pixel and by reporting pixels."""
+    """Return the accuracy of a classifier in words: of all frames with a lit pixel, and by reporting pixels."""
     columns = returns.columns
     right = scores.argmax(axis=1) == columns["class_id"]
     lit = (columns["present"] > 0) & (columns["lit_pixels"] >= 1)

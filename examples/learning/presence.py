@@ -1,6 +1,6 @@
-"""Say whether a target is in the frame, from the densest group of reports: how many, how bright, how compact.
+"""Predict whether a target is in the frame, from the number, brightness and extent of the densest group of reports.
 
-Noise makes groups of one or two reports that are as bright as it happens; a target makes more, at one range.
+Noise makes groups of one or two reports of any brightness. A target makes more reports, at one range.
 `python examples/learning/presence.py FOLDER -o presence.npz`, of a dataset with an empty class.
 """
 
@@ -36,9 +36,9 @@ def main() -> None:
     model = make_pipeline(StandardScaler(), LogisticRegression(max_iter=1000))
     model.fit(measure_group(train), train.columns["present"] > 0)
     present = model.predict_proba(measure_group(test))[:, 1]
-    asked = (test.columns["present"] == 0) | (test.columns["lit_pixels"] >= 1)
-    right = ((present > 0.5) == (test.columns["present"] > 0))[asked].mean()
-    print(f"{right:.1%} of {asked.sum():,} frames right at even odds")
+    counted = (test.columns["present"] == 0) | (test.columns["lit_pixels"] >= 1)
+    right = ((present > 0.5) == (test.columns["present"] > 0))[counted].mean()
+    print(f"{right:.1%} of {counted.sum():,} frames are right at a probability of 0.5")
     write(options.output, options.dataset, test, present=present)
 
 

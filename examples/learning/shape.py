@@ -1,7 +1,7 @@
-"""Classify by shape features: what the returns measure in metres, and a forest of random trees (scikit-learn).
+"""Classify by shape features of the returns, in metres, with a random forest (scikit-learn).
 
-`python examples/learning/shape.py FOLDER -o shape.npz`; with `--floor`, by the count of returns and the range alone, which
-any classifier has to beat and which shows how much a dataset gives away.
+`python examples/learning/shape.py FOLDER -o shape.npz`; with `--floor`, by the number of returns and the range only. Other
+classifiers have to beat that floor, which shows how much a dataset reveals without the shape.
 """
 
 from typing import Any
@@ -27,7 +27,7 @@ def measure_shape(returns: Returns) -> np.ndarray:
     """Return shape features (frame, feature) of the returns of each frame; NaN where there are too few.
 
     Extents along the principal axes, their moments, how far the points are from planes and lines, radial distribution,
-    area in pixels and in square metres, and the statistics of what comes back.
+    area in pixels and in square metres, and the statistics of intensity.
     """
     pixel_rad = 1.0 / returns.columns["intrinsics_px"][:, 0]
     return np.array([_measure(returns, k, float(pixel_rad[k])) for k in range(len(returns))], np.float32)

@@ -1,8 +1,8 @@
 """Make a finer range image from a frame with a small U-Net: where a finer grid has returns, and at what range.
 
-The network sees a patch about the target and corrects what repeating each pixel would say. The labels are ranges on the
-finer grid of rays that the simulator cast. `python examples/learning/super_resolution.py FOLDER -o fine.npz`, of a dataset
-with `oversampled = true`; with `--repeat`, each pixel is repeated, which is what the network has to beat.
+The network gets a patch about the target and corrects the image in which each pixel is repeated. The labels are ranges on
+the finer grid of rays that the simulator cast. `python examples/learning/super_resolution.py FOLDER -o fine.npz`, of a
+dataset with `oversampled = true`; with `--repeat`, each pixel is repeated, as a baseline for the network.
 """
 
 import numpy as np
@@ -75,7 +75,7 @@ def repeat(values: np.ndarray, factor: int) -> np.ndarray:
 
 
 class Pairs:
-    """Patches of a split with what lies beneath them on the finer grid."""
+    """Patches of a split, with the ranges of the same area on the finer grid."""
 
     def __init__(self, folder: str, split: str, most: int | None) -> None:
         self.returns = load_returns(folder, split, most=most)

@@ -1,4 +1,4 @@
-"""One training loop for every network here: one-cycle learning rate, and the epoch that validates best is kept."""
+"""One training loop for all networks here: one-cycle learning rate; the weights of the best epoch are kept."""
 
 from __future__ import annotations
 

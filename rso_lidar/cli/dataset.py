@@ -1,4 +1,4 @@
-"""`rso-lidar dataset`: datasets for learning, made, checked, scored and exported."""
+"""`rso-lidar dataset`: commands that make, check, publish, export and score datasets for learning."""
 
 import typer
 

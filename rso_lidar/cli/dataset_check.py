@@ -1,4 +1,4 @@
-"""`rso-lidar dataset check`: a specification before it is made, or a folder after."""
+"""`rso-lidar dataset check`: check a specification before a dataset is made, or its folder afterwards."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,15 +14,16 @@ from rso_lidar.dataset.checking.spec_check import check_spec
 def check(
     path: Annotated[Path, typer.Argument(metavar="SPEC|FOLDER", help="Specification (TOML), or folder of a dataset.")],
     samples: Annotated[
-        int, typer.Option("--samples", min=0, max=10_000, help="Samples of a folder that are made again.")
+        int,
+        typer.Option("--samples", min=0, max=10_000, help="Number of samples of a folder to make again and compare."),
     ] = 4,
     files: Annotated[
         Path | None,
         typer.Option(
-            "--files", metavar="FOLDER", help="Where relative paths of meshes and orbit files of a folder start."
+            "--files", metavar="FOLDER", help="Folder in which relative paths of meshes and orbit files start."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed of the choice of these samples.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed that chooses these samples.")] = 0,
 ) -> None:
     """Check a specification (sizes, time, balance, leaks) or a folder (hashes, random samples made again bit for bit).
 

@@ -25,7 +25,7 @@ def export(
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write a dataset as WebDataset, TFRecord, or PNG images with COCO annotations. What is left out is printed."""
+    """Write a dataset as WebDataset, TFRecord, or PNG images with COCO annotations, and print what is left out."""
     images = [word.strip() for word in (arrays or "").split(",") if word.strip()]
     if arrays is not None and not images:
         raise DatasetError(f"--arrays {arrays}: names no array; write for example range_m,photons")

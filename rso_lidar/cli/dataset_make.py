@@ -18,10 +18,18 @@ def make(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder of the dataset.")],
     workers: Annotated[
         int | None,
-        typer.Option("--workers", min=1, max=256, help="Processes (else one per core); changes no byte."),
+        typer.Option(
+            "--workers",
+            min=1,
+            max=256,
+            help="Number of processes (default: one per core); does not change the bytes of the dataset.",
+        ),
     ] = None,
     engine: Annotated[
-        str, typer.Option("--engine", metavar="pool|dask", help="What makes the shards: processes here, or dask.")
+        str,
+        typer.Option(
+            "--engine", metavar="pool|dask", help="Engine that makes the shards: processes on this machine, or dask."
+        ),
     ] = "pool",
     scheduler: Annotated[
         str | None,
@@ -34,7 +42,7 @@ def make(
         typer.Option(
             "--shards",
             metavar="A:B|I/N",
-            help="Make only these shards, or the I-th of N equal parts (from 0), such as one task of a cluster's array.",
+            help="Make only shards A to B - 1, or part I of N equal parts, from 0, such as in one task of an array job.",
         ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue a folder that was begun before.")] = False,

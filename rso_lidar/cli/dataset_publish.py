@@ -15,9 +15,9 @@ def publish(
         str | None, typer.Option("--licence", metavar="SPDX", help="Licence of the frames, such as CC-BY-4.0.")
     ] = None,
     creator: Annotated[
-        list[str] | None, typer.Option("--creator", metavar="NAME", help="Who made it; may be repeated.")
+        list[str] | None, typer.Option("--creator", metavar="NAME", help="Name of a creator; may be repeated.")
     ] = None,
-    url: Annotated[str | None, typer.Option("--url", metavar="URL", help="Where the dataset will be.")] = None,
+    url: Annotated[str | None, typer.Option("--url", metavar="URL", help="Web address of the dataset.")] = None,
 ) -> None:
     """Write README.md (the card), croissant.json, index.parquet (the table of frames) and two pictures again.
 

@@ -1,4 +1,4 @@
-"""`rso-lidar dataset score`: predictions scored on a split of a dataset, and compared with older ones."""
+"""`rso-lidar dataset score`: score predictions on a split of a dataset, and compare them with older ones."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,11 +19,11 @@ def score(
     predictions: Annotated[
         list[str],
         typer.Argument(
-            metavar="PREDICTIONS", help="Predictions (.csv, .parquet, .npz, .h5); several for several training runs."
+            metavar="PREDICTIONS", help="Predictions (.csv, .parquet, .npz, .h5), one file for each training run."
         ),
     ],
     dataset: Annotated[Path, typer.Option("--dataset", metavar="FOLDER", help="Folder of the dataset.")],
-    split: Annotated[str, typer.Option("--split", help="Split that is scored.")] = "test",
+    split: Annotated[str, typer.Option("--split", help="Split to score.")] = "test",
     output: Annotated[
         list[Path] | None,
         typer.Option(
@@ -39,19 +39,23 @@ def score(
     margin: Annotated[
         list[str] | None,
         typer.Option(
-            "--margin", metavar="NAME=VALUE", help="Change of a figure of merit that does not matter, as accuracy=0.01."
+            "--margin",
+            metavar="NAME=VALUE",
+            help="Loss of a figure of merit that does not count, such as accuracy=0.01.",
         ),
     ] = None,
     level: Annotated[
         float, typer.Option("--level", metavar="P", help="Probability of any wrong 'worse' in a comparison.")
     ] = LEVEL,
     confidence: Annotated[
-        float, typer.Option("--confidence", metavar="P", help="Probability of the intervals.")
+        float, typer.Option("--confidence", metavar="P", help="Confidence level of the intervals.")
     ] = CONFIDENCE,
     min_lit_pixels: Annotated[
         int,
         typer.Option(
-            "--min-lit-pixels", min=0, help="Least number of lit pixels of a frame with a target that counts."
+            "--min-lit-pixels",
+            min=0,
+            help="Least number of lit pixels of a frame with a target; frames with fewer are left out.",
         ),
     ] = 1,
     replicates: Annotated[

@@ -11,7 +11,7 @@
     order = FrameSampler(frames.split)
     loader = torch.utils.data.DataLoader(frames, 64, sampler=order, num_workers=2, collate_fn=to_tensors)
 
-Nothing here imports PyTorch, except `to_tensors` when it is called. Everything else serves any loader.
+Only `to_tensors` imports PyTorch, when it is called. Everything else works with any data loader.
 """
 
 from rso_lidar.dataset.training.augmentation import LowerEnergy, MirrorImages, QuarterTurns, RedrawNoise

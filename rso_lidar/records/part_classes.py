@@ -27,7 +27,7 @@ PartClass = Literal[
 
 OTHER: PartClass = "other"
 
-# In this order labels number them. New classes are added before "other" in a new schema only.
+# Labels are numbers in this order. New classes may be added before "other", in a new version of the files only.
 PART_CLASSES: Mapping[PartClass, str] = MappingProxyType(
     {
         "bus": "Main body: structure, decks, cabin, equipment boxes, and what is fixed flat to it.",
@@ -39,12 +39,12 @@ PART_CLASSES: Mapping[PartClass, str] = MappingProxyType(
         "instrument": "Instruments, cameras, star trackers and other payload, with baffles and lenses.",
         "engine": "Main engines with their nozzles and thrust structure.",
         "thruster": "Small engines for attitude and orbit, with their brackets.",
-        "tank": "Tanks and pressure vessels, also those that are the wall of a stage.",
+        "tank": "Tanks and pressure vessels, also tanks whose wall is the wall of a stage.",
         "adapter": "Structure that joins a craft to a launcher, a stage or another craft: rings, cones, skirts, ports.",
         "mechanism": "Hinges, drives, gimbals and release devices.",
         "line": "Feed lines, umbilicals, cable ducts and tunnels.",
         "marker": "Retro-reflectors and visual markers, with their brackets.",
-        "fragment": "Structure of debris of which the place on a craft is not recognisable.",
+        "fragment": "Debris structure whose original place on a craft is not recognisable.",
         "other": "Anything else, and parts that are not mapped.",
     }
 )

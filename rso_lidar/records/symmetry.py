@@ -11,16 +11,16 @@ from pydantic import Field, model_validator
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Direction, Flag, Part, Vector, Whole
 
-_PERPENDICULAR_WITHIN = 1e-6  # cosine between the axis and that of a half turn
-_STEP_DEG = 5.0  # the project's goal for the median error of attitude, for elements of a continuous group
+_PERPENDICULAR_WITHIN = 1e-6  # cosine between the axis and a half turn: rounding of directions with seven digits
+_STEP_DEG = 5.0  # between elements of a continuous group: the project's goal for the median error of attitude
 
 
 class Symmetry(Part):
     """Group of the rotations after which a target looks the same to a lidar.
 
-    `fold` rotations about `axis` by equal steps belong to it, and all rotations about it where `fold` is 0 (body of
-    revolution). With `half_turn`, half turns about that direction and its images belong to it, too (dihedral group). Of a
-    sphere it holds all rotations. The axis passes through `position_m`. All is in the axes of the mesh.
+    The group has `fold` rotations about `axis` by equal steps, or all rotations about it if `fold` is 0 (body of
+    revolution). With `half_turn`, it also has half turns about that direction and its images (dihedral group). The group of
+    a sphere has all rotations. The axis passes through `position_m`. Directions and position are in mesh axes.
     """
 
     axis: Direction = Field(default=(0.0, 0.0, 1.0), description="Direction of the main axis, of any length.")
@@ -29,7 +29,7 @@ class Symmetry(Part):
     )
     half_turn: Direction | None = Field(
         default=None,
-        description="Direction across the axis about which a half turn belongs to the group. If omitted, none does.",
+        description="Direction perpendicular to the axis, of a half turn in the group. If omitted, there is none.",
     )
     is_sphere: Flag = Field(default=False, description="Whether all rotations belong to the group.")
     position_m: Vector = Field(default=(0.0, 0.0, 0.0), description="A point of the axis, or the sphere's centre [m].")
@@ -43,12 +43,12 @@ class Symmetry(Part):
         if self.half_turn is not None:
             axis, across = (np.array(way) / np.linalg.norm(way) for way in (self.axis, self.half_turn))
             if abs(float(axis @ across)) > _PERPENDICULAR_WITHIN:
-                raise ValueError("half_turn: is not across the axis; give a direction perpendicular to it")
+                raise ValueError("half_turn: is not perpendicular to the axis; correct one of the two")
         return self
 
     @property
     def in_words(self) -> str:
-        """Return the group in a phrase, with its Schoenflies symbol."""
+        """Description of the group, with its Schoenflies symbol."""
         if self.is_sphere:
             return "all rotations (SO(3))"
         kind, order = ("C", self.fold) if self.half_turn is None else ("D", self.fold)
@@ -59,7 +59,7 @@ class Symmetry(Part):
 
     @property
     def basis(self) -> np.ndarray:
-        """Matrix (3, 3) of unit rows: the direction of half turns or another across the axis, their normal, the axis."""
+        """Matrix (3, 3) of orthonormal rows: the half turn's direction (or any normal to the axis), a third, the axis."""
         axis = np.array(self.axis) / np.linalg.norm(self.axis)
         across = np.array(self.half_turn) if self.half_turn else np.eye(3)[int(np.argmin(np.abs(axis)))]
         across = across - (across @ axis) * axis
@@ -69,7 +69,8 @@ class Symmetry(Part):
     def rotations_xyzw(self, step_deg: float = _STEP_DEG) -> np.ndarray:
         """Return the rotations of the group (k, 4) as quaternions x, y, z, w, the identity first.
 
-        A continuous group about an axis is sampled. Of a sphere, the 60 rotations of the icosahedron stand for all.
+        A continuous group about an axis is sampled. The group of a sphere is represented by the 60 rotations of the
+        icosahedron.
 
         Parameters
         ----------
@@ -93,7 +94,7 @@ class Symmetry(Part):
         return np.where(turned[:, 3:] < 0.0, -turned, turned)
 
     def translations_m(self, rotations_xyzw: np.ndarray) -> np.ndarray:
-        """Return the translations (k, 3) [m] that go with rotations of the group: the axis stays where it is.
+        """Return the translations (k, 3) [m] that accompany rotations of the group, so that the axis stays in place.
 
         Parameters
         ----------
@@ -108,14 +109,14 @@ class Symmetry(Part):
 def rotation_error_rad(a_xyzw: Any, b_xyzw: Any, symmetry: Symmetry | None = None) -> np.ndarray:
     """Return the angle between attitudes [rad], the least over all that look the same.
 
-    With q the rotation from a to b in target axes, the least angle is in closed form: components of q along the axis and
-    its scalar part form one vector, components across it another; the rotations of the group turn each by multiples of
-    π / fold. About an axis of revolution the result is the angle between the two axes.
+    The least angle has a closed form. Let q be the rotation from a to b in target axes. Its scalar part and its component
+    along the axis form one plane vector, its two components perpendicular to the axis another. The rotations of the group
+    turn each of the two by multiples of π / fold. For a body of revolution the result is the angle between the two axes.
 
     Parameters
     ----------
     a_xyzw, b_xyzw : (…, 4) unit quaternions x, y, z, w of lidar_from_target, in any order.
-    symmetry : of the target, in target axes; None for a target without.
+    symmetry : of the target, in target axes; None for a target without symmetry.
 
     Returns
     -------
@@ -149,9 +150,9 @@ def _least_angle(length: np.ndarray, phase_rad: np.ndarray, rest: np.ndarray, fo
 
     Parameters
     ----------
-    length, phase_rad : of the part that holds the scalar after an element of the group.
+    length, phase_rad : length and phase of the part that contains the scalar part after a rotation of the group.
     rest : length of the other part.
-    fold : number of elements that turn it, 0 for any angle.
+    fold : number of rotations of the group that turn the part, 0 for any angle.
     """
     off = np.zeros(phase_rad.shape)
     if fold:

@@ -1,4 +1,4 @@
-"""Two datasets that several tests read: one that is made by flying, and one that is written without a simulator."""
+"""Two datasets that several tests read: one that is simulated, and one that is written without a simulator."""
 
 import shutil
 

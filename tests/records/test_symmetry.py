@@ -39,7 +39,7 @@ def test_elements_form_a_group(group):
         products = (one * elements).as_quat()
         assert np.abs(products @ elements.as_quat().T).max(axis=1) == pytest.approx(1.0)
     assert elements[0].magnitude() == 0.0
-    assert np.abs(elements.as_quat() @ elements.as_quat().T - np.eye(len(elements))).max() < 0.999  # no one twice
+    assert np.abs(elements.as_quat() @ elements.as_quat().T - np.eye(len(elements))).max() < 0.999  # no rotation twice
 
 
 def test_without_symmetry_the_error_is_the_angle_between():
@@ -82,7 +82,7 @@ def test_the_axis_stays_where_it_is():
         ({}, "fold = 1 has no rotation"),
         ({"fold": -2}, "fold"),
         ({"is_sphere": True, "fold": 2}, "leave out fold and half_turn"),
-        ({"fold": 2, "half_turn": (0.0, 1.0, 1.0)}, "is not across the axis"),
+        ({"fold": 2, "half_turn": (0.0, 1.0, 1.0)}, "is not perpendicular to the axis"),
         ({"fold": 2, "axis": (0.0, 0.0, 0.0)}, "axis"),
     ],
 )

@@ -14,15 +14,16 @@ from rso_lidar.records import Frame, Hits, Photons, Record, Source, array
 from rso_lidar.records.part_classes import OTHER, PART_CLASSES
 from rso_lidar.scenario import Scenario
 
-LEAST_PHOTONS = 1.0  # expected photons of the target from which a pixel counts as lit
+LEAST_PHOTONS = 1.0  # expected photons of the target in a lit pixel, at least; a choice
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrameLabels(Record):
     """Labels of one frame for learning.
 
-    They describe one target, the others are clutter. Without a target there are no lit pixels, the box is -1, and range
-    and shares are NaN. `part_class_id` is of all targets. `range_to_target_m` [m] is the distance of the target's origin.
+    They describe one target; all others are clutter. Without a target there are no lit pixels, the box is -1, and range
+    and shares are NaN. `part_class_id` covers all targets. `range_to_target_m` [m] is the distance of the target's origin
+    from the lidar.
     """
 
     lit_pixels: int
@@ -45,7 +46,7 @@ def label_frame(
 
     Parameters
     ----------
-    frame : made with ``keep=("hits", "signal")``.
+    frame : frame that was simulated with ``keep=("hits", "signal")``.
     scenario : of the frame.
     target : number of the target that the labels describe, or None where the frame has none.
     part_classes : names of the common part classes, in the order in which they are numbered.
@@ -53,8 +54,8 @@ def label_frame(
     Returns
     -------
     FrameLabels
-        A pixel is lit with at least one expected photon of the target. It reports the target with a range near that of
-        the target's light in it.
+        A pixel is lit if it has at least one expected photon of the target. It reports the target if its reported range
+        is near the range of the target's light in that pixel.
 
     Raises
     ------
@@ -103,7 +104,7 @@ def label_frame(
 def number_part_classes(source: Source, part_classes: Sequence[str]) -> np.ndarray:
     """Return the number of the common class of each part (target, part) of a recording.
 
-    Parts of a recording older than part classes are `other`. So are classes that are not in the list.
+    All parts of a recording without part classes, and parts whose class is not in the list, get the number of `other`.
 
     Parameters
     ----------

@@ -22,20 +22,20 @@ def measure_part_visibility(
 ) -> np.ndarray:
     """Measure the visibility of each common part class of a target, as BOP defines `visib_fract`.
 
-    It is the area of the class in the image over the area of its silhouette without all else. Other classes, other targets
-    and the edge of the field hide it. Its own facets do not. The image is sampled on a grid of its own, finer than the
-    pixels of a distant target. Facets that reach behind the lidar are left out.
+    The visibility is the visible area of the class in the image over the area of its silhouette alone. Other classes, other
+    targets and the edge of the field can hide it; facets of the class itself cannot. The image is sampled on a grid of 96
+    cells along the longer side of the target's image. Facets with a corner behind the lidar are left out.
 
     Parameters
     ----------
-    frame : of which the poses are taken.
+    frame : frame whose poses are used.
     scenario : of the frame.
     target : number of the target, or None where the frame has none.
     part_classes : names of the common part classes, in the order in which they are numbered.
 
     Returns
     -------
-    (part_class) f4 from 0 to 1, NaN of classes without a silhouette.
+    (part_class) f4 from 0 to 1, NaN for classes without a silhouette.
     """
     visibility = np.full(len(part_classes), np.nan, np.float32)
     if target is None:
@@ -77,13 +77,13 @@ def measure_part_visibility(
 
 @kernel
 def mark_silhouettes(corners: np.ndarray, kind: np.ndarray, covered: np.ndarray) -> None:
-    """Mark the cells of an image whose centres facets cover, kind by kind.
+    """Mark the cells of an image whose centres are covered by facets, separately for each kind of facet.
 
     Parameters
     ----------
     corners : (facet, 3, right_down) in cells, 0 at the outer edges of the first cells.
     kind : (facet) index of the first axis of `covered`.
-    covered : (kind, row, col) bool, to which is written.
+    covered : (kind, row, col) bool, written in place.
     """
     _, n_rows, n_cols = covered.shape
     for k in range(len(kind)):

@@ -1,4 +1,4 @@
-"""The check of a folder: every shard against its hash, and random samples made again, bit for bit."""
+"""The check of a folder: compare every shard with its hash, and make random samples again bit for bit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rso_lidar.scenario.mission.named_files import list_dynamics
 
 @dataclass(frozen=True, eq=False)
 class FolderCheck:
-    """What the check of a folder found: damaged and missing shards, frames that differ when made again, and statistics."""
+    """Result of the check of a folder: damaged and missing shards, frames that differ when made again, and statistics."""
 
     dataset: Dataset
     n_shards: int
@@ -62,7 +62,7 @@ def check_folder(
     samples : number of samples that are made again.
     files : folder in which relative paths of meshes and orbit files start (None: the dataset's folder).
     seed : random seed of the choice of these samples.
-    on_shard : called with the number of hashed shards and that of all.
+    on_shard : called after each shard with the number of hashed shards and the number of all shards.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
     Raises
     ------
     DatasetError
-        If the plan is not the one that made the shards, as with another mesh of the same name.
+        If the shards were made from other inputs, such as another mesh of the same name.
     """
     plan = make_plan(DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=files is not None)
     if plan.sha256 != dataset.constants.sha256:
@@ -123,7 +123,7 @@ def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
 
 
 def _find_code(plan: DatasetPlan) -> str:
-    """Return the first Python code that the scenario of a plan names and that may not run, or an empty text."""
+    """Return the name of the first Python code in a plan's scenario if it may not run, or an empty text."""
     if plan.trust_code:
         return ""
     base = plan.scenario()
@@ -132,7 +132,7 @@ def _find_code(plan: DatasetPlan) -> str:
 
 
 def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
-    """Collect the labels of all frames that statistics need; None for a dataset without frames."""
+    """Collect the labels of all frames for statistics; None for a dataset without frames."""
     splits = [dataset.split(name) for name in dataset.splits]
     if not splits:
         return None
@@ -144,13 +144,13 @@ def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
 
 
 def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.Generator) -> tuple[int, list[str]]:
-    """Make random samples again, and return how many frames were compared, and a line for each that differs.
+    """Make random samples again, and return the number of compared frames and a line for each frame that differs.
 
     Parameters
     ----------
     dataset, plan : the dataset.
     count : number of samples.
-    rng : that chooses them.
+    rng : random generator that chooses the samples.
     """
     frames, problems = 0, []
     names = list_names(plan)

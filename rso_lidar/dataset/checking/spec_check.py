@@ -23,20 +23,20 @@ from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import suppress_warnings
 from rso_lidar.interruption import make_temporary_folder
 
-_FLOWN = 64  # samples, of all classes together
-_DRAWN = 1000  # samples whose drawn numbers are compared
+_FLOWN = 64  # samples, of all classes together: a check of some seconds
+_DRAWN = 1000  # samples whose drawn numbers are compared: no flight, so many more
 
 
 @dataclass(frozen=True, eq=False)
 class SpecCheck:
-    """What a specification would make.
+    """Estimated size and time of a dataset, and what was found in the samples of a check.
 
     Parameters
     ----------
     plan : of the dataset.
     statistics : of the frames that were flown.
-    drawn_warnings : leaks in drawn numbers, found without flying.
-    frame_s : time of one process for a frame [s].
+    drawn_warnings : leaks in drawn numbers, found without a flight.
+    frame_s : time that one process takes for a frame [s].
     frame_bytes : bytes of a frame on disk.
     """
 
@@ -71,7 +71,9 @@ class SpecCheck:
             f"of {len(self.statistics.columns['draw']):,} frames that were flown for this check:",
             *self.statistics.tabulate(),
         ]
-        found = [f"warning: {line}" for line in self.warnings] or ["no leak was found, and no frame without returns"]
+        found = [f"warning: {line}" for line in self.warnings] or [
+            "no leak was found, and every frame with a target has returns"
+        ]
         return "\n".join([*lines, *found])
 
 
@@ -128,7 +130,7 @@ def _collect(frames: list[LabelledFrame]) -> dict[str, Any]:
 
 
 def _compare_drawn(plan: DatasetPlan) -> tuple[str, ...]:
-    """Return one line for each drawn number that tells the class."""
+    """Return one line for each drawn number that reveals the class."""
     rows, owner = [], []
     with suppress_warnings():
         for index in _choose(plan, _DRAWN):

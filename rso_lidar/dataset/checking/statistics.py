@@ -22,12 +22,12 @@ COLUMNS = (
     "draw",
 )
 _SHARES = (0.0, 0.5, 1.0)
-_FEW_PIXELS, _MANY_PIXELS = 1, 100  # reporting: present at all; about the paper's threshold for classification
+_FEW_PIXELS, _MANY_PIXELS = 1, 100  # reporting pixels: detected at all; needed to classify (Fuller et al., sec. 5)
 
 
 @dataclass(frozen=True, eq=False)
 class LabelStatistics:
-    """Columns of labels of many frames, and what they tell.
+    """Columns of labels of many frames, with their table and warnings.
 
     Parameters
     ----------
@@ -63,15 +63,15 @@ class LabelStatistics:
 
     def warn(self) -> list[str]:
         """Return one line for each leak, and for each finding about targets and returns."""
-        first = self.columns["draw"] == 0  # other noise draws of a frame say nothing new
+        first = self.columns["draw"] == 0  # other noise draws share the pose, so they are not independent
         with_target = first & (self.columns["present"] == 1)
         independent = with_target & (self.columns["step"] == 0)  # later frames of an encounter resemble its first
         drawn = {name: values for name, values in self.columns.items() if name not in COLUMNS}
-        asked = {"range": self.columns["range_to_target_m"], "offset from the centre": self.offset_px} | drawn
+        tested = {"range": self.columns["range_to_target_m"], "offset from the centre": self.offset_px} | drawn
         reporting = np.where(self.columns["present"] == 1, self.columns["reporting_pixels"], -1)
         return [
             *find_leaks(
-                {name: values[independent] for name, values in asked.items()},
+                {name: values[independent] for name, values in tested.items()},
                 self.columns["class_id"][independent],
                 self.classes,
             ),

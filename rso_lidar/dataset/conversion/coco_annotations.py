@@ -1,7 +1,7 @@
 """Annotations in the format of COCO: a box and a mask for the target of each frame (cocodataset.org/#format-data).
 
-The file is written frame by frame, so that its size does not matter. Masks are uncompressed run lengths, column by column,
-as pycocotools reads them.
+The file is written frame by frame, at constant memory. Masks are uncompressed run lengths, column by column, as pycocotools
+reads them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rso_lidar.dataset.annotation.frame_labels import find_box
 
 
 class CocoWriter:
-    """Images and annotations of one file as they come; `open_coco` makes it."""
+    """Writer of the images and annotations of one file, frame by frame; `open_coco` makes it."""
 
     def __init__(self, images: TextIO, annotations: TextIO) -> None:
         self._images, self._annotations = images, annotations
@@ -30,7 +30,7 @@ class CocoWriter:
         Parameters
         ----------
         image : entry of the image, without its number.
-        mask : (row, col) bool, pixels of the target; without any, the frame has no annotation.
+        mask : (row, col) bool, pixels of the target. If it is empty, the frame has no annotation.
         category : number of the target's class.
         more : further keys of the annotation.
         """
@@ -61,7 +61,7 @@ def open_coco(place: Path, info: Mapping[str, Any], categories: Sequence[str]) -
     ----------
     place : of the file, in a folder of temporary files.
     info : about the data set.
-    categories : names of the classes; their numbers in the file start at 1, because 0 is the background for many readers.
+    categories : names of the classes; their numbers in the file start at 1, because many readers take 0 for background.
     """
     listed = [{"id": number, "name": name, "supercategory": "target"} for number, name in enumerate(categories, 1)]
     beside = place.with_suffix(".annotations")
@@ -99,7 +99,7 @@ def outline_mask(mask: np.ndarray) -> dict[str, Any]:
 
 
 def measure_runs(mask: np.ndarray) -> list[int]:
-    """Return the lengths of runs of equal pixels of a mask, column by column; the first is of pixels that are not set.
+    """Return the lengths of runs of equal pixels of a mask, column by column; the first run is of unset pixels.
 
     Parameters
     ----------

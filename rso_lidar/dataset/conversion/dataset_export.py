@@ -119,7 +119,7 @@ def _check_format(to: str, images: Sequence[str]) -> None:
     Parameters
     ----------
     to : name of the format.
-    images : names of the arrays that were asked for.
+    images : names of the chosen arrays.
     """
     if to == "matlab":
         raise DatasetError("matlab: reads the shards as they are; see examples/matlab/dataset_datastore.m")

@@ -1,4 +1,4 @@
-"""Frames of a dataset one by one for an export: their name, numbers, words and images, at constant memory."""
+"""Frames of a dataset one by one for an export: their names, numbers, texts and images, at constant memory."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _IDENTITY = ("sample", "step", "draw")
 
 @dataclass(frozen=True)
 class ExportedFrame:
-    """One frame of a dataset on its way into an export.
+    """One frame of a dataset for an export.
 
-    `numbers` has the numbers and short vectors of the frame by name, `words` its split and the names of its class, model
-    and sensor (None: it has none), and `images` the arrays (row, col) that were asked for.
+    `numbers` has the numbers and short vectors of the frame by name. `words` has its split and the names of its class, model
+    and sensor, None where it has none. `images` has the chosen arrays (row, col) by name.
     """
 
     name: str
@@ -36,7 +36,7 @@ class ExportedFrame:
 
     @property
     def description(self) -> dict[str, Any]:
-        """Numbers and words as JSON takes them; None for what is not a number."""
+        """Numbers and names as JSON values; None for NaN and infinity."""
         return {name: _to_json(np.asarray(value).tolist()) for name, value in self.numbers.items()} | dict(self.words)
 
 
@@ -82,12 +82,12 @@ def read_batches(frames: Split, names: Sequence[str]) -> Iterator[dict[str, np.n
 
 
 def divide(frames: Iterable[ExportedFrame], size: int = FRAMES_PER_FILE) -> Iterator[Iterator[ExportedFrame]]:
-    """Divide frames into groups of a size; take all of a group before the next.
+    """Divide frames into groups. Read each group to its end before the next one.
 
     Parameters
     ----------
     frames : in their order.
-    size : of all groups but the last.
+    size : number of frames of all groups but the last.
     """
     left = iter(frames)
     for first in left:
@@ -100,7 +100,7 @@ def choose_images(frames: Split, wanted: Sequence[str]) -> list[str]:
     Parameters
     ----------
     frames : a split.
-    wanted : names of arrays; ``all`` stands for all of them, and no name for `USUAL_IMAGES`.
+    wanted : names of arrays; ``all`` stands for all of them. If empty, `USUAL_IMAGES`.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def find_names(data: Dataset, numbers: Mapping[str, Any]) -> dict[str, str | Non
 
 
 def _to_json(value: Any) -> Any:
-    """Replace the numbers that JSON does not know by None."""
+    """Replace NaN and infinity, which JSON lacks, by None."""
     if isinstance(value, list):
         return [_to_json(one) for one in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value

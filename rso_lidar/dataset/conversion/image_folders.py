@@ -56,7 +56,7 @@ def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info
 
 
 def _find_farthest_m(data: Dataset, splits: Sequence[str]) -> float:
-    """Return the farthest true range of any pixel of some splits, with a margin [m].
+    """Return the range [m] that an image has to reach: the farthest true range of the splits, and a margin.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Frames as WebDataset: tar archives in which the files of one frame stand together and share their first name."""
+"""Frames as WebDataset: tar archives in which the files of a frame are consecutive and share a base name."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from rso_lidar.kernels import kernel, packed
 
 _CASTAGNOLI = 0x82F63B78  # polynomial of CRC-32C (RFC 3720, B.4), bits reversed
 _ALL_ONES = 0xFFFFFFFF
-_MASK_DELTA = 0xA282EAD8  # added to a rotated checksum, so that a checksum of data with checksums is none of theirs
+_MASK_DELTA = 0xA282EAD8  # added to a rotated checksum, so that data may contain checksums (record_writer.h)
 _BYTES, _FLOATS, _INTEGERS = 1, 2, 3  # numbers of the lists in the message `Feature`
 
 
@@ -68,7 +68,7 @@ def encode_example(features: Mapping[str, Any]) -> bytes:
     Returns
     -------
     bytes
-        The message; features stand in the order of their names, so that equal frames give equal bytes.
+        The message. Features are sorted by name, so that equal frames give equal bytes.
     """
     entries = b"".join(
         _encode_field(1, _encode_field(1, name.encode()) + _encode_field(2, _encode_feature(features[name])))
@@ -95,12 +95,12 @@ def _encode_field(number: int, content: bytes) -> bytes:
 
 
 def _encode_varint(number: int) -> bytes:
-    """Encode a whole number by seven bits a byte, the lowest first."""
+    """Encode a non-negative integer with seven bits in each byte, the lowest bits first."""
     return bytes(_split_varint(number))
 
 
 def _split_varint(number: int) -> Iterator[int]:
-    """Yield the bytes of a number; the highest bit of each tells that another follows."""
+    """Yield the bytes of a number; the highest bit of a byte is set if another byte follows."""
     while number > 0x7F:
         yield number & 0x7F | 0x80
         number >>= 7

@@ -1,4 +1,4 @@
-"""The plan of a dataset: its samples in their order, by class, split and shard, and the inputs of them all."""
+"""The plan of a dataset: the order of its samples, their classes, splits and shards, and the inputs of all samples."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rso_lidar.shipped import find
 
 
 class Membership(NamedTuple):
-    """Class and split of samples (sample)."""
+    """Class, number in the class and split of each sample; arrays (sample)."""
 
     target_class: np.ndarray  # i2, index of the class
     number: np.ndarray  # i8, number of the sample in its class
@@ -52,8 +52,8 @@ class ShardPlace(NamedTuple):
 class DatasetPlan:
     """All inputs of a dataset, which worker processes receive.
 
-    `tables` hold the base scenario with the settings of the specification; `class_models` the models of each class.
-    `trust_code` says whether Python code that the scenario names may run.
+    `tables` holds the base scenario with the settings of the specification, and `class_models` the models of each class.
+    `trust_code` is whether Python code that the scenario names may run.
     """
 
     spec: DatasetSpec
@@ -65,7 +65,7 @@ class DatasetPlan:
     trust_code: bool = True
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields without what is computed from them, which another process computes again."""
+        """Return the fields without cached properties, which another process computes again."""
         return {field.name: self.__dict__[field.name] for field in dataclasses.fields(self)}
 
     @cached_property
@@ -90,7 +90,7 @@ class DatasetPlan:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of everything that decides the samples: the specification, the base scenario and the meshes."""
+        """Hash of all inputs of the samples: the specification, the base scenario and the meshes."""
         own = self.spec.model_dump(exclude_none=True, exclude={"scenario", "set"})  # both are in the tables
         text = json.dumps([own, self.mesh_sha256, self.tables], sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
@@ -105,7 +105,7 @@ class DatasetPlan:
 
     @cached_property
     def image_shape(self) -> tuple[int, int]:
-        """Rows and columns of the images, which those of the first sensor decide."""
+        """Rows and columns of the images: those of the first sensor."""
         tables = copy.deepcopy(self.tables)
         for setting in self.spec.sensor[0].set if self.spec.sensor else ():
             apply_setting(tables, setting)
@@ -179,13 +179,13 @@ class DatasetPlan:
         return self._choose(k, number, "sensor", len(self.sensors))
 
     def _choose(self, k: int, number: np.ndarray, what: str, count: int) -> np.ndarray:
-        """Return the index (sample) of one of several equally likely things.
+        """Choose among equally likely options; return the index of the choice (sample).
 
         Parameters
         ----------
         k : index of the class.
         number : (sample) numbers in the class.
-        what, count : what is chosen, and from how many.
+        what, count : name of the choice, which is part of its random address, and number of options.
         """
         share = draw_shares(self.spec.seed, self.spec.classes[k].name, number, what)[:, 0]
         chosen: np.ndarray = (share * count).astype(np.int64)
@@ -211,7 +211,7 @@ class DatasetPlan:
         return tuple(-(-len(members) // self.spec.samples_per_shard) for members in self._members)
 
     def shard(self, number: int) -> ShardPlace:
-        """Return one shard by its number among those of all splits, train first."""
+        """Return one shard by its number. Shards are counted over all splits, train first."""
         for k, count in enumerate(self._count_shards()):
             if number < count:
                 each = self.spec.samples_per_shard
@@ -221,7 +221,7 @@ class DatasetPlan:
 
 
 def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None, trust_code: bool = True) -> DatasetPlan:
-    """Make the plan of a dataset, after a check of its base scenario, models and split.
+    """Check the base scenario, models and split of a specification, and make the plan of its dataset.
 
     Parameters
     ----------
@@ -277,21 +277,24 @@ def _list_models(spec: DatasetSpec, one: ClassOfTargets, base: Scenario) -> tupl
     ----------
     spec : the specification.
     one : the class.
-    base : the scenario, whose own target is taken where the class names none.
+    base : the scenario; its target's model is used for a class without models.
     """
     if one.empty:
         return ()
     if one.taxonomy is not None:
-        asked = one.taxonomy.model_dump(exclude_none=True)
+        wanted = one.taxonomy.model_dump(exclude_none=True)
         shipped = {name: entry for name, entry in models().items() if name not in own_models()}
         found = tuple(
             name
             for name, entry in sorted(shipped.items())
-            if entry.taxonomy is not None and all(getattr(entry.taxonomy, key) == value for key, value in asked.items())
+            if entry.taxonomy is not None
+            and all(getattr(entry.taxonomy, key) == value for key, value in wanted.items())
         )
         if not found:
-            said = ", ".join(f"{key} = {value}" for key, value in asked.items())
-            raise DatasetError(f"classes: '{one.name}' has no shipped model with {said}; ask for less, or name models")
+            keys = ", ".join(f"{key} = {value}" for key, value in wanted.items())
+            raise DatasetError(
+                f"classes: '{one.name}' has no shipped model with {keys}; give fewer keys, or name models"
+            )
         return found
     if one.models:
         return one.models
@@ -316,7 +319,7 @@ def find_mesh(name: str, folder: Path) -> Mesh:
 
 
 def _check_split(plan: DatasetPlan) -> None:
-    """Raise `DatasetError` for a class that is absent from a split that others are in."""
+    """Raise `DatasetError` if a class has no sample in a split that should have some."""
     spec, rule = plan.spec, plan.spec.split
     counts = plan.count_samples()
     for k, one in enumerate(spec.classes):

@@ -1,4 +1,4 @@
-"""One sample of a dataset: what is drawn for it, and the scenario that it flies."""
+"""One sample of a dataset: its drawn values, and the scenario that they make."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from rso_lidar.scenario.mission.validation import apply_setting, get_field, set_
 
 _OF_ANY_MODEL = ("name", "motion", "attitude", "material", "axes")  # fields of a target that another model keeps
 _AROUND = UniformDirection()
-_LAST_SHARE = 1.0 - 2.0**-53
-_MOST_CHOICES = 100  # values of one choice that a check tries
+_LAST_SHARE = 1.0 - 2.0**-53  # greatest random number that can be drawn
+_MOST_CHOICES = 100  # values of a law `choice` that a check tries, at most: each builds a scenario
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """What is drawn for one sample: indices of what it holds, its scenario, its frames, and the seeds of its noise."""
+    """One drawn sample: its class, model, sensor and split, its drawn values, its scenario, its frames and noise seeds."""
 
     index: int
     class_id: int  # among the classes with targets; -1 without a target
@@ -64,7 +64,7 @@ class _Draws:
             self._left = _halton(spec.seed, self._group, dimensions).at(number)
 
     def draw(self, variable: str, law: Any) -> Any:
-        """Draw the value of a variable, and keep it.
+        """Draw the value of a variable, and store it in `values`.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class _Draws:
 
 @lru_cache(maxsize=256)
 def _halton(seed: int, group: str, dimensions: int) -> HaltonPoints:
-    """Return the points of a class.
+    """Return the Halton points of a class.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def _count_dimensions(spec: DatasetSpec, k: int) -> int:
 
 
 def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
-    """List what `draw_sample` is forced to, one by one, to meet both ends of each variable of a class, and each choice.
+    """List arguments `forced` of `draw_sample` that reach both ends of each variable of a class, and each choice.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
 
 
 def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = MappingProxyType({})) -> Sample:
-    """Draw one sample. It depends on the plan and its number only.
+    """Draw one sample, which depends on the plan and on its number only.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
     Raises
     ------
     DatasetError, ScenarioError
-        If what is drawn is not a valid scenario.
+        If the drawn values do not make a valid scenario.
     """
     spec = plan.spec
     k, number = int(plan.membership.target_class[index]), int(plan.membership.number[index])
@@ -155,7 +155,9 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
         applied = [drawn for drawn in spec.variable if not drawn.classes or one.name in drawn.classes]
         for drawn in applied:
             if drawn.field in draws.values:
-                raise DatasetError(f"variable {drawn.field}: is drawn twice; remove one, or give each its classes")
+                raise DatasetError(
+                    f"variable {drawn.field}: is drawn twice; remove one of the two, or give each its classes"
+                )
             set_field(tables, drawn.field, draws.draw(drawn.field, drawn.law), f"variable {drawn.field}")
         if spec.view is not None:
             _place_view(tables, plan, spec.view, draws, has_target=name is not None)
@@ -202,7 +204,7 @@ def _choose_target(tables: dict[str, Any], plan: DatasetPlan, name: str | None, 
     tables : of the scenario, changed in place.
     plan : of the dataset.
     name : the model; None for no target.
-    changes : whether the class says the model, and not the scenario.
+    changes : whether the class, and not the scenario, chooses the model.
     """
     targets = _find_targets(tables, plan)
     if name is None:
@@ -213,7 +215,7 @@ def _choose_target(tables: dict[str, Any], plan: DatasetPlan, name: str | None, 
 
 
 def _find_targets(tables: dict[str, Any], plan: DatasetPlan) -> list[dict[str, Any]]:
-    """Return the targets of a scenario, once the one that classes replace is known to be still there.
+    """Check that settings have kept the target that classes replace, and return the targets of a scenario.
 
     Parameters
     ----------
@@ -222,9 +224,13 @@ def _find_targets(tables: dict[str, Any], plan: DatasetPlan) -> list[dict[str, A
     """
     targets = tables["target"]
     if not isinstance(targets, list) or not all(isinstance(one, dict) for one in targets[: plan.target_index + 1]):
-        raise DatasetError("target: a setting or variable makes it no list of tables; remove it")
+        raise DatasetError(
+            "target: a setting or variable replaces the list of targets; remove that setting or variable"
+        )
     if len(targets) <= plan.target_index:
-        raise DatasetError("target: a setting or variable takes away the one that classes replace; remove it")
+        raise DatasetError(
+            "target: a setting or variable removes the target that classes replace; remove that setting or variable"
+        )
     return targets
 
 
@@ -308,7 +314,7 @@ def _choose_frames(spec: DatasetSpec, scenario: Scenario, share: float) -> tuple
     ----------
     spec : the specification.
     scenario : of the sample.
-    share : even number that decides the first frame, where it is drawn.
+    share : uniform number from 0 to below 1, from which the first frame is drawn.
     """
     sequence, n_frames = spec.sequence, scenario.time.n_frames
     last = n_frames - 1 - (sequence.frames - 1) * sequence.stride
@@ -319,6 +325,6 @@ def _choose_frames(spec: DatasetSpec, scenario: Scenario, share: float) -> tuple
         begin = "" if sequence.start is None else f" from frame {start}"
         raise DatasetError(
             f"sequence: {sequence.frames} frames with stride {sequence.stride}{begin} are more than the "
-            f"{n_frames} of the scenario; ask for fewer, or raise time.duration_s"
+            f"{n_frames} of the scenario; reduce them, or raise time.duration_s"
         )
     return tuple(range(start, start + sequence.frames * sequence.stride, sequence.stride))

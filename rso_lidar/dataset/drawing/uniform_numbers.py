@@ -1,6 +1,7 @@
-"""Even numbers from 0 to below 1 with an address: dataset, class, number in the class, and what they are for.
+"""Uniform random numbers from 0 to below 1, each with an address: dataset, class, number in the class, and variable.
 
-They are words of Philox. So what is drawn for one sample depends neither on other samples nor on other variables.
+The counter-based generator Philox computes them from the address. So the numbers of one sample depend neither on other
+samples nor on other variables.
 """
 
 from __future__ import annotations
@@ -29,15 +30,15 @@ def _key(seed: int) -> np.ndarray:
 
 
 def draw_shares(seed: int, group: str, number: np.ndarray, variable: str, dimensions: int = 1) -> np.ndarray:
-    """Draw even numbers (sample, dimension) from 0 to below 1.
+    """Draw uniform numbers (sample, dimension) from 0 to below 1.
 
     Parameters
     ----------
     seed : of the dataset.
     group : name of the class.
     number : (sample) numbers of samples in the class.
-    variable : what is drawn.
-    dimensions : count of numbers for each sample.
+    variable : name of the variable.
+    dimensions : number of numbers for each sample.
     """
     shares = np.empty((len(number), dimensions))
     fill_shares(_key(seed), packed(np.asarray(number, np.int64)), hash_name(group), hash_name(variable), shares)
@@ -59,14 +60,14 @@ def draw_seed(seed: int, group: str, number: int, draw: int) -> int:
 
 @kernel
 def fill_shares(key: np.ndarray, number: np.ndarray, group: int, variable: int, shares: np.ndarray) -> None:
-    """Write even numbers of 53 bits.
+    """Write uniform numbers from 0 to below 1, with 53 random bits each.
 
     Parameters
     ----------
     key : (2) uint32.
     number : (sample) numbers in the class.
     group, variable : words of 32 bits.
-    shares : (sample, dimension), written.
+    shares : (sample, dimension), written in place.
     """
     for k in range(len(number)):
         for dimension in range(shares.shape[1]):
@@ -76,7 +77,7 @@ def fill_shares(key: np.ndarray, number: np.ndarray, group: int, variable: int, 
 
 
 class HaltonPoints:
-    """Points of a scrambled Halton sequence (Owen 2017), one for each sample of a class.
+    """Points of a scrambled Halton sequence (Owen 2017, arXiv:1706.02808), one for each sample of a class.
 
     Parameters
     ----------

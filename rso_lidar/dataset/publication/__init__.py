@@ -1,1 +1,1 @@
-"""Datasets made public: the card, the Croissant description and the table of frames in their folder."""
+"""Publication of datasets: the card, the Croissant description and the table of frames in their folder."""

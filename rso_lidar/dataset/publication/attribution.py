@@ -1,4 +1,4 @@
-"""Who made a dataset public and under which licence: stated once, and kept when its files are written again."""
+"""Licence, creators and web address of a dataset: stated once, and kept when its files are written again."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SPDX = "https://spdx.org/licenses/"
 
 @dataclass(frozen=True)
 class Attribution:
-    """Licence (an SPDX identifier), creators and web address of a dataset, as far as they were stated."""
+    """Licence (an SPDX identifier), creators and web address of a dataset; None or empty where nobody stated them."""
 
     licence: str | None = None
     creators: tuple[str, ...] = ()
@@ -32,7 +32,7 @@ class Attribution:
 
 
 def read_attribution(folder: Path) -> Attribution:
-    """Read what an earlier publication of a dataset stated.
+    """Read the licence, creators and web address that an earlier publication of a dataset stated.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def read_attribution(folder: Path) -> Attribution:
     Returns
     -------
     Attribution
-        Empty where there is none yet, or its file was changed beyond recognition.
+        Empty if there is no earlier publication, or its file cannot be read.
     """
     try:
         found: dict[str, Any] = json.loads((folder / CROISSANT).read_text(encoding="utf-8"))

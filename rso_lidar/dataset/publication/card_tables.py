@@ -24,7 +24,7 @@ def format_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     Parameters
     ----------
     heads : of the columns.
-    rows : cells; numbers are written as they are.
+    rows : cells of each row, of any type.
 
     >>> print(format_table(["a", "b"], [[1, "x|y"]]))
     | a | b |
@@ -76,12 +76,12 @@ def list_counts(data: Dataset, counts: FrameCounts) -> str:
 
 
 def list_laws(data: Dataset) -> str:
-    """Return the table of what is drawn, and by which law."""
+    """Return the table of drawn quantities and their laws."""
     return format_table(["what is drawn", "law"], _describe_laws(data))
 
 
 def _describe_laws(data: Dataset) -> Iterator[tuple[str, str]]:
-    """Yield what is drawn for each sample, and by which law."""
+    """Yield each drawn quantity and its law."""
     spec = data.spec
     for table in ("view", "clutter"):
         part = getattr(spec, table)
@@ -97,7 +97,7 @@ def _describe_laws(data: Dataset) -> Iterator[tuple[str, str]]:
 
 
 def _describe_value(value: Any) -> str:
-    """Describe a law, or another value of a specification, in a line."""
+    """Describe a law, or another value of a specification, in one line."""
     if not isinstance(value, Part):
         return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
     table = value.model_dump(exclude_none=True)
@@ -113,7 +113,7 @@ def _shorten(value: Any) -> str:
 
 
 def list_models(data: Dataset) -> str:
-    """Return the table of the models, with what is known of their sources."""
+    """Return the table of the models with their licences and confidence."""
     rows = []
     for name in data.models:
         try:

@@ -13,8 +13,8 @@ CARD = "README.md"
 LIMITS = (
     "All frames are simulated. No real measurement was used or compared with, so a result on them does not prove the same "
     "result on a real sensor.",
-    "Materials of most models are chosen by what surfaces look like, not measured; intensities inherit that uncertainty.",
-    "Models are simplified; the table of models tells what of each is published and what is guessed.",
+    "Materials of most models are chosen by the appearance of surfaces, not measured; so intensities are uncertain.",
+    "Models are simplified; the table of models states the confidence in each.",
     "Numbers of the instrument that no publication states are assumed; the table of the sensor marks them.",
     "Poses follow the laws of the specification, not the statistics of missions, and the frequencies of classes are chosen.",
 )

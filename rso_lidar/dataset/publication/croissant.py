@@ -24,9 +24,7 @@ if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset
     from rso_lidar.records.schema import ArraySpec
 
-MOST_FILES = (
-    4000  # shards that are listed one by one, about a million frames; above, the manifest alone has their hashes
-)
+MOST_FILES = 4000  # shards listed one by one, about a million frames; of more shards, only the manifest has the hashes
 HDF5, PARQUET = "application/x-hdf5", "application/x-parquet"  # media types as mlcroissant knows them
 FILES = {  # of every dataset: what each holds, and its media type
     "dataset.toml": ("specification that made the dataset", "application/toml"),
@@ -97,7 +95,7 @@ def describe_in_croissant(data: Dataset, attribution: Attribution) -> dict[str, 
 
 
 def _list_files(data: Dataset) -> Iterable[dict[str, Any]]:
-    """Yield the files beside the shards that are there."""
+    """Yield the existing files beside the shards."""
     for name, (meaning, media_type) in FILES.items():
         place = data.folder / name
         if place.is_file():
@@ -110,7 +108,7 @@ def _describe_file(path: str, meaning: str, media_type: str, size_bytes: int, sh
     Parameters
     ----------
     path : in the folder of the dataset.
-    meaning, media_type : what it holds, and how.
+    meaning, media_type : of its content.
     size_bytes, sha256 : of the file.
     """
     return {
@@ -126,7 +124,7 @@ def _describe_file(path: str, meaning: str, media_type: str, size_bytes: int, sh
 
 
 def _list_shards(data: Dataset) -> Iterable[dict[str, Any]]:
-    """Yield the shards: a set of files for each split, and, unless there are very many, each file with its hash."""
+    """Yield a set of files for each split, and up to `MOST_FILES` shards with their hashes."""
     for split in data.splits:
         yield {
             "@type": "cr:FileSet",
@@ -143,13 +141,13 @@ def _list_shards(data: Dataset) -> Iterable[dict[str, Any]]:
 
 
 def _list_record_sets(data: Dataset) -> list[dict[str, Any]]:
-    """List the records: names of splits, classes, models and part classes, and the table of frames where there is one."""
+    """List the record sets: names of splits, classes, models and part classes, and the table of frames if it exists."""
     sets = [
         _list_names("splits", "Splits of the dataset.", data.splits, "cr:Split"),
-        _list_names("classes", "Classes; class_id counts them from 0, and -1 is no target.", data.classes),
-        _list_names("models", "Models; model_id counts them from 0, and -1 is no target.", data.models),
+        _list_names("classes", "Classes, in the order of class_id from 0; -1 is no target.", data.classes),
+        _list_names("models", "Models, in the order of model_id from 0; -1 is no target.", data.models),
         _list_names(
-            "part_classes", "Common part classes; part_class_id counts from 0, and -1 is sky.", data.part_classes
+            "part_classes", "Common part classes, in the order of part_class_id from 0; -1 is sky.", data.part_classes
         ),
     ]
     if not (data.folder / INDEX).is_file():
@@ -164,7 +162,7 @@ def _list_record_sets(data: Dataset) -> list[dict[str, Any]]:
         "@type": "cr:RecordSet",
         "@id": "frames",
         "name": "frames",
-        "description": "One record per frame; the images are in the shard that it names, at the row that it names.",
+        "description": "One record per frame; its images are in the file `shard` at the index `row`.",
         "key": [{"@id": f"frames/{name}"} for name in ("sample", "step", "draw")],
         "field": fields,
     }

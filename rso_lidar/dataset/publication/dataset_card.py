@@ -1,4 +1,4 @@
-"""The card of a dataset: `README.md` with the YAML head that Hugging Face reads, and prose for people."""
+"""The card of a dataset: `README.md`, with a YAML head that Hugging Face reads, and a description in Markdown."""
 
 from __future__ import annotations
 

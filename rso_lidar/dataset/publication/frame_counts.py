@@ -1,4 +1,4 @@
-"""What a dataset holds, counted shard by shard: frames by split, class, reporting pixels and range."""
+"""Counts of the frames of a dataset by split, class and reporting pixels, and the ranges of its targets."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset, Split
 
 INDEX = "index.parquet"
-ROWS_PER_GROUP = 65_536  # some 20 MB in memory, and no more groups than readers like at 10^8 frames
+ROWS_PER_GROUP = 65_536  # some 20 MB in memory, and 1,500 groups at 10^8 frames
 NAMES = {  # columns beside those of the shards
     "split": "split that the frame belongs to",
     "shard": "path of the shard that holds the frame",
@@ -37,7 +37,7 @@ def has_parquet() -> bool:
 
 
 def list_index_columns(data: Dataset) -> dict[str, ArraySpec]:
-    """Return the statements of the columns of the table that come from the shards, by name.
+    """Return dtype, unit and meaning of each column that comes from the shards, by name.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def _make_schema(data: Dataset, columns: dict[str, ArraySpec]) -> Any:
     Parameters
     ----------
     data : the dataset.
-    columns : statements of the columns from the shards.
+    columns : dtype, unit and meaning of the columns from the shards.
     """
     import pyarrow
 
@@ -126,11 +126,11 @@ def _read_tables(data: Dataset, columns: list[str], schema: Any) -> Iterator[Any
 
 
 def _repeat(text: str, count: int) -> Any:
-    """Return a column of one text.
+    """Return a column that repeats one text.
 
     Parameters
     ----------
-    text, count : the text, and how often it stands.
+    text, count : the text, and the number of rows.
     """
     import pyarrow
 

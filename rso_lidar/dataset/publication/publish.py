@@ -1,4 +1,4 @@
-"""A finished dataset made public: its table of frames, pictures, card and Croissant description in its folder."""
+"""Publication of a finished dataset: its table of frames, pictures, card and Croissant description in its folder."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rso_lidar.errors import DatasetError
 from rso_lidar.picture.frames.label_images import save_label_images
 
 PICTURES = ("sample_frame_1.png", "sample_frame_2.png")
-_MOST_FRAMES = 256  # of the first shard, among which frames for pictures are chosen
+_MOST_FRAMES = 256  # frames of the first split among which those of the pictures are chosen: one shard by default
 _DRAWN = ("range_m", "intensity_counts", "part_class_id", "detection_probability", "photons")
 
 
@@ -26,19 +26,19 @@ def publish(
 ) -> list[str]:
     """Write the card, the Croissant description, the table of frames and two pictures into the folder of a dataset.
 
-    What is not given stays as an earlier publication stated it.
+    A licence, creators or address that are not given stay as an earlier publication stated them.
 
     Parameters
     ----------
     folder : of a complete dataset.
     licence : SPDX identifier, such as ``CC-BY-4.0``.
     creators : names of persons or groups.
-    url : where the dataset will be.
+    url : web address of the dataset.
 
     Returns
     -------
     list of str
-        Lines for the user: what was written, and what is missing.
+        Lines for the user: the files that were written, and notes on a missing library or licence.
 
     Raises
     ------

@@ -14,7 +14,7 @@ _MARK = "assumed"  # in the description of a field: its default has no source
 
 
 class Parameter(NamedTuple):
-    """One parameter of a sensor: its place in the scenario, its value, its meaning, and whether the value is assumed."""
+    """One parameter of a sensor: its key in the scenario, its value, its meaning, and whether the value is assumed."""
 
     place: str
     value: str
@@ -32,7 +32,7 @@ def list_parameters(lidar: str) -> list[Parameter]:
     Returns
     -------
     list of Parameter
-        Without meanings for an instrument that these parts do not know, such as a detector of the user's own.
+        Without meanings if the parts of this version cannot read the table, such as for a detector of the user's own.
     """
     table = json.loads(lidar)
     try:
@@ -75,7 +75,7 @@ def _flatten(table: Any, place: str) -> Iterator[tuple[str, str]]:
 
 
 def _simplify(value: Any) -> Any:
-    """Return what JSON takes in place of a value of a part."""
+    """Convert a value of a part to a JSON value."""
     if isinstance(value, Part):
         return value.model_dump(mode="json", exclude_none=True)
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""A dataset in a folder: splits whose frames are read at random, as NumPy arrays."""
+"""A dataset in a folder: splits with random access to their frames, as NumPy arrays."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Dataset:
 
     Parameters
     ----------
-    folder : made by `rso-lidar dataset make`.
+    folder : folder that `rso-lidar dataset make` wrote.
 
     Raises
     ------
@@ -115,7 +115,7 @@ class Split:
     """The frames of one split, in the order of their shards. It can be pickled; each process opens files of its own."""
 
     def __init__(self, folder: Path, name: str, dataset: str, records: Sequence[ShardRecord]) -> None:
-        """Take the shards of a split.
+        """Make a split of its shards.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class Split:
         return tuple(sorted(self._open(0)[0]))
 
     def _open(self, shard: int) -> tuple[Any, dict[str, Any]]:
-        """Return an open shard and the datasets that were used in it."""
+        """Return an open shard, and the arrays of it that were used so far, by name."""
         if self._process != os.getpid():  # a forked process must not share the position in a file
             self._forget()
         if shard not in self._files:
@@ -163,7 +163,7 @@ class Split:
         return self._files[shard]
 
     def _open_whole(self, record: ShardRecord) -> Any:
-        """Open a shard, and check that it has the frames of its record."""
+        """Open a shard, and check that it has as many frames as its record states."""
         path = self.folder / record.path
         file = open_shard(path, self._dataset)
         try:
@@ -190,7 +190,7 @@ class Split:
             if name not in file:
                 raise DatasetError(
                     f"{self.folder}: the shards have no array '{name}'{did_you_mean(name, self.names)}; "
-                    "an optional label is asked for in [labels] of the specification"
+                    "optional labels are switched on in [labels] of the specification"
                 )
             stored = file[name]
             known[name] = stored if stored.ndim >= _IMAGE_DIMENSIONS else stored[()]  # numbers of a shard are small
@@ -250,9 +250,9 @@ class Split:
         return values
 
     def read_shard(self, shard: int, names: Iterable[str], rows: slice = slice(None)) -> dict[str, np.ndarray]:
-        """Read frames of one shard that follow each other, in one go.
+        """Read consecutive frames of one shard at once.
 
-        All other shards are closed, so that a pass over all of them needs the memory of one.
+        All other shards are closed, so that a pass over all shards needs the memory of one.
 
         Parameters
         ----------
@@ -288,7 +288,7 @@ def open_dataset(folder: str | os.PathLike[str]) -> Dataset:
 
     Parameters
     ----------
-    folder : made by `rso-lidar dataset make`.
+    folder : folder that `rso-lidar dataset make` wrote.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The manifest of a dataset: one line for each finished shard, with its hash; and the folder that holds them."""
+"""The manifest of a dataset: one line for each finished shard, with its hash."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rso_lidar.errors import DatasetError, RunError
 from rso_lidar.files import advise_on_write, hold_lock
 
 MANIFEST = "manifest.jsonl"
-_SHARD = re.compile(rf"({'|'.join(SPLITS)})/\d{{6,}}\.h5")  # a path that leads out of the folder is none
+_SHARD = re.compile(rf"({'|'.join(SPLITS)})/\d{{6,}}\.h5")  # no other path, such as one out of the folder, is accepted
 _LONGEST_LINE = 2**16  # bytes; a line is some 400 long
 _LOCK_WAIT_S = 60.0  # appending a line takes milliseconds
 
@@ -42,7 +42,7 @@ def read_manifest(folder: Path, dataset: str) -> dict[str, ShardRecord]:
     Raises
     ------
     DatasetError
-        For a line that is damaged, unless it is the last, which a run that was killed may have left.
+        For a damaged line. An incomplete last line, as a killed run may leave, is ignored.
     """
     place = folder / MANIFEST
     try:
@@ -65,7 +65,7 @@ def read_manifest(folder: Path, dataset: str) -> dict[str, ShardRecord]:
 
 
 def _check_record(record: ShardRecord) -> ShardRecord:
-    """Return a record, or raise `ValueError` where it names no shard of the folder, or numbers that none can have."""
+    """Return a record, or raise `ValueError` if its path is not that of a shard or a count is not a positive integer."""
     counts = (record.frames, record.samples, record.size_bytes)
     if not _SHARD.fullmatch(record.path) or any(type(count) is not int or count < 1 for count in counts):
         raise ValueError(record.path)
@@ -73,7 +73,7 @@ def _check_record(record: ShardRecord) -> ShardRecord:
 
 
 def append_record(folder: Path, record: ShardRecord, dataset: str) -> None:
-    """Append the record of a finished shard; when this returns, it survives a kill of the process.
+    """Append the record of a finished shard, and flush it to the disk.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def append_record(folder: Path, record: ShardRecord, dataset: str) -> None:
 
 
 def _find_whole_lines(stream: BinaryIO) -> int:
-    """Return the length of a file up to the end of its last complete line; only its end is read."""
+    """Return the length [bytes] of a file up to the end of its last complete line. Only the file's end is read."""
     size = stream.seek(0, os.SEEK_END)
     stream.seek(max(0, size - _LONGEST_LINE))
     tail = stream.read()

@@ -1,4 +1,4 @@
-"""The sensor file: what does not change from frame to frame, such as names, lines of sight and symmetries."""
+"""The sensor file: data that are the same for all frames, such as names, lines of sight and symmetries."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ _LISTS = ("classes", "models", "sensors", "part_classes", "splits")
 
 @dataclass(frozen=True)
 class Constants:
-    """Names that a dataset's numbers refer to, and the constants of its sensors.
+    """Names that the numbers of a dataset refer to, and the constants of its sensors.
 
-    `model_parts` holds the part names of each model, and `line_of_sight` (row, col, xyz) the unit vectors of each sensor in
-    lidar axes. `lidars` holds the table of each instrument as JSON.
+    `model_parts` holds the part names of each model, and `symmetries` the symmetry of each model as a table, or None.
+    `line_of_sight` (row, col, xyz) holds the unit vectors of each sensor in lidar axes, and `lidars` the table of each
+    instrument as JSON.
     """
 
     sha256: str
@@ -45,7 +46,7 @@ def write_constants(folder: Path, constants: Constants) -> None:
     Parameters
     ----------
     folder : of the dataset.
-    constants : what it holds.
+    constants : content of the file.
     """
     import h5py
 

@@ -29,7 +29,7 @@ def write_shard(
     *,
     dataset: str,
 ) -> None:
-    """Write a shard, completely or not at all. The same frames make the same bytes.
+    """Write a shard, completely or not at all. Equal frames give equal bytes.
 
     Parameters
     ----------
@@ -53,9 +53,7 @@ def write_shard(
             for name in names:
                 values = np.array([one.get(name, np.nan) for one in variables], float)
                 _write_array(file, VARIABLE_PREFIX + name, list(values))
-        with draft.open(
-            "rb"
-        ) as written:  # on the disk before it has its name: a crash of the machine leaves no half shard
+        with draft.open("rb") as written:  # before the rename, so that a crash of the machine leaves no partial shard
             os.fsync(written.fileno())
 
 
@@ -79,7 +77,7 @@ def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
     else:
         values = np.array(entries, spec.dtype)
         dataset = file.create_dataset(name, data=values, chunks=values.shape, fletcher32=True)
-    dataset.flush()  # chunks get their places now, and not when Python happens to close the dataset
+    dataset.flush()  # allocates the chunks now: the time at which Python closes the dataset would change the bytes
     dataset.attrs["units"] = spec.unit
     dataset.attrs["long_name"] = spec.meaning
     dataset.attrs["dims"] = " ".join(("frame", *spec.dims))
@@ -96,7 +94,7 @@ def open_shard(path: Path, dataset: str) -> Any:
     Raises
     ------
     DatasetError
-        If it is absent, damaged, or of another dataset.
+        If the file is absent, damaged, or of another dataset.
     """
     import h5py
 

@@ -1,7 +1,7 @@
 """Augmentation by the physics of the sensor: other draws of its noise, less energy, and turns about the boresight.
 
-A brighter or noisier image is no frame of the sensor. These are: what changes is what another flash would have changed.
-Each takes a frame as a dict of arrays and a generator, and returns the changed frame.
+The sensor would not measure an image that is only made brighter or noisier. These augmentations change only what differs
+between flashes of the sensor. Each takes a frame (a dict of arrays) and a random generator, and returns the changed frame.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ IMAGES = (
     "oversampled_range_m",
     "oversampled_photons",
 )
-_FALSE_SIGMAS, _FALSE_M = 6.0, 0.5  # farther from the truth than both, a report is noise or another cluster
-_BIN = 16  # pixels of similar light whose counts give one point of the curve
-_CERTAIN = 4.0  # standard normal deviation from which a probability says nothing of the pixel
-_CENTRED_PX = 0.01  # of the principal point, for turns
+_FALSE_SIGMAS, _FALSE_M = 6.0, 0.5  # a report farther from the truth than both is noise or another cluster; assumed
+_BIN = 16  # pixels of similar light whose counts give one point of the curve: their mean scatters by a quarter of one pixel
+_CERTAIN = 4.0  # normal deviates: a probability within 3e-5 of 0 or 1 has no information on the pixel's threshold
+_CENTRED_PX = 0.01  # tolerance of the principal point in turns: far below a pixel, far above rounding
 
 
 @dataclass(frozen=True)
 class RedrawNoise:
     """Draw the sensor's noise again for the same light.
 
-    Each pixel reports what is there with its `detection_probability`, at the true range with a normal error of
-    `range_sigma_m`. The counts are those that pixels as bright have in the frame, with a normal error whose variance is that
-    of `noise_photons`² + `excess` · photons, as photons. Reports of noise and of other clusters are kept as they are, unless
-    the pixel now reports what is there.
+    Each pixel reports its labelled cluster with its `detection_probability`, at the true range with a normal error of
+    standard deviation `range_sigma_m`. Counts are drawn in photons, with the variance `noise_photons`² + `excess` · photons,
+    and converted by the mean counts of equally bright pixels of the frame. Reports of noise and of other clusters stay,
+    unless the pixel now reports its labelled cluster.
 
-    It is assumed that pixels are independent (a jitter that all share is drawn for each), that the mean of the reports is
-    the true range, and that counts follow the two figures. Their defaults are those of the default `gsfl`, whose excess is
-    F / QE.
+    Assumptions: pixels are independent (a jitter that all pixels share is drawn for each pixel), the mean of the reports is
+    the true range, and counts have the variance above. The defaults are those of the default `gsfl`, whose `excess` is its
+    excess noise factor over its quantum efficiency.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ class RedrawNoise:
     def draw(
         self, frame: dict[str, np.ndarray], changed: dict[str, np.ndarray], rng: np.random.Generator
     ) -> dict[str, np.ndarray]:
-        """Draw a reading of other light than that of the frame, whose counts tell how they depend on light.
+        """Draw a reading of other light than that of the frame. The frame's own counts give counts over photons.
 
         Parameters
         ----------
-        frame : as it is.
-        changed : photons, probability and deviation of the other light; what is left out is the frame's.
+        frame : the unchanged frame.
+        changed : `photons`, `detection_probability` and `range_sigma_m` of the other light; those of the frame if absent.
         rng : random generator.
 
         Returns
@@ -103,12 +103,14 @@ class RedrawNoise:
 
 
 def _count_by_light(photons: np.ndarray, counts: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return the counts of light by the mean counts of pixels of similar light; in proportion to it beyond them.
+    """Return the counts (pixel) that photons give, interpolated between the mean counts of pixels of similar light.
+
+    Below the faintest and above the brightest mean, counts are proportional to photons.
 
     Parameters
     ----------
     photons, counts : (report) of the reports of a frame.
-    wanted : (pixel) photons.
+    wanted : (pixel) photons to convert.
     """
     if not len(photons):
         return np.ones(len(wanted))
@@ -130,17 +132,17 @@ def _count_by_light(photons: np.ndarray, counts: np.ndarray, wanted: np.ndarray)
 class LowerEnergy:
     """Lower the energy of the pulse by a random factor: change the labels of light, then draw the noise again.
 
-    The factor is log-uniform from `least` to 1. Photons fall by it, and the probability and the deviation of each pixel as
-    the split says that they depend on photons: by the means of its frames, in the normal deviate of the probability. Where
-    a pixel differs from the mean, such as by its threshold, it keeps the difference. Light that no frame has is taken as
-    the nearest. Its own noise is drawn by `RedrawNoise`, which it includes.
+    The factor is log-uniform from `least` to 1, and multiplies the photons. The probability and the standard deviation of
+    range follow their mean curves over photons, which `of` measures from a split; the probability as its normal deviate. A
+    pixel that differs from the mean curve, such as by its threshold, keeps the difference. Outside the curve, its end is
+    used. `RedrawNoise` then draws the noise.
 
     Parameters
     ----------
-    photons, normal, sigma_m : (level) the mean curve: photons, the standard normal deviate of the probability, and the
-        deviation [m]. `of` measures them.
+    photons, normal, sigma_m : (level) the mean curves: photons, the standard normal deviate of the probability, and the
+        standard deviation of range [m].
     least : smallest factor.
-    redraw : draws the noise.
+    redraw : augmentation that draws the noise.
     """
 
     photons: tuple[float, ...]
@@ -152,17 +154,17 @@ class LowerEnergy:
 
     @classmethod
     def of(cls, split: Split, least: float = 0.3, *, frames: int = 200, sensor: int = 0) -> LowerEnergy:
-        """Measure the curve of a split.
+        """Measure the mean curves of a split.
 
         Parameters
         ----------
-        split : of the training.
+        split : split to train on.
         least : smallest factor.
 
         Other Parameters
         ----------------
-        frames : about how many frames, spread over the split, are read.
-        sensor : number of the sensor; others have other curves.
+        frames : approximate number of frames to read, spread over the split.
+        sensor : number of the sensor whose frames are read; each sensor has its own curves.
 
         Returns
         -------
@@ -217,8 +219,8 @@ class LowerEnergy:
 class QuarterTurns:
     """Turn the frame about the boresight by a random number of quarter turns, with pose, box and direction of the Sun.
 
-    That is another roll of the lidar: exact for a square array whose boresight passes through its middle, and refused for
-    any other. The Earth's shadow and the camera's fixed pattern do not turn with it.
+    The lidar then has another roll angle. This is exact for a square array whose boresight passes through its middle; other
+    arrays are refused. The camera's fixed pattern turns with the image, which a real roll would not do.
     """
 
     needs: tuple[str, ...] = ("intrinsics_px",)
@@ -233,8 +235,8 @@ class QuarterTurns:
 class MirrorImages:
     """Mirror half of the frames from left to right, with position, box and direction of the Sun.
 
-    A mirrored craft has the other handedness. It is another craft unless it has a plane of symmetry, and its attitude is no
-    rotation. So an attitude beside it is refused: leave `quaternion_xyzw` out of the fields.
+    A mirrored craft is another craft, unless it has a plane of symmetry, and its attitude is no rotation. So
+    `quaternion_xyzw` among the fields is refused.
     """
 
     needs: tuple[str, ...] = ("intrinsics_px",)
@@ -248,11 +250,12 @@ class MirrorImages:
 
         Raises
         ------
-        DatasetError : if there is one.
+        DatasetError
+            If the fields contain one.
         """
         if "quaternion_xyzw" in fields:
             raise DatasetError(
-                "MirrorImages: a mirrored craft has no attitude, which is a rotation; leave out quaternion_xyzw, or this"
+                "MirrorImages: the attitude of a mirrored craft is no rotation; leave out quaternion_xyzw, or MirrorImages"
             )
 
     def __call__(self, frame: dict[str, np.ndarray], rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -280,7 +283,7 @@ def turn_frame(frame: dict[str, np.ndarray], turns: int) -> dict[str, np.ndarray
     for name in IMAGES:
         if name in frame:
             turned[name] = np.ascontiguousarray(np.rot90(frame[name], turns))
-    # In lidar axes x is right and y down. What was right is then up: x to -y.
+    # Lidar axes: x is right and y down. A counterclockwise quarter turn takes right to up, so +x to -y.
     turn = Rotation.from_euler("z", -90.0 * turns, degrees=True)
     matrix = np.rint(turn.as_matrix())
     for name in ("position_m", "sun_direction"):

@@ -23,7 +23,7 @@ class Augmentation(Protocol):
     needs: tuple[str, ...]
 
     def __call__(self, frame: dict[str, np.ndarray], rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """Return the changed frame; the one given may be changed too."""
+        """Return the changed frame; the given frame may be changed in place."""
         ...
 
 
@@ -40,18 +40,18 @@ class Transform(Protocol):
     makes: tuple[str, ...]
 
     def __call__(self, frame: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the changed frame; the one given may be changed too."""
+        """Return the changed frame; the given frame may be changed in place."""
         ...
 
 
 class FrameDataset:
     """Frames of a split as a map-style dataset of PyTorch, which needs no PyTorch itself.
 
-    A frame is a dict of arrays. It can be pickled; each process opens files of its own. Augmentations come first, in order,
-    then transforms.
+    A frame is a dict of arrays. The dataset can be pickled; each process opens files of its own. Augmentations are applied
+    first, in order, then transforms.
 
-    Random numbers of a frame follow from (seed, epoch, index) where the loader takes its indices from a `FrameSampler`,
-    whichever process reads the frame. A plain index says nothing of the epoch: then they are new each time.
+    With indices from a `FrameSampler`, the random numbers of a frame depend on (seed, epoch, index) only, whichever process
+    reads the frame. A plain index has no epoch: then the random numbers differ each time.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class FrameDataset:
         transforms: Sequence[Transform] = (),
         seed: int = 0,
     ) -> None:
-        """Take a split of a dataset.
+        """Make a PyTorch dataset of a split.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class FrameDataset:
         Raises
         ------
         DatasetError
-            If the split lacks an array that is needed, or an augmentation cannot hold for the fields.
+            If the split lacks an array that is needed, or an augmentation refuses one of the fields.
         """
         self.split, self.fields, self.seed = split, tuple(fields), int(seed)
         self.augmentations, self.transforms = tuple(augmentations), tuple(transforms)
@@ -109,7 +109,7 @@ class FrameDataset:
         return self.__getitems__([index])[0]
 
     def __getitems__(self, indices: Sequence[int | Visit]) -> list[dict[str, np.ndarray]]:
-        """Return some frames, which a data loader asks for by the batch."""
+        """Return a batch of frames; a data loader of PyTorch calls this method."""
         rows = [one.frame if isinstance(one, Visit) else int(one) for one in indices]
         arrays = self.split.read(rows, self._read)
         frames = [{name: values[k] for name, values in arrays.items()} for k in range(len(rows))]
@@ -122,7 +122,7 @@ class FrameDataset:
 
         Parameters
         ----------
-        frame : as it is in the shard.
+        frame : frame of the shard.
         index : its index, with the epoch if that is known.
         """
         if self.augmentations:

@@ -1,4 +1,4 @@
-"""The order in which frames are visited: whole shuffles, and shuffles within a few shards at a time."""
+"""The order in which training visits frames: shuffled over all frames, or within a few shards at a time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Visit(NamedTuple):
 class FrameSampler:
     """The order of visits of a split, new in each epoch, as the `sampler` of a data loader of PyTorch.
 
-    It counts its own epochs: each iteration is one. `set_epoch` starts from another one, such as after a restart.
+    Each iteration is one epoch, counted from 0. `set_epoch` continues from another epoch, such as after a restart.
     """
 
     def __init__(
@@ -37,8 +37,8 @@ class FrameSampler:
         Parameters
         ----------
         split : whose frames are visited.
-        shuffle : ``"frames"`` is a random order of all. ``"shards"`` takes shards in a random order, and frames in a random
-            order among those of a few shards, for disks on which random reads are slow. ``"none"`` keeps the order.
+        shuffle : ``"frames"`` shuffles all frames. ``"shards"`` shuffles the shards, and the frames within each group of
+            a few shards, for disks on which random reads are slow. ``"none"`` keeps the order.
 
         Other Parameters
         ----------------

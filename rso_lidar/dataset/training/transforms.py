@@ -14,17 +14,18 @@ from rso_lidar.dataset.reading.random_access import Dataset
 class CropReturns:
     """Crop a frame about its returns and resample it to a square image of three channels, `image` (3, size, size).
 
-    The channels are the range about its median, over `range_scale_m`; the logarithm of 1 + counts; and 1 where a cell has
-    a return. Cells without one are 0 in all. Absolute range and place are left out, so that a network cannot take them for
-    the class. A coarse cell holds the means of its returns. A fine one repeats the pixel that its centre is in. Returns
-    farther than `depth_m` from the median range, such as false alarms, are left out.
+    The channels are the range minus its median, divided by `range_scale_m`; the natural logarithm of 1 + counts; and 1
+    where a cell has a return. Cells without a return are 0 in all channels. Absolute range and place are left out, so
+    that a network cannot learn the class from them. A cell larger than a pixel holds the means of its returns. A
+    smaller cell repeats the pixel at its centre. Returns farther than `depth_m` from the median range, such as false
+    alarms, are left out.
 
     Parameters
     ----------
     size : rows and columns of the image.
-    depth_m : to each side of the median range [m].
-    range_scale_m : range of one unit [m].
-    margin_pixels : about the returns.
+    depth_m : greatest distance of a return from the median range [m].
+    range_scale_m : range that is 1 in the first channel [m].
+    margin_pixels : empty rows and columns around the returns.
     """
 
     size: int = 64
@@ -65,16 +66,16 @@ class CropReturns:
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """Turn the returns of a frame into `points` in lidar axes, `cloud_m` (point, xyz) about their mean, `center_m`.
+    """Convert the returns of a frame to points in lidar axes: `cloud_m` (point, xyz) minus their mean, `center_m` (xyz) [m].
 
-    Of more returns evenly many are left out in the order of the pixels. Fewer are repeated. A frame without returns has
-    zeros. `returns` is the number of returns.
+    If there are more returns than `points`, evenly spaced returns in pixel order are taken. If there are fewer, they are
+    repeated. A frame without returns has zeros. `returns` is the number of returns near the median range.
 
     Parameters
     ----------
     lines_of_sight : (sensor) each (row, col, xyz), by `sensor_id`.
     points : number of points.
-    depth_m : to each side of the median range [m]; returns beyond, such as false alarms, are left out.
+    depth_m : greatest distance of a return from the median range [m]; others, such as false alarms, are left out.
     """
 
     lines_of_sight: Sequence[np.ndarray]
@@ -118,7 +119,7 @@ def find_returns(range_m: np.ndarray, depth_m: float) -> tuple[np.ndarray, np.nd
     Parameters
     ----------
     range_m : (row, col) [m], NaN where nothing was reported.
-    depth_m : to each side of the median [m].
+    depth_m : greatest distance from the median [m].
 
     Returns
     -------

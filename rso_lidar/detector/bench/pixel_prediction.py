@@ -1,18 +1,20 @@
-"""Prediction of every pixel of one flash: the probability that it reports what is there, and the scatter of that range.
+"""Prediction of every pixel of one flash: the probability that it reports its labelled cluster, and the scatter of range.
 
-What is there is the labelled cluster of a pixel: its brightest, or the one at a given range. A report counts if it lies
-within 5 m of that cluster and nearer to it than to any other cluster of the pixel.
+The labelled cluster of a pixel is its brightest cluster of returns, or the cluster at a given range. A report counts if it
+lies within 5 m of that cluster and nearer to it than to any other cluster of the pixel. Scatter is the standard deviation of
+the ranges of the reports that count.
 
-Three ways lead to the numbers, of which each flash takes the first that holds for it:
+A flash is predicted by the first method that applies to its detector:
 
-- Curves: the empirical detector states both.
-- Closed form and trials: the probability by `report_probability`, and the scatter from a table that the chain itself fills
-  once. The table is made of trials of separate pixels, by photons, depth and sunlight. Its standard error is 3 %.
-- Repetition: the flash is detected again and again with other noise. This holds for any detector and setting. The standard
+- Curves: the empirical detector states both numbers.
+- Closed form and table: `report_probability` gives the probability, and a table the scatter. The chain fills the table once
+  by trials of separate pixels, over photons, depth and sunlight. Its standard error is 3 %. Pixels to which the two do not
+  apply are simulated in repeated trials.
+- Repetition: the flash is detected many times with other noise. This applies to any detector and setting. The standard
   error of a probability from n repetitions is at most 0.5 / √n.
 
-The prediction is that for the light given. The laser's jitter from pulse to pulse is drawn before, so it is not included.
-A jitter that all pixels of a frame share is included in the scatter of each.
+The prediction is for the given light. The laser's jitter from pulse to pulse is in that light already, so it is not
+included. Jitter that all pixels of a frame share is included in the scatter of each pixel.
 """
 
 from __future__ import annotations
@@ -39,14 +41,14 @@ from rso_lidar.ties import EQUAL
 
 _NEAR_M = 5.0  # a report farther from a cluster is a false trigger, as in `trial.run_trial`
 _SEED = 91  # random seed of repetitions and trials
-_POOLED = 8.0  # degrees of freedom with which a pixel's own scatter is drawn toward that of pixels as bright
-_NEIGHBOURS = 12  # to each side by brightness, over which scatter is pooled
+_POOLED = 8.0  # degrees of freedom of the scatter of equally bright pixels in a pixel's scatter; its own has up to 31
+_NEIGHBOURS = 12  # pixels to each side in order of brightness, over which scatter is pooled
 
 # Pixels to which the table and the closed form do not apply.
 _LEAST_BESIDE = 0.25  # of the threshold's photons: less light in another cluster changes little
-_LEAST_BEHIND = 0.5  # of the labelled light: less light behind it does not draw the algorithm away
+_LEAST_BEHIND = 0.5  # of the labelled light: with less light behind it, the labelled pulse stays the higher one
 _FAINTEST = 0.3  # of the threshold's photons: less light is hardly ever reported
-_DEEP = 1.5  # pulse lengths
+_DEEP = 1.5  # pulse lengths: the error of the table is up to 15 % for deeper light
 
 
 def predict_pixels(
@@ -57,28 +59,29 @@ def predict_pixels(
     draws: int = 32,
     threads: int | None = 1,
 ) -> PixelPrediction:
-    """Predict for each pixel of a flash how often it reports what is there, and how precisely.
+    """Predict for each pixel of a flash how often it reports its labelled cluster, and how precisely.
 
     Parameters
     ----------
     photons : light on every pixel.
     detector : a part, or an object that follows the protocol `Detector`.
-    true_range_m : (row, col) range of what is there [m], NaN in pixels where nothing is, as in `Labels` (None: the brightest
-        cluster of each pixel).
+    true_range_m : (row, col) range of the labelled cluster [m], NaN for sky, as in `Labels` (None: the brightest cluster of
+        each pixel).
 
     Other Parameters
     ----------------
-    draws : number of repetitions of the flash where nothing else holds.
-    threads : number of threads for repetitions (None: one for each core). The result is the same to the bit.
+    draws : number of repetitions and trials, where curves, closed form and table do not apply.
+    threads : number of threads for repetitions (None: one for each core). It does not change the result.
 
     Returns
     -------
     PixelPrediction
-        Probability and scatter, 0 and NaN in pixels without light.
+        Probability and scatter [m], 0 and NaN in pixels without light.
 
     Raises
     ------
-    ScenarioError : if `draws` is below 2.
+    ScenarioError
+        If `draws` is below 2.
     """
     if draws < 2:
         raise ScenarioError(f"predict_pixels: draws: {draws} repetitions have no scatter; take at least 2")
@@ -94,8 +97,8 @@ def predict_pixels(
 class _Clusters:
     """The labelled cluster of each lit pixel; arrays (lit).
 
-    `mean_m` is its mean range as the sensor meets it, the delay of the pulse included; `near_m` and `far_m` bound the
-    reports that count. `depth_s` is the length of an even distribution with the variance of its light in delay.
+    `mean_m` is the mean range that the sensor measures, the laser's delay included. `near_m` and `far_m` are the bounds of
+    reports that count. `depth_s` is the length of a uniform distribution with the variance of the light in delay.
     """
 
     pixel: np.ndarray
@@ -116,7 +119,7 @@ def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Cluste
     Parameters
     ----------
     photons : light on every pixel.
-    true_range_m : (row, col) range of what is there [m], or None.
+    true_range_m : (row, col) range of the labelled cluster [m], or None for the brightest cluster.
     """
     n_clusters, pixel = len(photons.cluster_pixel), photons.cluster_pixel
     light = np.bincount(photons.cluster, photons.photons, n_clusters)
@@ -130,7 +133,7 @@ def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Cluste
     np.maximum.at(far_s, photons.cluster, photons.delay_s)
     near_m, far_m = ((delay_s + photons.late_s) * units.RANGE_PER_DELAY_M_S for delay_s in (near_s, far_s))
     mean_m = (mean_s + photons.late_s) * units.RANGE_PER_DELAY_M_S
-    same = np.zeros(n_clusters, bool)  # as the pixel of the cluster before
+    same = np.zeros(n_clusters, bool)  # whether the cluster before is of the same pixel
     same[1:] = pixel[1:] == pixel[:-1]
     between_m = np.full(n_clusters + 1, np.nan)
     between_m[1:-1] = 0.5 * (far_m[:-1] + near_m[1:])
@@ -138,7 +141,7 @@ def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Cluste
     from_m = np.where(same, np.maximum(near_m - _NEAR_M, between_m[:-1]), near_m - _NEAR_M)
     to_m = np.where(after, np.minimum(far_m + _NEAR_M, between_m[1:]), far_m + _NEAR_M)
 
-    # The brightest of each pixel or the one at the given range; the nearest of equal ones.
+    # The brightest cluster of each pixel, or the cluster at the given range; among equal ranks the nearest cluster.
     rank = -light
     if true_range_m is not None:
         true_m = np.asarray(true_range_m, dtype=float).ravel()[pixel] + photons.late_s * units.RANGE_PER_DELAY_M_S
@@ -157,7 +160,7 @@ def _find_clusters(photons: Photons, true_range_m: np.ndarray | None) -> _Cluste
 def _predict(
     photons: Photons, detector: AnyDetector, there: _Clusters, draws: int, threads: int | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict in the first way that holds for the detector.
+    """Predict by the first method that applies to the detector.
 
     Parameters
     ----------
@@ -188,14 +191,14 @@ def _predict(
 def _predict_by_table(
     photons: Photons, gsfl: Gsfl, there: _Clusters, probability: np.ndarray, draws: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Complete the closed form by the table of scatter, and by trials of the pixels for which neither holds.
+    """Add scatter from the table to the closed form, and replace both by trials in pixels to which they do not apply.
 
     Parameters
     ----------
     photons, gsfl : the light, and the detector.
     there : the labelled clusters.
-    probability : (lit) that the closed form gives.
-    draws : trials of one pixel.
+    probability : (lit) probability by the closed form.
+    draws : number of trials of each pixel.
 
     Returns
     -------
@@ -216,10 +219,10 @@ def _predict_by_table(
 
 
 def _find_special(photons: Photons, gsfl: Gsfl, there: _Clusters) -> np.ndarray:
-    """Find pixels (lit) whose light is deep, or in several clusters of which the stored samples hold more than one.
+    """Find pixels (lit) whose light is deep, or whose stored samples hold several clusters.
 
-    Such clusters add up to one crossing of the threshold, and the algorithm takes the higher pulse of what is stored. So the
-    first one that triggers is not always the one that is reported.
+    Several clusters can cross the threshold together, and the algorithm reports the higher pulse of the stored samples. So
+    the cluster that triggers is not always the cluster that is reported.
 
     Parameters
     ----------
@@ -247,13 +250,13 @@ def _find_special(photons: Photons, gsfl: Gsfl, there: _Clusters) -> np.ndarray:
 
 
 def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> tuple[np.ndarray, np.ndarray]:
-    """Predict by trials of some pixels, which do not affect each other. Each keeps what is fixed in the camera.
+    """Predict by trials of some pixels, which do not affect each other. Each keeps its fixed pattern.
 
     Parameters
     ----------
     photons, gsfl : the light, and the detector.
     there : the labelled clusters of the pixels.
-    draws : trials of one pixel.
+    draws : number of trials of each pixel.
 
     Returns
     -------
@@ -291,7 +294,7 @@ def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> t
 def _predict_by_repetition(
     photons: Photons, detector: AnyDetector, there: _Clusters, draws: int, threads: int | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict by detecting the flash again and again with other noise.
+    """Predict by detecting the flash many times with other noise.
 
     Parameters
     ----------
@@ -307,14 +310,14 @@ def _predict_by_repetition(
 def _summarise(reported_m: np.ndarray, there: _Clusters, fwhm_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Return share and scatter of the reports that count.
 
-    A pixel with few such reports says little about its scatter. The variance of pixels that are about as bright is added to
-    its own with eight degrees of freedom.
+    The scatter of a few reports is uncertain. So the pooled variance of about equally bright pixels is added to the variance
+    of each pixel, with eight degrees of freedom.
 
     Parameters
     ----------
     reported_m : (draw, lit) reported ranges [m], NaN where none.
     there : the labelled clusters.
-    fwhm_s : length of the pulse [s], which gives the scatter where no pixel reports twice.
+    fwhm_s : length of the pulse [s]. If no pixel reports twice, the scatter is that of a uniform distribution over it.
 
     Returns
     -------

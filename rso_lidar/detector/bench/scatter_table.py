@@ -20,27 +20,27 @@ _LEVELS = np.array(
     [0.5, 0.65, 0.8, 0.95, 1.1, 1.3, 1.6, 2.0, 2.8, 4.0, 6.5, 12.0, 25.0, 60.0, 120.0, 180.0, 350.0, 1000.0, 3000.0]
 )
 _DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0])
-_PLATE_M, _ARMED_M = 1000.0, 200.0  # range of the returns, and greatest length of the armed window about it
-_TRIALS = 600  # of each level and depth
-_FEWEST_TRIALS = 150  # where many pulses are averaged
-_GATE_UNIT = 0.4  # of the trigger's threshold: a gate searches samples that are known to hold the pulse
-_FAINT_TRIALS = 4  # times as many below the threshold, where few returns are detected
-_FEWEST_REPORTS = 30  # from which a scatter is taken
-_CERTAIN = 1.5  # level from which nearly all returns are reported, so that detection does not select among them
-_OUTLIER = 5.0  # times the scatter by the quartiles: farther off is a false trigger close to the return
+_PLATE_M, _ARMED_M = 1000.0, 200.0  # range of the returns, and greatest length of the armed window around it
+_TRIALS = 600  # of each level and depth: a standard error of 3 %, 1 / sqrt(2 n)
+_FEWEST_TRIALS = 150  # where many pulses are averaged: 6 %
+_GATE_UNIT = 0.4  # of the trigger's threshold: inside a gate, the algorithm needs no trigger to find the pulse
+_FAINT_TRIALS = 4  # factor on the trials below the threshold, where few returns are detected
+_FEWEST_REPORTS = 30  # from which a scatter is estimated: a standard error of 13 %
+_CERTAIN = 1.5  # level above which nearly all returns are reported, so that detection does not bias the scatter
+_OUTLIER = 5.0  # times the scatter by the quartiles: an error beyond is a false trigger close to the return
 
 
 def read_scatter_m(
     gsfl: Gsfl, photons: Photons, sunlight_per_s: float, light: np.ndarray, depth_s: np.ndarray
 ) -> np.ndarray:
-    """Return the scatter of range (lit) [m] by the table of trials, linear in its logarithm.
+    """Interpolate the scatter of range (lit) [m] in the table of trials, linearly in the logarithms of scatter and photons.
 
     Parameters
     ----------
     gsfl : the detector.
-    photons : with the shape of the pulse.
+    photons : record whose shape of the pulse is used.
     sunlight_per_s : sunlight on the pixels [photons/s].
-    light, depth_s : (lit) photons, and depth in delay [s].
+    light, depth_s : (lit) photons of each pixel, and depth of the light in delay [s].
     """
     armed_m = min(gsfl.armed_to_m - gsfl.armed_from_m, _ARMED_M)
     window = {"armed_from_m": _PLATE_M - 0.5 * armed_m, "armed_to_m": _PLATE_M + 0.5 * armed_m}
@@ -63,7 +63,7 @@ def read_scatter_m(
 
 
 def threshold_of_returns(gsfl: Gsfl) -> float:
-    """Return the photons of a return that about half of all flashes detect: level 1 of the table."""
+    """Return the photons of a return that is detected in about half of all flashes: level 1 of the table."""
     return gsfl.threshold_photons * (1.0 if gsfl.gate is None else _GATE_UNIT / math.sqrt(gsfl.gate.pulses))
 
 
@@ -71,12 +71,12 @@ def threshold_of_returns(gsfl: Gsfl) -> float:
 def _try_levels(
     gsfl: Gsfl, step_s: float, power_per_s: bytes, fwhm_s: float, sunlight_per_s: float, depth: float
 ) -> np.ndarray:
-    """Return the scatter of range (level) [m] of reported returns of one depth, by trials.
+    """Measure the scatter of range (level) [m] of reported returns of one depth by trials.
 
     Parameters
     ----------
     gsfl : the detector, whose pixels do not affect each other.
-    step_s, power_per_s, fwhm_s : taps of the pulse, the second as bytes, and its length [s].
+    step_s, power_per_s, fwhm_s : step of the pulse's samples [s], the samples [1/s] as bytes, and its length [s].
     sunlight_per_s : sunlight on the pixels [photons/s].
     depth : of the light, in pulse lengths.
     """
@@ -102,24 +102,24 @@ def _try_levels(
     usual = (_LEVELS >= _CERTAIN) & (_LEVELS * threshold_of_returns(gsfl) < gsfl.saturation_photons) & (count > 0)
     scatter_m[usual] = _smooth(scatter_m[usual], _LEVELS[usual], count[usual])
     known = np.flatnonzero(np.isfinite(scatter_m))
-    if not len(known):  # nothing so deep is ever reported: a report would come from anywhere in the light
+    if not len(known):  # light of this depth is never reported: assume a report from anywhere in it
         return np.full(len(_LEVELS), max(depth, 1.0) * fwhm_s * units.RANGE_PER_DELAY_M_S / math.sqrt(12.0))
     filled: np.ndarray = scatter_m[known[np.clip(np.searchsorted(known, np.arange(len(_LEVELS))), 0, len(known) - 1)]]
     return filled
 
 
 def _smooth(scatter_m: np.ndarray, level: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Fit jitter, shot noise and constant noise, σ² = a + b/n + c/n², to scatter where they explain it.
+    """Smooth scatter by a fit of jitter, shot noise and constant noise, σ² = a + b/n + c/n².
 
     Parameters
     ----------
     scatter_m : (level) [m].
-    level : (level) n, in any unit.
-    count : (level) reports from which each comes.
+    level : (level) photons n, in any unit.
+    count : (level) number of reports of each scatter.
 
     Returns
     -------
-    (level) the law, or the scatter as given if it does not follow the law within its errors.
+    (level) the fit [m], or the given scatter if its chi-square per degree of freedom is above 2.
     """
     from scipy.optimize import nnls
 

@@ -1,4 +1,4 @@
-"""Images of one frame of a dataset as a figure: what was measured, and what the labels say."""
+"""Images of one frame of a dataset as a figure: the reading, and the labels."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], 
 
     Parameters
     ----------
-    images : arrays (row, col) by name: of the reading, and labels; ``part_class_id`` is among them, -1 for sky.
+    images : arrays (row, col) of the reading and labels by name, with ``part_class_id``, -1 for sky.
     part_classes : names of the part classes.
     title, note : heading of the figure.
 
@@ -73,9 +73,10 @@ def _extent(window: Window) -> tuple[float, float, float, float]:
 
 
 def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarray, window: Window) -> None:
-    """Draw an image of numbers with its colour bar; what is zero or absent is dark.
+    """Draw an image of numbers with its colour bar; zero and absent values are dark.
 
-    Colours span the pixels of targets, so that a false return far behind them does not take the whole scale.
+    Colours span the 2nd to the 98th percentile of the pixels on targets, so that a false alarm far behind them does not
+    stretch the scale. Those of a probability span 0 to 1.
 
     Parameters
     ----------

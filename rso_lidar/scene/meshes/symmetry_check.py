@@ -1,4 +1,4 @@
-"""How far a mesh is from a symmetry: distances between its surface and the same surface after a rotation."""
+"""Deviation of a mesh from a symmetry: distances between its surface and the same surface after a rotation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rso_lidar.scene.meshes.mesh import Mesh
 
 PRECISION_M = 0.05  # of one range of the sensor of Fuller et al., sec. 5
 _SIZE_FRACTION = 0.01  # of the longest side: the limit for craft that are small against the precision
-_SAMPLES, _NEIGHBOURS = 60_000, 12
+_SAMPLES, _NEIGHBOURS = 60_000, 12  # points on the surface, and nearest points whose facets are compared
 _QUERIES, _POOLED = 6_000, 36_000  # points for each rotation, and for all rotations of a continuous group together
 _STEPS_DEG = (
     40.1  # between the angles at which a body of revolution is compared: none is a multiple of a simple fraction
@@ -22,10 +22,9 @@ _SEED = 17
 
 @dataclass(frozen=True)
 class SymmetryDeviation:
-    """Distances of a surface from itself, after the rotation of a group that changes it most.
+    """Distances between a surface and itself after the rotation of a group that changes it most.
 
-    About an axis of revolution, the distances after rotations by many angles are pooled, because a lidar would have to tell
-    each angle from its neighbours.
+    For a body of revolution, the distances after rotations by many angles are pooled.
 
     Attributes
     ----------
@@ -40,20 +39,20 @@ class SymmetryDeviation:
 
     @property
     def is_symmetric(self) -> bool:
-        """Whether a lidar cannot tell the rotations apart.
+        """Whether a lidar cannot distinguish the rotations.
 
-        The limit is the precision of one range, 5 cm, or 1 % of the longest side if that is less. 90 % of the area have to
-        agree within it, and 99 % within four times as much. Of the hundred pixels at which craft become recognisable
-        (Fuller et al., sec. 5), about one then differs by more than 4 sigma.
+        The limit is the precision of one range, 5 cm, or 1 % of the longest side if that is less. 90 % of the area must
+        agree within it, and 99 % within four times as much. Craft become recognisable at about a hundred pixels (Fuller et
+        al., sec. 5), of which about one then differs by more than 4 sigma.
         """
         return self.most_m <= self.limit_m and self.nearly_all_m <= 4.0 * self.limit_m
 
 
 def measure_symmetry(mesh: Mesh, symmetry: Symmetry) -> SymmetryDeviation:
-    """Measure how far a mesh is from a symmetry.
+    """Measure the deviation of a mesh from a symmetry.
 
-    Points are drawn evenly over the surface. Their distance from the surface after each rotation of the group is exact for
-    the facets of the nearest points. Materials are not compared. The random seed is fixed.
+    Points are drawn uniformly over the surface, and rotated. The distance of a rotated point from the surface is the least
+    exact distance from the facets of its 12 nearest points. Materials are not compared. The random seed is fixed.
 
     Parameters
     ----------
@@ -90,7 +89,7 @@ def measure_symmetry(mesh: Mesh, symmetry: Symmetry) -> SymmetryDeviation:
 
 
 def _draw_points(corners: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Draw points evenly over a surface, in random order; return them (point, xyz) with the facet of each (point).
+    """Draw points uniformly over a surface, in random order; return them (point, xyz) and the facet of each (point).
 
     Parameters
     ----------

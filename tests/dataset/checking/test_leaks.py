@@ -1,4 +1,4 @@
-"""Leaks: found where a class has other ranges, and not where chance alone tells classes apart."""
+"""Leaks: found if the ranges of a class differ, and not if classes differ by chance only."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Statistics of labels: what they compare is independent."""
+"""Statistics of labels compare independent samples."""
 
 import numpy as np
 

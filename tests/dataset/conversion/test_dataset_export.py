@@ -1,4 +1,4 @@
-"""Exports: complete or absent, an older one replaced, and every bad request refused in a line."""
+"""Exports: complete or absent, replacement of an older export, and bad requests refused in one line."""
 
 import errno
 import io

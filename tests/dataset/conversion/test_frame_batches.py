@@ -32,9 +32,9 @@ def test_a_description_is_json_with_names(data):
     relay, cube, _, nothing = list(read_frames(data, "train", []))[:4]
     assert relay.words == {"split": "train", "class": "relay", "model": "tdrs", "sensor": "sensor"}
     assert cube.words["model"] == "cubesat_6u"
-    told = json.loads(json.dumps(nothing.description, allow_nan=False))
-    assert told["class"] is None and told["class_id"] == -1 and told["range_to_target_m"] is None
-    assert told["position_m"] == [None, None, None] and told["seed"] == 2**53 + 3
+    description = json.loads(json.dumps(nothing.description, allow_nan=False))
+    assert description["class"] is None and description["class_id"] == -1 and description["range_to_target_m"] is None
+    assert description["position_m"] == [None, None, None] and description["seed"] == 2**53 + 3
 
 
 def test_batches_are_small_and_end_with_the_shard(data):

@@ -19,12 +19,16 @@ def test_files_of_a_frame_stand_together(data, tmp_path):
     with tarfile.open(tmp_path / "train-000000.tar") as archive:
         names = archive.getnames()
         range_m = np.load(io.BytesIO(archive.extractfile("00000000-0000-01.range_m.npy").read()))
-        told = json.loads(archive.extractfile("00000000-0000-01.json").read())
+        description = json.loads(archive.extractfile("00000000-0000-01.json").read())
         assert archive.extractfile("00000000-0000-01.cls").read() == b"1"
     assert names[:4] == [f"00000000-0000-00.{suffix}" for suffix in ("range_m.npy", "target.npy", "json", "cls")]
     assert len(names) == 6 * 4
     np.testing.assert_array_equal(range_m, data.split("train")[1]["range_m"])
-    assert told["class"] == "cube" and told["split"] == "train" and told["variable.lidar.laser.energy_mj"] == 21.0
+    assert (
+        description["class"] == "cube"
+        and description["split"] == "train"
+        and description["variable.lidar.laser.energy_mj"] == 21.0
+    )
 
 
 def test_archives_are_divided_and_have_no_dates(data, tmp_path, monkeypatch):

@@ -97,9 +97,9 @@ def test_models_by_taxonomy(tmp_path):
         (
             'models = ["plate"], samples = 6',
             'samples = 6, set = ["target=[]"]',
-            "takes away the one that classes replace",
+            "removes the target that classes replace",
         ),
-        ('models = ["plate"], samples = 6', 'samples = 6, set = ["target=[3]"]', "no list of tables"),
+        ('models = ["plate"], samples = 6', 'samples = 6, set = ["target=[3]"]', "replaces the list of targets"),
         ('models = ["plate"], samples = 6', 'samples = 6, set = ["lidar.receiver.n_cols=8"]', "has 16 x 8 pixels"),
         ("lidar.laser.energy_mj", "target.body.motion.position_m.0", "no entry 'body'|is overwritten"),
         (

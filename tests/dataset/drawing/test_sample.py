@@ -1,4 +1,4 @@
-"""Samples: where a view places a target, what is drawn, and what an empty one leaves out."""
+"""Samples: where a view places a target, which values are drawn, and what an empty sample leaves out."""
 
 import math
 
@@ -82,7 +82,9 @@ def test_low_discrepancy_points(tmp_path):
     ranges = np.log([draw_sample(plan, index).values["view.range_m"] for index in range(64)])
     share = (ranges - np.log(50)) / np.log(8)
     counts = np.histogram(share, 8, (0, 1))[0]
-    assert counts.min() >= 6 and counts.max() <= 10  # 8 each; random numbers miss that in nine cases of ten
+    assert (
+        counts.min() >= 6 and counts.max() <= 10
+    )  # 8 on average; pseudo-random numbers fail this in nine cases of ten
 
 
 def test_settings_of_a_class_reach_the_model_that_it_chooses(tmp_path):

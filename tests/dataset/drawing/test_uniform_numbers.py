@@ -1,4 +1,4 @@
-"""Even numbers by address: the kernel against NumPy, and independence of what else is drawn."""
+"""Uniform numbers by address: the kernel against NumPy, and independence of other draws."""
 
 import numpy as np
 from scipy import stats

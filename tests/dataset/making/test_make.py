@@ -1,4 +1,4 @@
-"""Datasets made: the same bytes by any number of processes and in any parts, and whole after an interruption."""
+"""Making of datasets: the same bytes with any number of processes and in any parts, and completed after interruption."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""The card: a head that YAML reads, and the facts of the dataset in its prose."""
+"""The card: a head that YAML reads, and the facts of the dataset in its text."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a dataset holds, counted."""
+"""Counts of frames by class, split and reporting pixels."""
 
 import numpy as np
 

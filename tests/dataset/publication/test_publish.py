@@ -1,4 +1,4 @@
-"""A dataset made public in one call, and refused where it cannot be."""
+"""Publication of a dataset in one call, and the folders that it refuses."""
 
 import io
 import json
@@ -29,12 +29,12 @@ def test_a_folder_gets_card_description_table_and_pictures(folder):
 
 
 @pytest.fixture
-def undrawn(monkeypatch):
+def without_pictures(monkeypatch):
     """Leave the pictures out, which take seconds."""
     monkeypatch.setattr(publish_module, "_draw_pictures", lambda data: [])
 
 
-def test_what_was_stated_once_stays(folder, undrawn):
+def test_what_was_stated_once_stays(folder, without_pictures):
     publish(folder, licence="CC-BY-4.0", creators=("A. Person",))
     publish(folder, url="https://example.org/a")
     found = json.loads((folder / "croissant.json").read_text(encoding="utf-8"))
@@ -42,7 +42,7 @@ def test_what_was_stated_once_stays(folder, undrawn):
     assert found["url"] == "https://example.org/a"
 
 
-def test_without_a_licence_or_pyarrow_a_line_says_so(folder, monkeypatch, undrawn):
+def test_without_a_licence_or_pyarrow_a_line_says_so(folder, monkeypatch, without_pictures):
     (folder / INDEX).write_bytes(b"of an earlier run")
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     lines = publish(folder)

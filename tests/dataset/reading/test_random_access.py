@@ -1,4 +1,4 @@
-"""Datasets read: any order, other processes, and what a damaged folder says."""
+"""Reading of datasets: in any order, by other processes, and from damaged folders."""
 
 import json
 import pickle

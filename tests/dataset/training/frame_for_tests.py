@@ -17,9 +17,9 @@ def make_frame(seed=0, radius=9.0, light=1500.0, noisy=True):
     true_m = np.where(lit, 500.0 + 0.1 * (row - 14) + 0.02 * col, np.nan)
     probability = np.where(lit, 1.0 / (1.0 + np.exp(-(photons - 800.0) / 150.0)), 0.0)
     sigma_m = np.where(lit, 0.05 + 60.0 / np.maximum(photons, 1.0), np.nan)
-    told = lit & (rng.random((N, N)) < probability)
-    range_m = np.where(told, true_m + (sigma_m * rng.standard_normal((N, N)) if noisy else 0.0), np.nan)
-    counts = np.where(told, np.maximum(np.rint(COUNTS_PER_PHOTON * photons), 1), 0)
+    reports = lit & (rng.random((N, N)) < probability)
+    range_m = np.where(reports, true_m + (sigma_m * rng.standard_normal((N, N)) if noisy else 0.0), np.nan)
+    counts = np.where(reports, np.maximum(np.rint(COUNTS_PER_PHOTON * photons), 1), 0)
     range_m[2, 3], counts[2, 3] = 321.0, 17
     range_m[14, 18], counts[14, 18] = 222.0, 19
     point = np.array([2.0, -1.5, 500.0])

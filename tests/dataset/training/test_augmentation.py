@@ -1,4 +1,4 @@
-"""Augmentation against the statistics that the labels state, and against projection by the turned pose."""
+"""Augmentation against the statistics in the labels, and against projection by the rotated pose."""
 
 import numpy as np
 import pytest

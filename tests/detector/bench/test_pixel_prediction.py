@@ -1,4 +1,4 @@
-"""The prediction of every pixel against the chain: one light, detected again and again with other noise."""
+"""The prediction of every pixel against the chain, which detects one light many times with other noise."""
 
 import dataclasses
 
