@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / "examples" / "tdrs_approach.toml"
-HEAVY = ("step", "view")  # extras of 0.1 and 0.5 GB, which --heavy installs too
+HEAVY = ("learn", "step", "view")  # extras of 3, 0.1 and 0.5 GB, which --heavy installs too
 
 FORMATS = "from rso_lidar.export.registry import FORMATS; print(*(made.suffixes[0] for made in FORMATS.values()))"
 
@@ -69,7 +69,7 @@ def reach_index(*pip: object) -> None:
 def main() -> None:
     """Install the lower bounds, and use the package with them."""
     parser = argparse.ArgumentParser(description="Install the declared lower bounds and fly the example with them.")
-    parser.add_argument("--heavy", action="store_true", help=f"with the extras {' and '.join(HEAVY)}, 0.6 GB more")
+    parser.add_argument("--heavy", action="store_true", help=f"with the extras {' and '.join(HEAVY)}, 4 GB more")
     left_out = () if parser.parse_args().heavy else HEAVY
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = [

@@ -21,7 +21,7 @@ def export(
     ] = None,
     arrays: Annotated[
         str | None,
-        typer.Option("--arrays", metavar="A,B", help="Images to write, such as range_m,photons; or all of them: all."),
+        typer.Option("--arrays", metavar="A,B", help="Images to write, such as range_m,photons; 'all' writes all."),
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:

@@ -29,7 +29,7 @@ def add(
     ] = None,
     part_class: Annotated[
         list[str] | None,
-        typer.Option("--part-class", metavar="PART=CLASS", help="Common class of one part; again for more."),
+        typer.Option("--part-class", metavar="PART=CLASS", help="Common class of one part; may be repeated."),
     ] = None,
     center_of_mass: Annotated[
         str | None, typer.Option("--center-of-mass", metavar="X,Y,Z", help="In metres, in the mesh's axes.")
@@ -120,7 +120,7 @@ def _parse_pairs(option: str, value: str, example: str, texts: list[str]) -> dic
 
     Parameters
     ----------
-    option, value, example : name of the option, what stands behind the equals sign, and a valid pair, for messages.
+    option, value, example : name of the option, placeholder of its value, and a valid pair, for messages.
     texts : as given.
     """
     pairs = {}

@@ -88,7 +88,8 @@ class Reading(Record):
 class PixelPrediction(Record):
     """Expected reports of each pixel for the light of one flash, over many draws of the sensor's noise.
 
-    What is there is the cluster that `Labels` describe. Without light the probability is 0 and the deviation NaN.
+    A report counts if it is of the cluster that `Labels` describe. In a pixel without light the probability is 0 and the
+    standard deviation NaN.
     """
 
     detection_probability: np.ndarray = array(

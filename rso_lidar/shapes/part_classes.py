@@ -1,4 +1,4 @@
-"""Common part class of every part that the builders make, by the part's name, which means the same in all models."""
+"""Common part class of every part that the builders make, by the part's name; a name has one class in all models."""
 
 from __future__ import annotations
 

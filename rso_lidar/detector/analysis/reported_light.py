@@ -1,4 +1,4 @@
-"""Which reports of a detector are of given light, and not false alarms: those with a range near that of the light."""
+"""Reports of given light: a report near the range of the light counts, any other is a false alarm."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _NEAR_M = 5.0  # a report farther from the light of its pixel is a false alarm; 
 
 
 def mark_reports(reading: Reading, photons: Photons, mine: np.ndarray) -> np.ndarray:
-    """Mark the pixels (pixel) that report some returns: lit by them, with a range near theirs.
+    """Mark the pixels (pixel) that report the given returns: pixels that they light and whose range is near theirs.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def mark_reports(reading: Reading, photons: Photons, mine: np.ndarray) -> np.nda
 
 
 def bound_reports(photons: Photons, mine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and greatest range (pixel) [m] that counts as a report of some returns; none where least > greatest.
+    """Return the least and greatest range (pixel) [m] of a report of the given returns; least > greatest without any.
 
     Parameters
     ----------

@@ -63,8 +63,8 @@ class Target(Body):
     part_classes: dict[Text, PartClass] = Field(
         default_factory=dict,
         description=(
-            "Common part classes of named parts, such as `solar_array`; they override the catalogue's. Parts of another "
-            "mesh are `other`."
+            "Common part classes of named parts, such as `solar_array`; they override the catalogue's. By default, parts "
+            "of a mesh named by its path are `other`."
         ),
     )
     color_materials: dict[Colour, AnyMaterial] = Field(
@@ -98,8 +98,8 @@ class Target(Body):
     symmetry: Symmetry | None = Field(
         default=None,
         description=(
-            "Rotations after which a lidar cannot tell the target from before, in mesh axes after scaling. If omitted, the "
-            "catalogue's where no hinge is turned, or none. It changes labels only."
+            "Rotations after which the target looks the same to a lidar, in mesh axes after scaling. If omitted, that of the "
+            "catalogue if all hinges are at zero, or none. It changes labels only."
         ),
     )
     library: LibraryModel | None = Field(
