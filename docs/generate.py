@@ -309,7 +309,7 @@ def shard_arrays() -> str:
 def record_tables() -> str:
     """Return a section for each record, with a table of its arrays as they are stated, in the order of the walk."""
     lines = []
-    rooms = ("truth", "light", "reading", "frame")
+    rooms = ("truth", "light", "reading", "telemetry", "frame")
     modules = [importlib.import_module(f"{records.__name__}.{room}") for room in rooms]
     own = [value for module in modules for value in vars(module).values() if _is_own_dataclass(value, module)]
     for cls in own:

@@ -2,7 +2,8 @@
 
 Here is what scripts build scenarios from, and what runs them. Each room holds the rest: `rl.orbit`, `rl.rpo` and
 `rl.motion` further motions and attitudes, `rl.scene` further materials, `rl.optics` and `rl.detector` what a lens and a
-detector are made of, `rl.records` what the stages hand on, `rl.study` and `rl.track` what is asked of the result.
+detector are made of, `rl.sensors` the spacecraft's other sensors, `rl.records` what the stages hand on, `rl.study` and
+`rl.track` what is asked of the result.
 
 >>> import rso_lidar as rl
 >>> rl.Laser(energy_mj=50).wavelength_nm
@@ -16,7 +17,21 @@ _watch_if_command_line()  # before the imports below, which are most of a short 
 from importlib.metadata import version as _version
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from rso_lidar import dataset, detector, export, motion, optics, orbit, records, rpo, scene, study, track, units
+from rso_lidar import (
+    dataset,
+    detector,
+    export,
+    motion,
+    optics,
+    orbit,
+    records,
+    rpo,
+    scene,
+    sensors,
+    study,
+    track,
+    units,
+)
 from rso_lidar.detector import Empirical, GeigerArray, Gsfl
 from rso_lidar.errors import (
     CatalogError,
@@ -145,6 +160,7 @@ __all__ = [
     "rpo",
     "save",
     "scene",
+    "sensors",
     "simulate",
     "study",
     "timeline",
@@ -161,7 +177,7 @@ if not _TYPE_CHECKING:  # which finds a wrong name itself
 
     def __getattr__(name: str) -> object:
         """Say in which room a name is that is not here."""
-        for room in (orbit, rpo, motion, scene, optics, detector, records, study, track, export):
+        for room in (orbit, rpo, motion, sensors, scene, optics, detector, records, study, track, export):
             if getattr(getattr(room, name, None), "__module__", "").startswith("rso_lidar"):
                 where = room.__name__.removeprefix("rso_lidar.")
                 raise AttributeError(f"module 'rso_lidar' has no attribute '{name}': rl.{name} is rl.{where}.{name}")

@@ -50,6 +50,15 @@ DAY_S = 86_400.0
 
 # Multiply by these to reach SI; divide by them to leave it.
 DEG = math.pi / 180.0
+ARCSEC = DEG / 3600.0
+MRAD = 1e-3
+DEG_H = DEG / 3600.0  # degrees an hour, to rad/s
+DEG_RTH = DEG / 60.0  # degrees by the root of an hour, to rad/√s
+M_S_RTH = 1.0 / 60.0  # metres a second by the root of an hour, to m/s²/√Hz
+PER_RTH = 1.0 / 60.0  # by the root of an hour, to by the root of a second
+UG = 1e-6 * STANDARD_GRAVITY_M_S2
+RPM = 2.0 * math.pi / 60.0
+PPM = 1e-6
 KM = 1e3
 CM = 1e-2
 MM = 1e-3

@@ -11,17 +11,33 @@ from rso_lidar.records.light import Bounces, Contours, Extent, Hits, Oversampled
 from rso_lidar.records.reading import Labels, PixelPrediction, Reading, Taps, Waveforms
 from rso_lidar.records.schema import ArraySpec, Record, array, specs
 from rso_lidar.records.symmetry import Symmetry, rotation_error_rad
+from rso_lidar.records.telemetry import (
+    AccelerometerSamples,
+    BodyMotion,
+    GnssSamples,
+    GyroSamples,
+    RelativeGnssSamples,
+    SensorSamples,
+    SensorState,
+    StarTrackerSamples,
+    ThrusterSamples,
+    WheelSamples,
+)
 from rso_lidar.records.truth import BodyState, PtuAngles, Truth
 
 __all__ = [
     "SCHEMA_VERSION",
+    "AccelerometerSamples",
     "ArraySpec",
+    "BodyMotion",
     "BodyState",
     "Bounces",
     "Command",
     "Contours",
     "Extent",
     "Frame",
+    "GnssSamples",
+    "GyroSamples",
     "Hits",
     "Labels",
     "Observation",
@@ -32,13 +48,19 @@ __all__ = [
     "Rays",
     "Reading",
     "Record",
+    "RelativeGnssSamples",
+    "SensorSamples",
+    "SensorState",
     "Sky",
     "Source",
+    "StarTrackerSamples",
     "Symmetry",
     "Taps",
     "TargetEntry",
+    "ThrusterSamples",
     "Truth",
     "Waveforms",
+    "WheelSamples",
     "array",
     "rotation_error_rad",
     "specs",

@@ -1,0 +1,133 @@
+"""Telemetry: what the follower really does when its sensors sample it, and the samples of each kind of sensor."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.records.schema import Record, array
+from rso_lidar.records.truth import BodyState
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyMotion(Record):
+    """True motion of the follower at the epochs of samples: the input of sensors, and never part of an observation.
+
+    Directions are unit vectors from the follower in inertial axes. They are NaN in a local world, and so is the angular
+    radius of the Earth. `targets` holds, by name, the state of each target relative to the follower's origin (target
+    minus follower) in inertial axes (time, xyz). `dynamics` holds arrays (time, entry) of the follower's user-defined
+    dynamics, where it has them: the state x and the input u of its motion as ``motion.state`` and ``motion.input``, those
+    of its attitude as ``attitude.state`` and ``attitude.input``.
+    """
+
+    time_s: np.ndarray = array("time", "f8", "s", "instants since start_utc")
+    position_m: np.ndarray = array("time xyz", "f8", "m", "position of the body's origin in inertial axes")
+    velocity_m_s: np.ndarray = array("time xyz", "f8", "m s-1", "velocity of the body's origin in inertial axes")
+    quaternion_xyzw: np.ndarray = array("time quaternion", "f8", "1", "rotation inertial_from_body")
+    angular_velocity_rad_s: np.ndarray = array(
+        "time xyz", "f8", "rad s-1", "angular velocity of the body relative to inertial axes, in body axes"
+    )
+    specific_force_m_s2: np.ndarray = array(
+        "time xyz", "f8", "m s-2", "acceleration of the body's origin without gravitation, in body axes"
+    )
+    angular_acceleration_rad_s2: np.ndarray | None = array(
+        "time xyz", "f8", "rad s-2", "rate of change of the angular velocity, in body axes", optional=True
+    )
+    sun_direction: np.ndarray | None = array("time xyz", "f8", "1", "direction to the Sun", optional=True)
+    moon_direction: np.ndarray | None = array("time xyz", "f8", "1", "direction to the Moon", optional=True)
+    earth_direction: np.ndarray | None = array(
+        "time xyz", "f8", "1", "direction to the centre of the Earth", optional=True
+    )
+    earth_angle_rad: np.ndarray | None = array(
+        "time", "f8", "rad", "angular radius of the Earth's disk seen from the body", optional=True
+    )
+    targets: Mapping[str, BodyState] = dataclasses.field(default_factory=dict)
+    dynamics: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorState(Record):
+    """State of a sensor's random processes between two calls: with it, any division of samples gives the same bits.
+
+    `next_sample` is the number of the sample that follows.
+    """
+
+    next_sample: int
+    values: np.ndarray = array("entry", "f8", "1", "entries of the sensor's own choice, each in its own unit")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorSamples(Record):
+    """Base of the samples of a sensor: when they hold, when they arrive, and whether they may be used.
+
+    A sample that is not valid has NaN where nothing was measured. Where the sensor is saturated, it has the limit.
+    """
+
+    time_s: np.ndarray = array("sample", "f8", "s", "instant at which the sample holds, since start_utc")
+    available_s: np.ndarray = array("sample", "f8", "s", "instant at which flight software receives the sample")
+    valid: np.ndarray = array("sample", "?", "1", "false in an outage, when blinded and at the limit of the range")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GyroSamples(SensorSamples):
+    """Samples of a triad of gyros."""
+
+    angular_velocity_rad_s: np.ndarray = array(
+        "sample xyz", "f8", "rad s-1", "measured angular velocity relative to inertial axes, in sensor axes"
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AccelerometerSamples(SensorSamples):
+    """Samples of a triad of accelerometers."""
+
+    specific_force_m_s2: np.ndarray = array(
+        "sample xyz", "f8", "m s-2", "measured acceleration of the sensor without gravitation, in sensor axes"
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GnssSamples(SensorSamples):
+    """Solutions of a GNSS receiver: position and velocity of its antenna."""
+
+    position_m: np.ndarray = array("sample xyz", "f8", "m", "measured position of the antenna in inertial axes")
+    velocity_m_s: np.ndarray = array("sample xyz", "f8", "m s-1", "measured velocity of the antenna in inertial axes")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RelativeGnssSamples(SensorSamples):
+    """Solutions of relative GNSS: the follower relative to a target, in the axes that the sensor states."""
+
+    relative_position_m: np.ndarray = array(
+        "sample xyz", "f8", "m", "measured position of the follower relative to the target"
+    )
+    relative_velocity_m_s: np.ndarray = array(
+        "sample xyz", "f8", "m s-1", "measured velocity of the follower relative to the target"
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StarTrackerSamples(SensorSamples):
+    """Attitudes of a star tracker, converted to body axes with its mount."""
+
+    quaternion_xyzw: np.ndarray = array(
+        "sample quaternion", "f8", "1", "measured rotation inertial_from_body, with w from 0"
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WheelSamples(SensorSamples):
+    """Telemetry of reaction wheels; quantities without telemetry have no entries."""
+
+    speed_rad_s: np.ndarray = array("sample wheel_speed", "f8", "rad s-1", "measured speed of each wheel")
+    torque_n_m: np.ndarray = array("sample wheel_torque", "f8", "N m", "reported torque of each wheel")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ThrusterSamples(SensorSamples):
+    """Telemetry of thrusters."""
+
+    force_n: np.ndarray = array("sample thruster", "f8", "N", "reported force of each thruster")

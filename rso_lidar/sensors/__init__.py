@@ -1,0 +1,41 @@
+"""Sensors of the spacecraft beside the lidar: gyros, accelerometers, GNSS, star trackers, telemetry of actuators."""
+
+from rso_lidar.public_names import limit_dir
+from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
+from rso_lidar.sensors.choice import (
+    AnySensor,
+    DescribedSensor,
+    Sensor,
+    measure_samples,
+    number_sensor_samples,
+    time_sensor_samples,
+)
+from rso_lidar.sensors.gnss import Gnss, RelativeGnss
+from rso_lidar.sensors.inertial import Accelerometer, Gyro
+from rso_lidar.sensors.presets import load_sensor_presets
+from rso_lidar.sensors.random_errors import draw_normals, make_key
+from rso_lidar.sensors.sensor_part import OutageWindow, RandomOutage
+from rso_lidar.sensors.star_tracker import StarTracker
+
+__all__ = [
+    "Accelerometer",
+    "AnySensor",
+    "DescribedSensor",
+    "Gnss",
+    "Gyro",
+    "OutageWindow",
+    "RandomOutage",
+    "RelativeGnss",
+    "Sensor",
+    "StarTracker",
+    "ThrusterTelemetry",
+    "WheelTelemetry",
+    "draw_normals",
+    "load_sensor_presets",
+    "make_key",
+    "measure_samples",
+    "number_sensor_samples",
+    "time_sensor_samples",
+]
+
+__dir__ = limit_dir(__name__)

@@ -1,0 +1,133 @@
+"""Telemetry of reaction wheels and thrusters, where the follower's user-defined dynamics have them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import NotNegative, Positive, Whole
+from rso_lidar.records import BodyMotion, SensorState, ThrusterSamples, WheelSamples
+from rso_lidar.sensors.random_errors import ErrorProcess
+from rso_lidar.sensors.sensor_part import SensorPart
+
+Entries = tuple[Annotated[Whole, Field(ge=0, le=10_000)], ...]
+
+
+class ActuatorTelemetry(SensorPart):
+    """Base of the telemetry of actuators, which reads entries of the follower's user-defined dynamics."""
+
+    dynamics: Literal["motion", "attitude"] = Field(
+        description="Which of the follower's dynamics of type `state_space` has the actuators: its motion or its attitude."
+    )
+
+    def _read(self, motion: BodyMotion, vector: Literal["state", "input"], entries: Sequence[int]) -> np.ndarray:
+        """Return entries (time, entry) of the state or the input of the dynamics.
+
+        Parameters
+        ----------
+        motion : true motion of the follower.
+        vector : which of the two.
+        entries : their places, from 0.
+
+        Raises
+        ------
+        ScenarioError
+            If there are no such dynamics or entries.
+        """
+        if not entries:
+            return np.empty((len(motion.time_s), 0))
+        found = motion.dynamics.get(f"{self.dynamics}.{vector}")
+        if found is None:
+            raise ScenarioError(
+                f"sensor '{self.name}': the follower's {self.dynamics} is not of type state_space; give it dynamics with "
+                "actuators, or leave the sensor out"
+            )
+        if max(entries) >= found.shape[1]:
+            raise ScenarioError(
+                f"sensor '{self.name}': the {vector} of the follower's {self.dynamics} has {found.shape[1]} entries, "
+                f"counted from 0, but entry {max(entries)} is asked for; correct the number"
+            )
+        return np.asarray(found[:, list(entries)])
+
+
+class WheelTelemetry(ActuatorTelemetry):
+    """Telemetry of reaction wheels: speeds from tachometers, and torques as the wheels report them."""
+
+    type: Literal["wheels"] = "wheels"
+    speed_entries: Entries = Field(
+        default=(), description="Entries of the state x that are the wheels' speeds in rad/s, counted from 0."
+    )
+    torque_entries: Entries = Field(
+        default=(), description="Entries of the input u that are the wheels' torques in N m, counted from 0."
+    )
+    speed_noise_rpm: NotNegative = Field(default=0.0, description="Error of a speed, 1 sigma [rpm].")
+    speed_resolution_rpm: NotNegative = Field(
+        default=0.0, description="Step to which speeds are rounded [rpm]; 0 disables rounding."
+    )
+    torque_noise_n_m: NotNegative = Field(default=0.0, description="Error of a torque, 1 sigma [N m].")
+
+    @model_validator(mode="after")
+    def _reads_something(self) -> Self:
+        if not self.speed_entries and not self.torque_entries:
+            raise ValueError("has no wheels; give speed_entries, torque_entries or both")
+        return self
+
+    def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
+        sigmas = [self.speed_noise_rpm * units.RPM] * len(self.speed_entries)
+        return np.array(sigmas + [self.torque_noise_n_m] * len(self.torque_entries)), []
+
+    def measure(
+        self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
+    ) -> tuple[WheelSamples, SensorState]:
+        """Measure speeds and torques of the wheels."""
+        errors, valid, state = self.draw(key, first_sample, motion.time_s, state)
+        n = len(self.speed_entries)
+        speed = errors[:, :n] + self._read(motion, "state", self.speed_entries)
+        torque = errors[:, n:] + self._read(motion, "input", self.torque_entries)
+        if self.speed_resolution_rpm:
+            step = self.speed_resolution_rpm * units.RPM
+            speed = step * np.rint(speed / step)
+        speed[~valid] = torque[~valid] = np.nan
+        return WheelSamples(motion.time_s, motion.time_s + self.latency_s, valid, speed, torque), state
+
+
+class ThrusterTelemetry(ActuatorTelemetry):
+    """Telemetry of thrusters: the force of each, as it is reported.
+
+    The force is the entry of the input u times `newtons_per_input`: 1 where u is a force, the mass in kg where u is an
+    acceleration.
+    """
+
+    type: Literal["thrusters"] = "thrusters"
+    force_entries: Annotated[Entries, Field(min_length=1)] = Field(
+        description="Entries of the input u, one for each thruster or axis, counted from 0."
+    )
+    newtons_per_input: Positive = Field(default=1.0, description="Force in newtons for an input of 1.")
+    force_noise_n: NotNegative = Field(default=0.0, description="Error of a force, 1 sigma [N].")
+    force_resolution_n: NotNegative = Field(
+        default=0.0, description="Step to which forces are rounded [N]; 0 disables rounding."
+    )
+    scale_factor_ppm: NotNegative = Field(
+        default=0.0, description="Error of the scale factor of each thruster, 1 sigma, constant in a run [ppm]."
+    )
+
+    def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
+        n = len(self.force_entries)
+        return np.full(n, self.force_noise_n), [ErrorProcess((-1,) * n, 1.0, 0.0, self.scale_factor_ppm * units.PPM)]
+
+    def measure(
+        self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
+    ) -> tuple[ThrusterSamples, SensorState]:
+        """Measure the force of each thruster."""
+        errors, valid, state = self.draw(key, first_sample, motion.time_s, state)
+        true_n = self.newtons_per_input * self._read(motion, "input", self.force_entries)
+        force = true_n * (1.0 + state.values[: true_n.shape[1]]) + errors
+        if self.force_resolution_n:
+            force = self.force_resolution_n * np.rint(force / self.force_resolution_n)
+        force[~valid] = np.nan
+        return ThrusterSamples(motion.time_s, motion.time_s + self.latency_s, valid, force), state

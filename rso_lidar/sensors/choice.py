@@ -1,0 +1,127 @@
+"""The protocol of sensors, the field that takes any sensor, and checked calls of a user's own."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Protocol, runtime_checkable
+
+import numpy as np
+from pydantic import Field
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Part, Seam, make_answer_error, name_object, read_member, to_real_array
+from rso_lidar.records import BodyMotion, SensorSamples, SensorState
+from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
+from rso_lidar.sensors.gnss import Gnss, RelativeGnss
+from rso_lidar.sensors.inertial import Accelerometer, Gyro
+from rso_lidar.sensors.sensor_part import SensorPart, number_samples, time_samples
+from rso_lidar.sensors.star_tracker import StarTracker
+
+
+@runtime_checkable
+class Sensor(Protocol):
+    """Protocol of user-defined sensors: a name, a rate and the method `measure`.
+
+    Sample n holds at n / `rate_hz`, or at `phase_s` + n / `rate_hz` for an object that has this member. Random numbers
+    come from `draw_normals(key, first_sample, count, width)`, so that a sample does not depend on how samples are divided
+    among calls. What must be remembered from sample to sample is in the state and not in the object, which must not change.
+    `examples/seams/own_sensor.py` is an example.
+    """
+
+    name: str
+    rate_hz: float
+
+    def measure(
+        self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
+    ) -> tuple[SensorSamples, SensorState]:
+        """Measure at successive samples.
+
+        Parameters
+        ----------
+        motion : true motion of the follower at the instants of the samples.
+        key : (2) uint32, key of the sensor's random numbers, from the seed and its name.
+        first_sample : number of the first sample.
+        state : after an earlier sample; None before all.
+
+        Returns
+        -------
+        samples, one for each instant of `motion`, and the state after the last of them.
+        """
+
+
+DescribedSensor = Annotated[
+    Gyro | Accelerometer | Gnss | RelativeGnss | StarTracker | WheelTelemetry | ThrusterTelemetry,
+    Field(discriminator="type"),
+]
+AnySensor = Annotated[DescribedSensor | Sensor, Seam(DescribedSensor, Sensor)]
+
+
+def number_sensor_samples(sensor: Any, from_s: float, to_s: float) -> range:
+    """Return the numbers of the samples of any sensor with from_s <= time < to_s.
+
+    Parameters
+    ----------
+    sensor : a part, or a user's object.
+    from_s, to_s : ends of the interval, since `start_utc` [s].
+    """
+    return number_samples(*_schedule(sensor), from_s, to_s)
+
+
+def time_sensor_samples(sensor: Any, numbers: range) -> np.ndarray:
+    """Return the instants (sample) [s] of samples of any sensor.
+
+    Parameters
+    ----------
+    sensor : a part, or a user's object.
+    numbers : of the samples.
+    """
+    return time_samples(*_schedule(sensor), numbers)
+
+
+def _schedule(sensor: Any) -> tuple[float, float]:
+    """Return rate [Hz] and phase [s] of any sensor."""
+    if isinstance(sensor, SensorPart):
+        return sensor.rate_hz, sensor.phase_s
+    cure = "give a positive number"
+    rate_hz = read_member(sensor, "rate_hz", None, (int, float), cure)
+    phase_s = read_member(sensor, "phase_s", 0.0, (int, float), "give a number from 0")
+    if not (0.0 < rate_hz < np.inf and 0.0 <= phase_s < np.inf):
+        raise ScenarioError(f"{name_object(sensor)}: rate_hz is {rate_hz:g} and phase_s {phase_s:g}; {cure}s")
+    return float(rate_hz), float(phase_s)
+
+
+def measure_samples(
+    sensor: Any, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None
+) -> tuple[SensorSamples, SensorState]:
+    """Call a sensor, and check the answer of a user's own.
+
+    Parameters
+    ----------
+    sensor : a part, or a user's object.
+    motion, key, first_sample, state : as `Sensor.measure` takes them.
+
+    Returns
+    -------
+    samples and state.
+
+    Raises
+    ------
+    ScenarioError
+        If the answer of a user's object is not what the protocol says.
+    """
+    answer = sensor.measure(motion, key, first_sample, state)
+    if isinstance(sensor, Part):
+        return answer  # type: ignore[no-any-return]
+    kinds = isinstance(answer, tuple) and [isinstance(it, kind) for it, kind in zip(answer, _ANSWER, strict=False)]
+    if kinds != [True, True]:
+        raise make_answer_error(sensor, "measure", answer, "return (SensorSamples, SensorState)")
+    samples, after = answer
+    times = to_real_array(samples.time_s)
+    if times is None or not np.array_equal(times, motion.time_s):
+        raise make_answer_error(sensor, "measure", samples, "return one sample for each instant", member="time_s")
+    if after.next_sample != first_sample + len(motion.time_s):
+        cure = f"return the number of the sample that follows, {first_sample + len(motion.time_s)}"
+        raise make_answer_error(sensor, "measure", after.next_sample, cure, member="next_sample")
+    return samples, after
+
+
+_ANSWER = (SensorSamples, SensorState)

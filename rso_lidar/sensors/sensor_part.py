@@ -1,0 +1,242 @@
+"""What all described sensors have: a name, a rate, a latency, outages, and the samples that fall in an interval."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Name, NotNegative, Part, Positive, Text
+from rso_lidar.records import SensorState
+from rso_lidar.sensors.presets import merge_preset
+from rso_lidar.sensors.random_errors import ErrorModel, ErrorProcess, draw_errors, make_model
+
+_MAX_RATE_HZ = 1e5
+_DECADE = 10.0
+_MOST_PROCESSES = 8
+
+
+class OutageWindow(Part):
+    """A span of time in which a sensor gives no valid samples."""
+
+    from_s: NotNegative = Field(description="Start of the outage, since `start_utc` [s].")
+    to_s: Positive = Field(description="End of the outage, since `start_utc` [s]; a sample at this instant is valid.")
+
+    @model_validator(mode="after")
+    def _ascends(self) -> Self:
+        if self.to_s <= self.from_s:
+            raise ValueError(f"to_s ({self.to_s:g}) must be after from_s ({self.from_s:g})")
+        return self
+
+
+class RandomOutage(Part):
+    """Outages at random: a Markov chain of two states with exponentially distributed durations."""
+
+    mean_up_s: Positive = Field(description="Mean duration between outages [s].")
+    mean_down_s: Positive = Field(description="Mean duration of an outage [s].")
+
+
+class SensorPart(Part):
+    """Base of described sensors. Sample n holds at `phase_s` + n / `rate_hz` and is available `latency_s` later."""
+
+    name: Name = Field(description="Name of the sensor; its random numbers depend on the name and on the seed.")
+    preset: Text | None = Field(
+        default=None,
+        description="Name of a shipped sensor, whose values apply where none are given here (docs/sensors.md).",
+    )
+    rate_hz: Annotated[Positive, Field(le=_MAX_RATE_HZ)] = Field(description="Rate of the samples [Hz].")
+    phase_s: NotNegative = Field(default=0.0, description="Instant of sample 0, since `start_utc` [s].")
+    latency_s: NotNegative = Field(
+        default=0.0, description="Delay from the instant of a sample until flight software receives it [s]."
+    )
+    outages: tuple[OutageWindow, ...] = Field(default=(), description="Spans of time without valid samples.")
+    random_outage: RandomOutage | None = Field(
+        default=None, description="Outages at random, beside `outages`. If omitted, there are none."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_preset(cls, given: Any) -> Any:
+        kind = cls.model_fields["type"].default if "type" in cls.model_fields else None
+        return merge_preset(kind, given) if isinstance(given, dict) else given
+
+    # ------------------------------------------------------------------------------------------------ samples
+
+    def sample_numbers(self, from_s: float, to_s: float) -> range:
+        """Return the numbers of the samples with from_s <= time < to_s.
+
+        Parameters
+        ----------
+        from_s, to_s : ends of the interval, since `start_utc` [s].
+        """
+        return number_samples(self.rate_hz, self.phase_s, from_s, to_s)
+
+    def sample_times(self, from_s: float, to_s: float) -> np.ndarray:
+        """Return the instants (sample) [s] of the samples with from_s <= time < to_s.
+
+        Parameters
+        ----------
+        from_s, to_s : ends of the interval, since `start_utc` [s].
+        """
+        return time_samples(self.rate_hz, self.phase_s, self.sample_numbers(from_s, to_s))
+
+    # ------------------------------------------------------------------------------------------------ errors
+
+    def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
+        """Return the standard deviations of the white noise (channel), and the processes, of this kind of sensor."""
+        raise NotImplementedError
+
+    @cached_property
+    def error_model(self) -> ErrorModel:
+        """Random errors of the sensor, for its sampling interval."""
+        white, processes = self._list_errors()
+        return make_model(white, processes, self._outage_probabilities)
+
+    @property
+    def _outage_probabilities(self) -> tuple[float, float, float]:
+        """Probabilities to be out: after a sample that is out, after one that is not, and at sample 0."""
+        if self.random_outage is None:
+            return 0.0, 0.0, 0.0
+        up, down = self.random_outage.mean_up_s, self.random_outage.mean_down_s
+        share = down / (up + down)
+        memory = math.exp(-(1.0 / up + 1.0 / down) / self.rate_hz)
+        return share + (1.0 - share) * memory, share * (1.0 - memory), share
+
+    def draw(
+        self, key: np.ndarray, first_sample: int, time_s: np.ndarray, state: SensorState | None
+    ) -> tuple[np.ndarray, np.ndarray, SensorState]:
+        """Draw the random errors of successive samples, and find those that are not in an outage.
+
+        Parameters
+        ----------
+        key : (2) uint32, of the sensor (`make_key`).
+        first_sample : number of the first sample.
+        time_s : (sample) instants of the samples [s].
+        state : after an earlier sample; None before all. Samples between are skipped over.
+
+        Returns
+        -------
+        errors (sample, channel), whether each sample is outside of outages (sample) bool, and the state after them.
+
+        Raises
+        ------
+        ScenarioError
+            If the state is later than the first sample.
+        """
+        model, count = self.error_model, len(time_s)
+        values = np.zeros(model.n_values) if state is None else np.array(state.values)
+        begin = 0 if state is None else state.next_sample
+        if begin > first_sample or len(values) != model.n_values:
+            raise ScenarioError(
+                f"sensor '{self.name}': the state before sample {begin} does not serve sample {first_sample}; "
+                "give the state of this sensor after an earlier sample, or None"
+            )
+        errors, out = np.empty((count, len(model.white))), np.empty(count, np.bool_)
+        if count:
+            arrays = (model.white, model.process, model.channel, model.n_driven, model.outage)
+            draw_errors(key, begin, first_sample - begin, *arrays, values, errors, out)
+            begin = first_sample + count
+        valid = ~out
+        for window in self.outages:
+            valid &= (time_s < window.from_s) | (time_s >= window.to_s)
+        return errors, valid, SensorState(begin, values)
+
+
+def number_samples(rate_hz: float, phase_s: float, from_s: float, to_s: float) -> range:
+    """Return the numbers of the samples with from_s <= phase_s + n / rate_hz < to_s, in the arithmetic of `time_samples`.
+
+    Parameters
+    ----------
+    rate_hz, phase_s : rate of the samples [Hz], and instant of sample 0 [s].
+    from_s, to_s : ends of the interval [s].
+    """
+    ends = []
+    for end_s in (from_s, to_s):
+        n = max(0, math.ceil((end_s - phase_s) * rate_hz))
+        while n > 0 and phase_s + (n - 1) / rate_hz >= end_s:
+            n -= 1
+        while phase_s + n / rate_hz < end_s:
+            n += 1
+        ends.append(n)
+    return range(ends[0], max(ends))
+
+
+def time_samples(rate_hz: float, phase_s: float, numbers: range) -> np.ndarray:
+    """Return the instants (sample) [s] of samples: one division each, so that rounding does not add up.
+
+    Parameters
+    ----------
+    rate_hz, phase_s : rate of the samples [Hz], and instant of sample 0 [s].
+    numbers : of the samples.
+    """
+    times: np.ndarray = phase_s + np.arange(numbers.start, numbers.stop, dtype=np.float64) / rate_hz
+    return times
+
+
+def gauss_markov(channels: tuple[int, ...], sigma: float, correlation_s: float, step_s: float) -> ErrorProcess:
+    """Return a Gauss-Markov process of first order, discretised exactly, that starts in its stationary distribution.
+
+    Parameters
+    ----------
+    channels : to which it applies.
+    sigma : stationary standard deviation.
+    correlation_s : correlation time [s].
+    step_s : sampling interval [s].
+    """
+    decay = math.exp(-step_s / correlation_s)
+    return ErrorProcess(channels, decay, sigma * math.sqrt(-math.expm1(-2.0 * step_s / correlation_s)), sigma)
+
+
+def flicker(
+    channels: tuple[int, ...], floor: float, correlation_s: tuple[float, float], step_s: float
+) -> list[ErrorProcess]:
+    """Return Gauss-Markov processes whose sum has a flat Allan deviation, as flicker noise has (Keshner 1982).
+
+    There is one process for each decade of the correlation time, all of one variance. The greatest Allan deviation of the
+    sum is `floor`.
+
+    Parameters
+    ----------
+    channels : to which they apply.
+    floor : the flat of the Allan deviation.
+    correlation_s : shortest and longest correlation time [s].
+    step_s : sampling interval [s].
+    """
+    shortest, longest = correlation_s
+    count = 1 + round(math.log(longest / shortest, _DECADE))
+    times = np.geomspace(shortest, longest, count)
+    averaging_s = np.geomspace(0.1 * shortest, 100.0 * longest, 1000)
+    greatest = float(np.max(sum(gauss_markov_allan_variance(averaging_s, 1.0, float(it)) for it in times)))
+    sigma = floor / math.sqrt(greatest)
+    return [gauss_markov(channels, sigma, float(it), step_s) for it in times]
+
+
+def gauss_markov_allan_variance(averaging_s: np.ndarray, sigma: float, correlation_s: float) -> np.ndarray:
+    """Return the Allan variance (…) of a Gauss-Markov process of first order (IEEE Std 952, annex C).
+
+    Parameters
+    ----------
+    averaging_s : averaging times (…) [s].
+    sigma : stationary standard deviation.
+    correlation_s : correlation time [s].
+    """
+    x = averaging_s / correlation_s
+    # 2 s2 / x (1 - (3 - 4 exp(-x) + exp(-2 x)) / (2 x)), by expm1 so that short times lose no digits
+    short, double = np.expm1(-x), np.expm1(-2.0 * x)
+    variance: np.ndarray = 2.0 * sigma**2 / x * (1.0 - (double - 4.0 * short) / (2.0 * x))
+    return variance
+
+
+def check_correlation(times_s: tuple[float, float]) -> tuple[float, float]:
+    """Check the range of correlation times of flicker noise, and return it."""
+    shortest, longest = times_s
+    if not shortest <= longest <= shortest * _DECADE ** (_MOST_PROCESSES - 1):
+        raise ValueError(
+            f"needs the shortest and the longest time, at most {_MOST_PROCESSES - 1} decades apart, not "
+            f"({shortest:g}, {longest:g})"
+        )
+    return times_s

@@ -1,0 +1,113 @@
+"""Star trackers: attitudes with errors across and about the boresight, and what blinds them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from rso_lidar import units
+from rso_lidar.motion.mount import Mount
+from rso_lidar.part import NotNegative, Positive
+from rso_lidar.pose import dot, length
+from rso_lidar.records import BodyMotion, SensorState, StarTrackerSamples
+from rso_lidar.sensors.random_errors import ErrorProcess
+from rso_lidar.sensors.rotations import multiply_quaternions, quaternion_from_vector, rotate_by_quaternion
+from rso_lidar.sensors.sensor_part import SensorPart, gauss_markov
+
+_ACROSS, _ABOUT = (0, 1), (2,)
+_BORESIGHT = np.array([0.0, 0.0, 1.0])
+
+ExclusionAngle = Annotated[NotNegative, Field(le=180.0)]
+
+
+class StarTracker(SensorPart):
+    """A star tracker. Its boresight is the +z axis of its mount; it reports inertial_from_body.
+
+    Errors are small rotations in tracker axes: white noise, a slowly varying part (a Gauss-Markov process, for errors that
+    move with the stars over the field of view) and a constant misalignment of the mount. A sample is not valid above
+    `max_rate_deg_s`, or where the boresight is too near to the Sun, the Moon, or the limb of the Earth.
+    """
+
+    type: Literal["star_tracker"] = "star_tracker"
+    mount: Mount = Field(default=Mount(), description="Pose body_from_tracker on the follower; +z is the boresight.")
+    cross_boresight_arcsec: NotNegative = Field(
+        default=0.0, description="White error about each axis across the boresight, 1 sigma [arcsec]."
+    )
+    boresight_arcsec: NotNegative = Field(default=0.0, description="White error about the boresight, 1 sigma [arcsec].")
+    slow_cross_boresight_arcsec: NotNegative = Field(
+        default=0.0, description="Slowly varying error about each axis across the boresight, 1 sigma [arcsec]."
+    )
+    slow_boresight_arcsec: NotNegative = Field(
+        default=0.0, description="Slowly varying error about the boresight, 1 sigma [arcsec]."
+    )
+    correlation_s: Positive = Field(
+        default=200.0, description="Correlation time of the slowly varying errors [s]. Default: assumed."
+    )
+    misalignment_arcsec: NotNegative = Field(
+        default=0.0, description="Error of the mount about each axis, 1 sigma, constant in a run [arcsec]."
+    )
+    max_rate_deg_s: Positive | None = Field(
+        default=None, description="Rate of the body above which no attitude is found [deg/s]. If omitted, no limit."
+    )
+    sun_exclusion_deg: ExclusionAngle = Field(
+        default=0.0, description="Smallest angle between boresight and Sun [deg]; 0 for none."
+    )
+    moon_exclusion_deg: ExclusionAngle = Field(
+        default=0.0, description="Smallest angle between boresight and Moon [deg]; 0 for none."
+    )
+    earth_exclusion_deg: ExclusionAngle = Field(
+        default=0.0, description="Smallest angle between boresight and limb of the Earth [deg]; 0 for none."
+    )
+
+    def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
+        step_s, across, about = 1.0 / self.rate_hz, self.cross_boresight_arcsec, self.boresight_arcsec
+        slow = ((_ACROSS, self.slow_cross_boresight_arcsec), (_ABOUT, self.slow_boresight_arcsec))
+        processes = [
+            gauss_markov(channels, sigma * units.ARCSEC, self.correlation_s, step_s) for channels, sigma in slow
+        ]
+        processes.append(ErrorProcess((*_ACROSS, *_ABOUT), 1.0, 0.0, self.misalignment_arcsec * units.ARCSEC))
+        return np.array([across, across, about]) * units.ARCSEC, processes
+
+    @cached_property
+    def _body_from_tracker(self) -> np.ndarray:
+        return np.asarray(self.mount.rotation.as_quat())
+
+    def measure(
+        self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
+    ) -> tuple[StarTrackerSamples, SensorState]:
+        """Measure the attitude of the body."""
+        errors, valid, state = self.draw(key, first_sample, motion.time_s, state)
+        mount = np.broadcast_to(self._body_from_tracker, motion.quaternion_xyzw.shape)
+        error = quaternion_from_vector(rotate_by_quaternion(mount, errors))
+        quaternion = multiply_quaternions(motion.quaternion_xyzw, error)
+        quaternion = np.where(quaternion[:, 3:] < 0.0, -quaternion, quaternion)
+        valid &= ~self.is_blinded(motion)
+        quaternion[~valid] = np.nan
+        return StarTrackerSamples(motion.time_s, motion.time_s + self.latency_s, valid, quaternion), state
+
+    def is_blinded(self, motion: BodyMotion) -> np.ndarray:
+        """Return where (time) the tracker finds no attitude because of the body's rate, the Sun, the Moon or the Earth.
+
+        Parameters
+        ----------
+        motion : true motion of the follower.
+        """
+        blinded = np.zeros(len(motion.time_s), np.bool_)
+        if self.max_rate_deg_s is not None:
+            blinded |= length(motion.angular_velocity_rad_s) > self.max_rate_deg_s * units.DEG
+        mount = np.broadcast_to(self._body_from_tracker, motion.quaternion_xyzw.shape)
+        along = rotate_by_quaternion(mount, np.broadcast_to(_BORESIGHT, (len(blinded), 3)))
+        along = rotate_by_quaternion(motion.quaternion_xyzw, along)
+        sources = (
+            (self.sun_exclusion_deg, motion.sun_direction, 0.0),
+            (self.moon_exclusion_deg, motion.moon_direction, 0.0),
+            (self.earth_exclusion_deg, motion.earth_direction, motion.earth_angle_rad),
+        )
+        for exclusion_deg, direction, radius_rad in sources:
+            if exclusion_deg > 0.0 and direction is not None and radius_rad is not None:  # NaN in a local world: none
+                angle = np.arccos(np.clip(dot(along, direction), -1.0, 1.0))
+                blinded |= angle - radius_rad < exclusion_deg * units.DEG
+        return blinded

@@ -1,0 +1,81 @@
+"""The protocol of sensors: a user's own object, what it may answer, and the field that takes any sensor."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rso_lidar import sensors
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Part, python_objects
+from rso_lidar.records import SensorSamples, SensorState
+from tests.sensors.motion_for_tests import make_motion, some_samples
+
+EXAMPLE = runpy.run_path(str(Path(__file__).resolve().parents[2] / "examples" / "seams" / "own_sensor.py"))
+KEY = sensors.make_key(7, "sun_sensor")
+
+
+class Carrier(Part):
+    """A part with sensors."""
+
+    sensor: tuple[sensors.AnySensor, ...] = ()
+
+
+def test_a_users_sensor_measures_and_its_samples_do_not_depend_on_how_they_are_divided():
+    sensor = EXAMPLE["SunSensor"]()
+    motion = EXAMPLE["spin"](sensors.time_sensor_samples(sensor, range(2000)))
+    whole, _ = sensors.measure_samples(sensor, motion, KEY, 0, None)
+    part, state = sensors.measure_samples(sensor, some_samples(motion, slice(900, 950)), KEY, 900, None)
+    np.testing.assert_array_equal(part.sun_direction, whole.sun_direction[900:950])
+    assert state.next_sample == 950
+    angle = -2.0 * np.pi / 60.0 * motion.time_s
+    error = whole.sun_direction[:, :2] - np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    assert abs(np.sqrt(np.mean(error**2)) - 0.01 / np.sqrt(2.0)) < 2e-4  # only the error across the direction is left
+
+
+def test_the_field_of_sensors_takes_tables_and_objects():
+    own = EXAMPLE["SunSensor"]()
+    carrier = Carrier(sensor=[{"type": "gyro", "name": "gyro", "rate_hz": 10.0}, own])
+    assert isinstance(carrier.sensor[0], sensors.Gyro) and carrier.sensor[1] is own
+    assert python_objects(carrier) == [own]
+    with pytest.raises(ScenarioError, match="an object with measure, name, rate_hz"):
+        Carrier(sensor=[object()])
+    with pytest.raises(ScenarioError, match="'gyroscope'"):
+        Carrier(sensor=[{"type": "gyroscope", "name": "gyro", "rate_hz": 10.0}])
+
+
+def answer(change):
+    """Return a sensor whose answer is changed."""
+
+    class Changed(EXAMPLE["SunSensor"]):
+        def measure(self, motion, key, first_sample, state=None):
+            return change(*super().measure(motion, key, first_sample, state))
+
+    return Changed()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda samples, state: samples, r"return \(SensorSamples, SensorState\)"),
+        (lambda samples, state: (samples, None), r"return \(SensorSamples, SensorState\)"),
+        (lambda samples, state: (samples, SensorState(3, np.empty(0))), "returned 3 in next_sample; .* follows, 14"),
+        (
+            lambda samples, state: (SensorSamples(samples.time_s + 1.0, samples.time_s, samples.valid), state),
+            "in time_s; return one sample for each instant",
+        ),
+    ],
+)
+def test_a_wrong_answer_is_told(change, words):
+    motion = make_motion(5.0 + np.arange(4) / 2.0, sun_direction=np.tile([1.0, 0.0, 0.0], (4, 1)))
+    with pytest.raises(ScenarioError, match=words):
+        sensors.measure_samples(answer(change), motion, KEY, 10, None)
+
+
+@pytest.mark.parametrize(("member", "value"), [("rate_hz", 0.0), ("rate_hz", "fast"), ("phase_s", -1.0)])
+def test_a_schedule_that_is_none_is_told(member, value):
+    sensor = EXAMPLE["SunSensor"]()
+    object.__setattr__(sensor, member, value)
+    with pytest.raises(ScenarioError, match=member):
+        sensors.number_sensor_samples(sensor, 0.0, 1.0)
