@@ -45,6 +45,7 @@ from rso_lidar.errors import (
     ScenarioError,
 )
 from rso_lidar.export import open
+from rso_lidar.flash import flash
 from rso_lidar.motion import (
     Axes,
     FirstOrder,
@@ -87,7 +88,8 @@ from rso_lidar.scenario import (
     World,
 )
 from rso_lidar.scene import Lambertian, Phong
-from rso_lidar.simulate import flash, simulate
+from rso_lidar.simulate import simulate
+from rso_lidar.stepping import Simulation
 from rso_lidar.study import budget, save, timeline, trade, view
 
 __version__ = _version("rso-lidar")
@@ -138,6 +140,7 @@ __all__ = [
     "ScenarioError",
     "Schedule",
     "SecondOrder",
+    "Simulation",
     "Spin",
     "SunPointing",
     "Target",

@@ -7,8 +7,8 @@ import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from contextlib import ExitStack, suppress
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor, wait
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -113,6 +113,26 @@ class Processes:
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
                 yield self.result(future)
+
+
+@contextmanager
+def call_in_background(
+    function: Callable[..., Any], count: int, *, in_processes: bool
+) -> Iterator[Callable[..., Callable[[], Any]]]:
+    """Yield a function that starts a call in the background and returns a function that waits for its result.
+
+    Parameters
+    ----------
+    function : called with the arguments of the yielded one.
+    count : number of threads or processes.
+    in_processes : whether processes work instead of threads.
+    """
+    if not in_processes:
+        with ThreadPoolExecutor(count) as threads:
+            yield lambda *given, **chosen: threads.submit(function, *given, **chosen).result
+        return
+    with Processes(count, function) as processes:
+        yield lambda *given, **chosen: partial(processes.result, processes.submit(*given, **chosen))
 
 
 def _start_quiet_tracker() -> None:

@@ -1,27 +1,21 @@
-"""The whole walk on one page: a photon goes through the rooms once, in order, and never turns back."""
+"""A run of a scenario: all its flashes in order, with a controller or without."""
 
-import operator
-import os
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-import numpy as np
-
-from rso_lidar import detector, motion, optics, sampling, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.first_start import compile_ahead
-from rso_lidar.philox import draw_key
-from rso_lidar.processes import Processes
-from rso_lidar.records import Command, Frame, Labels, Observation, Reading, Record, Truth
-from rso_lidar.scenario import Lidar, Scenario, require_scenario
+from rso_lidar.flash import assemble_frame, check_kept, flash
+from rso_lidar.processes import call_in_background
+from rso_lidar.records import Command, Frame, Labels, Reading, Record
+from rso_lidar.scenario import Scenario, require_scenario
+from rso_lidar.stepping import Moment, Simulation, check_count
 from rso_lidar.track.controller import Controller
-
-DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
-KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled", "prediction")
 
 
 def simulate(
@@ -58,86 +52,57 @@ def simulate(
     ScenarioError
         If the arguments contradict each other, or the scenario cannot be simulated.
     """
-    require_scenario(scenario, "simulate")
-    kept = _check_kept(keep, scenario)
-    for name, count in (("threads", threads), ("workers", workers)):
-        if count is not None and (not isinstance(count, int) or isinstance(count, bool) or count < 1):
-            raise ScenarioError(f"{name}: needs a whole number from 1, not {count!r}; or leave it out")
+    check_count("threads", threads)
+    check_count("workers", workers)
     if threads is not None and workers is not None:
         raise ScenarioError("simulate: frames are made by threads or by workers; leave out one")
-    numbers = frame_numbers(scenario, frames)
     if controller is not None and not callable(controller):
         raise ScenarioError(f"simulate: a controller is called with each Observation; {controller!r:.60} cannot be")
     if controller is not None and frames is not None:
         raise ScenarioError("simulate: frames depend on history with a controller; leave out frames or the controller")
     if controller is not None and workers is not None:
         raise ScenarioError("simulate: under a controller each frame waits for the one before; leave out workers")
-    return _fly(scenario, controller, numbers, threads, workers, kept)
+    require_scenario(scenario, "simulate")
+    chosen: dict[str, Any] = {"threads": threads, "keep": check_kept(keep, scenario)}
+    if controller is not None:
+        return _fly_controlled(partial(Simulation, scenario, **chosen), controller)
+    scenario.time.choose_frames(frames)  # what is not there is an error now, and not at the first frame
+    return _fly(partial(Simulation, scenario, frames=frames, commanded=False, **chosen), workers)
 
 
-def _fly(
-    scenario: Scenario,
-    controller: Controller | None,
-    numbers: np.ndarray,
-    threads: int | None,
-    workers: int | None,
-    keep: tuple[str, ...],
-) -> Iterator[Frame]:
-    """Yield the frames of a simulation; the parameters are those of `simulate`, checked.
+def _fly_controlled(begin_run: Callable[[], Simulation], controller: Controller) -> Iterator[Frame]:
+    """Yield the frames of a simulation under a controller."""
+    simulation = begin_run()
+    command: Command | None = None
+    while not simulation.is_over:
+        frame = simulation.step(command)
+        yield frame
+        command = controller(frame.observation)  # the only feedback there is
+        if command is not None and not isinstance(command, Command):
+            raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
 
-    Parameters
-    ----------
-    scenario, controller : to be simulated, and called with each Observation.
-    numbers : indices of the frames.
-    threads, workers : number of threads, or of processes.
-    keep : names of records to keep.
-    """
-    _ = (
-        scenario.surfaces,
-        scenario.source,
-        scenario.instrument,
-        scenario.exposure,
-    )  # computed once, before workers share them
-    with scenario.locate_errors():
-        world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
-        commanded, exposure_s = controller is not None, scenario.lidar.exposure_s
-        epochs = scenario.epochs(numbers)
-        course = motion.Course(scenario.bodies, epochs, commanded=commanded, exposure_s=exposure_s, **world)
-        aim = motion.Aim(
-            scenario.pan_tilt, scenario.lidar.mount, scenario.bodies, *scenario.span, flights=course.flights, **world
-        )
-    # Open loop: frames are made in parallel. Under a controller: bands of pixels are.
-    threads = threads or os.cpu_count() or 1
-    at_once, ahead, bands = workers or threads, 2 * workers if workers else threads, 1
-    if controller:
-        at_once, ahead, bands = 1, 0, threads
-    if threads > 1 and not workers:
+
+def _fly(begin_run: Callable[[], Simulation], workers: int | None) -> Iterator[Frame]:
+    """Yield the frames of a simulation without commands. They are made in parallel, and ahead of the one requested."""
+    simulation = begin_run()
+    at_once, ahead = (workers, 2 * workers) if workers else (simulation.threads, simulation.threads)
+    if simulation.threads > 1 and not workers:
         compile_ahead()
     made: deque[Callable[[], Frame]] = deque()
-    command: Command | None = None
-    with _run_in_parallel(scenario, at_once, in_processes=workers is not None) as begin:
-        for row, k in enumerate(numbers.tolist()):
-            truth = aim.at(course.at(row, command), command, scenario.rng(k, POINTING))
-            lidar = scenario.instrument.at(truth.time_s, command)
-            if scenario.exposure:
-                truth = scenario.exposure.follow(truth, course, aim, row, lidar)
-            made.append(begin(truth, scenario.rng(k, DETECTION), bands, lidar=lidar, index=k, keep=keep))
-            if len(made) <= ahead:
-                continue
-            frame = made.popleft()()
-            yield frame
-            command = _command(controller, frame, scenario) if controller else None
+    with _flash_in_parallel(simulation.scenario, at_once, in_processes=workers is not None) as begin:
+        while not simulation.is_over:
+            made.append(begin(simulation.advance(), keep=simulation.keep))
+            if len(made) > ahead:
+                yield made.popleft()()
         while made:
             yield made.popleft()()
 
 
 @contextmanager
-def _run_in_parallel(
+def _flash_in_parallel(
     scenario: Scenario, count: int, *, in_processes: bool
 ) -> Iterator[Callable[..., Callable[[], Frame]]]:
-    """Yield a function that starts a flash in the background.
-
-    It takes the arguments of `flash` without the scenario, and returns a function that waits for the frame.
+    """Yield a function that starts a flash in the background and returns a function that waits for its frame.
 
     Parameters
     ----------
@@ -145,15 +110,15 @@ def _run_in_parallel(
     count : number of threads or processes.
     in_processes : whether processes work instead of threads.
     """
-    if not in_processes:
-        with ThreadPoolExecutor(count, thread_name_prefix="flash") as threads:
-            yield lambda *given, **chosen: threads.submit(flash, scenario, *given, **chosen).result
-        return
-    with Processes(count, partial(_make_part, scenario)) as processes:
+    call = partial(_make_part if in_processes else flash, scenario)
+    with call_in_background(call, count, in_processes=in_processes) as start:
 
-        def begin(truth: Truth, *given: Any, lidar: Lidar, index: int, **chosen: Any) -> Callable[[], Frame]:
-            future = processes.submit(truth, *given, lidar=lidar, index=index, **chosen)
-            return lambda: _assemble_frame(scenario, truth, lidar, index, *processes.result(future))
+        def begin(moment: Moment, keep: tuple[str, ...]) -> Callable[[], Frame]:
+            chosen = {"lidar": moment.lidar, "index": moment.index, "keep": keep}
+            wait = start(moment.truth, moment.rng, 1, **chosen)
+            if not in_processes:
+                return wait
+            return lambda: assemble_frame(scenario, moment.truth, moment.lidar, moment.index, *wait())
 
         yield begin
 
@@ -162,148 +127,3 @@ def _make_part(*given: Any, **chosen: Any) -> tuple[Reading, Labels, dict[str, R
     """Make a frame and return what only it holds: the rest need not travel between processes."""
     frame = flash(*given, **chosen)
     return frame.observation.reading, frame.labels, dict(frame.kept)
-
-
-def _command(controller: Controller, frame: Frame, scenario: Scenario) -> Command | None:
-    """Ask the controller for its command for the next flash: the only feedback there is.
-
-    Parameters
-    ----------
-    controller : the user's function.
-    frame : the last flash, of which the controller gets the observation.
-    scenario : what is flown.
-    """
-    command = controller(frame.observation)
-    if command is not None and not isinstance(command, Command):
-        raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
-    if command is None:
-        return None
-    if scenario.ptu is None and (command.pan_rad is not None or command.tilt_rad is not None):
-        raise ScenarioError("simulate: the controller commands a PTU and the scenario has none; add [ptu]")
-    return command
-
-
-def flash(
-    scenario: Scenario,
-    truth: Truth,
-    rng: np.random.Generator,
-    threads: int | None = None,
-    *,
-    lidar: Lidar | None = None,
-    index: int = 0,
-    keep: tuple[str, ...] = (),
-) -> Frame:
-    """Simulate the frame of one laser pulse, or of those that the detector averages. Call its lines for what is between.
-
-    Parameters
-    ----------
-    scenario : to be simulated.
-    truth : poses of all bodies at one epoch; its `exposure` says how they move while the pulses of the frame are sent.
-    rng : generator of all noise of this frame.
-    threads : number of threads (None: one per core). The result is bit for bit the same.
-    lidar : the instrument with the settings in force (None: as planned for this time).
-    index : of the frame.
-    keep : names of intermediate records to leave in ``frame.kept``.
-
-    Returns
-    -------
-    Frame
-    """
-    require_scenario(scenario, "flash")
-    surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)
-    receiver, pulses = lidar.receiver, lidar.detector.traits.pulses
-    laser, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
-    by_epoch, with_stray_light = [], []
-    for at in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
-        hits = sampling.cast_pixels(receiver, laser, surfaces, at, threads)
-        bounces = None
-        if lidar.bounces > 1:
-            bounces = scene.bounce(hits, surfaces, at, draw_key(rng), threads, laser_from_m=laser.offset)
-        photons = optics.collect(hits, laser, receiver, late_s, bounces)
-        by_epoch.append((hits, photons))
-        if receiver.has_stray_light:
-            moon_m = scenario.moon_position_m(at.time_s)
-            sky = optics.see_sky(laser, receiver, at, moon_m, has_earth=not scenario.is_local)
-            hidden = None if sky is None else scene.find_hidden(sky.direction, surfaces, at)
-            stray = optics.add_stray_light(photons, hits, laser, receiver, sky, hidden, pulses)
-            with_stray_light.append((hits, stray))
-    hits, photons = optics.average_pulses(by_epoch, pulses, jitter)
-    signal = photons
-    labels = scene.label(hits, signal, lidar.max_returns)  # of what is really there: without stray light
-    if with_stray_light:
-        _, photons = optics.average_pulses(with_stray_light, pulses, jitter)
-    taps = None
-    if "taps" in keep:
-        reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)
-    else:
-        reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
-    made: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "signal": signal, "photons": photons}
-    made |= {"taps": taps, "waveforms": waveforms}
-    if "oversampled" in keep:
-        made["oversampled"] = optics.oversample(hits, laser, receiver)
-    if "prediction" in keep:
-        made["prediction"] = detector.predict_pixels(photons, lidar.detector, labels.range_m, threads=threads)
-    kept = {name: record for name in keep if (record := made[name]) is not None}
-    return _assemble_frame(scenario, truth, lidar, index, reading, labels, kept)
-
-
-def _assemble_frame(
-    scenario: Scenario,
-    truth: Truth,
-    lidar: Lidar,
-    index: int,
-    reading: Reading,
-    labels: Labels,
-    kept: dict[str, Record],
-) -> Frame:
-    """Assemble a frame: reading and labels, with what the spacecraft could know and where the frame comes from.
-
-    Parameters
-    ----------
-    scenario, truth, lidar, index : what was flown, where everything was, the instrument in force, number of the frame.
-    reading, labels : what the sensor said, and what was there.
-    kept : intermediate records that the user requested.
-    """
-    measured = truth.pointing.measured_rad if truth.pointing else None
-    observation = Observation(truth.time_s, reading, lidar.settings, lidar.receiver.line_of_sight, measured)
-    return Frame(index, observation, labels, truth, scenario.source, kept)
-
-
-def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> np.ndarray:
-    """Return the numbers of the frames that `frames` chooses.
-
-    Raises
-    ------
-    ScenarioError : if `frames` does not choose frames of this scenario.
-    """
-    n_frames = scenario.time.n_frames
-    if frames is None:
-        return np.arange(n_frames)
-    try:
-        numbers = (
-            np.arange(n_frames)[frames] if isinstance(frames, slice) else np.array([operator.index(k) for k in frames])
-        )
-    except (TypeError, ValueError, OverflowError):
-        raise ScenarioError(
-            f"frames: need a slice or whole numbers, not {frames!r:.60}; such as range(0, 10)"
-        ) from None
-    if not len(numbers):
-        raise ScenarioError(f"frames: the choice is empty; the scenario has frames 0 to {n_frames - 1}")
-    if numbers[0] < 0 or numbers[-1] >= n_frames or np.any(np.diff(numbers) <= 0):
-        raise ScenarioError(f"frames: need ascending numbers from 0 to {n_frames - 1}")
-    return numbers
-
-
-def _check_kept(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:
-    if not isinstance(keep, Iterable):
-        raise ScenarioError(f"keep: {keep!r:.40} is not a list of names; known: {', '.join(KEPT)}")
-    names = (keep,) if isinstance(keep, str) else tuple(keep)
-    for name in names:
-        if name not in KEPT:
-            raise ScenarioError(f"keep: no intermediate record '{name}'; known: {', '.join(KEPT)}")
-    traits = scenario.lidar.detector.traits
-    for name, is_made in (("waveforms", traits.has_waveforms), ("taps", traits.has_taps)):
-        if name in names and not is_made:
-            kind = getattr(scenario.lidar.detector, "type", type(scenario.lidar.detector).__name__)
-            raise ScenarioError(f'keep: the detector "{kind}" has no {name}; set lidar.detector.type = "gsfl"')
-    return names

@@ -18,7 +18,7 @@ from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulate import frame_numbers, simulate
+from rso_lidar.simulate import simulate
 
 
 def run(
@@ -53,7 +53,7 @@ def run(
     """Simulate a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
     scenario = Scenario.load(file, changes)
-    numbers = frame_numbers(scenario, parse_frames(frames))
+    numbers = scenario.time.choose_frames(parse_frames(frames))
     kept = _parse_keep(keep)
     if threads is not None and workers is not None:
         raise ScenarioError("--threads and --workers: frames are made by one or the other; leave out one")

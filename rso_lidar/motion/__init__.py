@@ -1,6 +1,6 @@
 """Positions and attitudes of all bodies, and the pointing of the lidar."""
 
-from rso_lidar.motion.aim import Aim, add_lidar, compute_demand, make_demand
+from rso_lidar.motion.aim import Aim, AimState, add_lidar, compute_demand, make_demand
 from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
 from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
 from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
@@ -12,7 +12,7 @@ from rso_lidar.motion.attitudes.spin import Spin, Tumble
 from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Axes, Body
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle
-from rso_lidar.motion.course import Course
+from rso_lidar.motion.course import Course, CourseState
 from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, sense, start, step
@@ -25,11 +25,13 @@ from rso_lidar.public_names import limit_dir
 
 __all__ = [
     "Aim",
+    "AimState",
     "Attitude",
     "AttitudeTable",
     "Axes",
     "Body",
     "Course",
+    "CourseState",
     "FirstOrder",
     "Fixed",
     "FixedAngle",

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import suppress_warnings
+from rso_lidar.errors import ScenarioError, suppress_warnings
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.gimbal.demand import Demand, DemandCurve, TrackPoint, find_pan_tilt
-from rso_lidar.motion.gimbal.ptu import Ptu, ptu_link, sense, start, step
+from rso_lidar.motion.gimbal.ptu import Ptu, PtuState, ptu_link, sense, start, step
 from rso_lidar.motion.mount import Mount
 from rso_lidar.motion.truth import Flights, truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import Link, PoseTree, pose, rotate_vectors
-from rso_lidar.records import Command, PtuAngles, Truth
+from rso_lidar.records import Command, Truth
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -75,21 +75,27 @@ def make_demand(
             there = truth(bodies, epochs, local=local, sun_direction=sun_direction, flights=flights, rates=False)
             return _find_target_vectors(ptu, bodies, there)
 
-    return _make_following_demand(directions) if flights else DemandCurve(directions, end_s)
+    return FollowingDemand(directions) if flights else DemandCurve(directions, end_s)
 
 
-def _make_following_demand(directions: Callable[[np.ndarray], np.ndarray]) -> Demand:
-    """Make a demand that evaluates the directions at each instant; pan is continuous from call to call."""
-    last_rad = 0.0
+class FollowingDemand:
+    """A demand that evaluates directions at each instant, for bodies under command.
 
-    def follow(time_s: np.ndarray) -> np.ndarray:
-        nonlocal last_rad
-        pan, tilt = find_pan_tilt(directions(time_s))
-        pan = np.unwrap(np.append(last_rad, pan))[1:]
-        last_rad = float(pan[-1])
+    Parameters
+    ----------
+    directions : ``directions(time_s (time,)) -> (time, 3)`` from the PTU to its target, mount axes, any length.
+    """
+
+    def __init__(self, directions: Callable[[np.ndarray], np.ndarray]) -> None:
+        self._directions = directions
+        self.pan_rad = 0.0  # of the last call, so that pan is continuous from call to call
+
+    def __call__(self, time_s: np.ndarray) -> np.ndarray:
+        """Return pan and tilt (time, 2) [rad] at `time_s` (time,) [s]."""
+        pan, tilt = find_pan_tilt(self._directions(time_s))
+        pan = np.unwrap(np.append(self.pan_rad, pan))[1:]
+        self.pan_rad = float(pan[-1])
         return np.stack([pan, tilt], axis=-1)
-
-    return follow
 
 
 def compute_demand(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
@@ -167,6 +173,20 @@ def _find_target_vectors(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.
     return np.broadcast_to(toward, (len(course.time_s), 3))
 
 
+@dataclass(frozen=True, eq=False)
+class AimState:
+    """State of the pointing, without which a later flash cannot be repeated; empty without a PTU.
+
+    `trail` holds the states of the PTU at the steps that an exposure may reach back to, each with the command from there on,
+    and the present state last. `off_rad` is jitter and misalignment at the last flash, `pan_rad` the last pan of a demand
+    that follows a body under command.
+    """
+
+    trail: tuple[tuple[PtuState, Command | None], ...]
+    off_rad: tuple[float, float]
+    pan_rad: float
+
+
 class Aim:
     """The pointing of the lidar from flash to flash, the same in open and in closed loop."""
 
@@ -181,6 +201,7 @@ class Aim:
         local: bool,
         sun_direction: Sequence[float] | None = None,
         flights: Flights | None = None,
+        exposure_s: float = 0.0,
     ) -> None:
         """Start at t = 0, with the PTU at rest on its demand.
 
@@ -190,15 +211,17 @@ class Aim:
         mount : of the lidar.
         bodies, start_utc, local, sun_direction, flights : as for `make_demand`.
         end_s : time of the last flash [s].
+        exposure_s : time during which the pulses of a flash are sent [s].
         """
-        self._ptu, self._mount = ptu, mount
+        self._ptu, self._mount, self._exposure_s = ptu, mount, exposure_s
+        self._trail: list[tuple[PtuState, Command | None]] = []
+        self._off_rad = np.zeros(2)  # jitter and misalignment at the last flash
         if ptu is not None:
             self._demand = make_demand(
                 ptu, bodies, start_utc, end_s, local=local, sun_direction=sun_direction, flights=flights
             )
-            self._state = self._before = start(ptu, self._demand)
-            self._command: Command | None = None
-            self._off_rad = np.zeros(2)  # jitter and misalignment at the last flash
+            self._state = start(ptu, self._demand)
+            self._off_rad = np.array(ptu.errors.misalignment_deg) * units.DEG
 
     def at(self, course: Truth, command: Command | None, rng: np.random.Generator) -> Truth:
         """Step the PTU to the next flash, and add the axes of PTU and lidar to its truth.
@@ -206,28 +229,58 @@ class Aim:
         Parameters
         ----------
         course : truth of the bodies at the next flash.
-        command : given at the previous flash.
+        command : acts from the present instant on.
         rng : random generator of this flash, for jitter and encoder noise.
 
         Returns
         -------
         the same truth with the axes of PTU and lidar, and the angles of the PTU.
         """
-        pointing: PtuAngles | None = None
-        actual_rad = rate_rad_s = np.zeros(2)
+        self.advance(course.time_s, command)
+        if self._ptu is None:
+            still = np.zeros(2)
+            return replace(course, poses=add_lidar(course.poses, None, still, still, self._mount))
+        pointing = sense(self._ptu, self._state, rng)
+        self._off_rad = pointing.actual_rad - np.array(self._state.angle_rad)
+        poses = add_lidar(course.poses, self._ptu, pointing.actual_rad, pointing.rate_rad_s, self._mount)
+        return replace(course, poses=poses, pointing=pointing)
+
+    def advance(self, time_s: float, command: Command | None) -> None:
+        """Step the PTU to an instant.
+
+        Parameters
+        ----------
+        time_s : the instant [s]; nothing happens if the PTU is there already, after an exposure.
+        command : acts from the present instant on.
+        """
+        if self._ptu is None or time_s < self._state.time_s:
+            return
+        self._trail.append((self._state, command))
+        self._state = step(self._ptu, self._state, self._demand, until_s=time_s, command=command)
+        while len(self._trail) > 1 and self._trail[1][0].time_s <= time_s - self._exposure_s:
+            del self._trail[0]
+
+    def now(self, course: Truth) -> Truth:
+        """Add the axes of PTU and lidar to the truth at the present instant, with misalignment but without jitter.
+
+        Parameters
+        ----------
+        course : truth of the bodies.
+
+        Returns
+        -------
+        the same truth with the axes of PTU and lidar.
+        """
+        angle = rate = np.zeros(2)
         if self._ptu is not None:
-            self._before, self._command = self._state, command
-            self._state = step(self._ptu, self._state, self._demand, until_s=course.time_s, command=command)
-            pointing = sense(self._ptu, self._state, rng)
-            actual_rad, rate_rad_s = pointing.actual_rad, pointing.rate_rad_s
-            self._off_rad = actual_rad - np.array(self._state.angle_rad)
-        poses = add_lidar(course.poses, self._ptu, actual_rad, rate_rad_s, self._mount)
-        return Truth(course.time_s, poses, course.states, course.sun_direction, pointing, course.sunlit)
+            angle = np.array(self._state.angle_rad) + np.array(self._ptu.errors.misalignment_deg) * units.DEG
+            rate = np.array(self._state.rate_rad_s)
+        return replace(course, poses=add_lidar(course.poses, self._ptu, angle, rate, self._mount))
 
     def during(self, course: Truth) -> Truth:
-        """Step the PTU through instants about the flash of the last call of `at`, under the same command and jitter.
+        """Step the PTU through instants about the flash of the last call of `at`, under the same commands and jitter.
 
-        If the last of them is after the flash, the next flash goes on from there, and its command holds from there on.
+        If the last of them is after the flash, the next step goes on from there, and its command acts from there on.
 
         Parameters
         ----------
@@ -239,16 +292,49 @@ class Aim:
         """
         angles = rates = np.zeros((len(course.time_s), 2))
         if self._ptu is not None:
-            state, rows = self._before, []
+            (state, command), *later = self._trail
+            rows = []
             for time_s in course.time_s.tolist():
-                state = step(self._ptu, state, self._demand, max(time_s, state.time_s), self._command)
+                while later and later[0][0].time_s <= time_s:
+                    (state, command), *later = later
+                state = step(self._ptu, state, self._demand, max(time_s, state.time_s), command)
                 rows.append((*state.angle_rad, *state.rate_rad_s))
             angles, rates = np.hsplit(np.array(rows), 2)
             angles = angles + self._off_rad
             if state.time_s > self._state.time_s:
                 self._state = state
-        poses = add_lidar(course.poses, self._ptu, angles, rates, self._mount)
-        return replace(course, poses=poses)
+        return replace(course, poses=add_lidar(course.poses, self._ptu, angles, rates, self._mount))
+
+    def save(self) -> AimState:
+        """Return the present state, from which `restore` goes on."""
+        if self._ptu is None:
+            return AimState((), (0.0, 0.0), 0.0)
+        pan, tilt = self._off_rad.tolist()
+        pan_rad = self._demand.pan_rad if isinstance(self._demand, FollowingDemand) else 0.0
+        return AimState((*self._trail, (self._state, None)), (pan, tilt), pan_rad)
+
+    def restore(self, state: AimState) -> None:
+        """Go on from a saved state.
+
+        Parameters
+        ----------
+        state : from `save`, of the pointing of the same PTU.
+
+        Raises
+        ------
+        ScenarioError
+            If only one of the two has a PTU.
+        """
+        if (self._ptu is None) != (not state.trail):
+            raise ScenarioError(
+                "restore: the state and the scenario do not both have a PTU; give a state of this scenario"
+            )
+        if self._ptu is None:
+            return
+        *self._trail, (self._state, _) = state.trail
+        self._off_rad = np.array(state.off_rad)
+        if isinstance(self._demand, FollowingDemand):
+            self._demand.pan_rad = state.pan_rad
 
 
 def add_lidar(

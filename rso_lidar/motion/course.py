@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,13 +11,21 @@ from rso_lidar.errors import ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.order import list_dependencies
-from rso_lidar.motion.dynamics.flight import Flight
+from rso_lidar.motion.dynamics.flight import Flight, FlightState
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.records import Command, Truth
 
 _BLOCK = 4096  # instants in one evaluation of an exposure; bounds memory
 _MOST_BLOCKS = 4
+
+
+@dataclass(frozen=True)
+class CourseState:
+    """State of a course: the present instant [s], and the flights of state-space models by name."""
+
+    now_s: float
+    flights: Mapping[str, FlightState]
 
 
 class Course:
@@ -52,7 +61,7 @@ class Course:
         if exposure_s > 0.0:  # a motion that ends during the last exposure is an error now
             self._near(slice(-1, None) if self._whole else slice(0, 1), np.array([-0.5, 0.5]) * exposure_s)
         self._blocks: dict[tuple[int, bytes], Truth] = {}
-        self._since_s = 0.0
+        self._now_s = 0.0
 
     def at(self, row: int, command: Command | None) -> Truth:
         """Return the truth of one flash.
@@ -60,7 +69,7 @@ class Course:
         Parameters
         ----------
         row : number of the flash.
-        command : given at the previous flash; None for none. Its inputs hold from that flash on.
+        command : given at the present instant, which is that of the previous call. Its inputs hold from there on.
 
         Returns
         -------
@@ -71,6 +80,27 @@ class Course:
         ScenarioError
             If the command gives inputs to an unknown model, or inputs of the wrong number.
         """
+        self.advance(float(self._epochs.time_s[row]), command)
+        if self._whole is not None:
+            return self._whole.at(row)
+        if row == 0:
+            return self._at(self._epochs.at(row)).at(0)
+        with suppress_warnings():  # the first flash has given all warnings
+            return self._at(self._epochs.at(row)).at(0)
+
+    def advance(self, time_s: float, command: Command | None) -> None:
+        """Go on to an instant under a command.
+
+        Parameters
+        ----------
+        time_s : instant [s], the present one from here on.
+        command : as for `at`.
+
+        Raises
+        ------
+        ScenarioError
+            As `at`.
+        """
         for name, inputs in ((command.inputs if command else None) or {}).items():
             if name not in self.flights:
                 guess = did_you_mean(name, self.flights)
@@ -78,14 +108,43 @@ class Course:
                     f"command: inputs are given for '{name}', which has no state-space model{guess} "
                     f"(known: {', '.join(self.flights) or 'none'})"
                 )
-            self.flights[name].hold(self._since_s, _read_inputs(name, inputs))
-        self._since_s = float(self._epochs.time_s[row])
-        if self._whole is not None:
-            return self._whole.at(row)
-        if row == 0:
-            return self._at(self._epochs.at(row)).at(0)
-        with suppress_warnings():  # the first flash has given all warnings
-            return self._at(self._epochs.at(row)).at(0)
+            self.flights[name].hold(self._now_s, _read_inputs(name, inputs))
+        self._now_s = max(self._now_s, time_s)
+
+    def now(self, time_s: float) -> Truth:
+        """Return the truth at an instant that is not after the present one, without PTU and lidar.
+
+        Parameters
+        ----------
+        time_s : the instant [s].
+        """
+        with suppress_warnings():
+            return self._at(Epochs(self._epochs.start_utc, np.array([time_s]))).at(0)
+
+    def save(self) -> CourseState:
+        """Return the present state, from which `restore` goes on."""
+        return CourseState(self._now_s, {name: flight.save() for name, flight in self.flights.items()})
+
+    def restore(self, state: CourseState) -> None:
+        """Go on from a saved state.
+
+        Parameters
+        ----------
+        state : from `save`, of a course with the same bodies.
+
+        Raises
+        ------
+        ScenarioError
+            If the state has other state-space models.
+        """
+        if state.flights.keys() != self.flights.keys():
+            raise ScenarioError(
+                f"restore: the state has the state-space models {sorted(state.flights)}, the scenario "
+                f"{sorted(self.flights)}; give a state of this scenario"
+            )
+        self._now_s, self._blocks = state.now_s, {}
+        for name, flight in self.flights.items():
+            flight.restore(state.flights[name])
 
     def during(self, row: int, offsets_s: np.ndarray) -> Truth:
         """Return the truth at instants about the flash of the last call of `at`, under the same command.
@@ -101,7 +160,7 @@ class Course:
         -------
         batch of truths, without PTU and lidar.
         """
-        self._since_s = max(self._since_s, float(self._epochs.time_s[row] + offsets_s[-1]))
+        self._now_s = max(self._now_s, float(self._epochs.time_s[row] + offsets_s[-1]))
         if self._whole is None:
             return self._near(slice(row, row + 1), offsets_s)
         rows = max(1, _BLOCK // len(offsets_s))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -17,6 +19,7 @@ from rso_lidar.motion.dynamics.function import (
     wrap_dynamics,
 )
 from rso_lidar.orbit.propagation.integrator import OdeSolution
+from rso_lidar.orbit.propagation.short_steps import ShortSolution
 from rso_lidar.part import Number, Part, Positive
 
 _PANEL_S = 60.0
@@ -58,35 +61,22 @@ class StateSpaceModel(Part):
         """Find the function of the dynamics, and wrap it so that its failures become one-line errors."""
         return wrap_dynamics(find_function(self.dynamics), self.label, len(self.initial_state))
 
-    def solution(
-        self, state: np.ndarray, inputs: np.ndarray, start_s: float = 0.0, panel_s: float = _PANEL_S
-    ) -> OdeSolution:
-        """Start an integration under constant inputs.
 
-        Parameters
-        ----------
-        state : (n,) at `start_s`.
-        inputs : (m,), constant.
-        start_s : start of the integration [s].
-        panel_s : length of the panels in which it proceeds [s].
+class _Piece(NamedTuple):
+    """A stretch of a flight under constant inputs (m,), from the state (n,) at `begin_s`."""
 
-        Returns
-        -------
-        x as a function of t - start_s [s].
-        """
-        function = self.function()
+    begin_s: float
+    inputs: np.ndarray
+    state: np.ndarray
+    solution: OdeSolution | ShortSolution
 
-        def derivative(t: float, x: np.ndarray) -> np.ndarray:
-            return np.asarray(function(t + start_s, x, inputs))
 
-        return OdeSolution(
-            derivative,
-            state,
-            panel_s=panel_s,
-            rtol=self.relative_tolerance,
-            atol=self.absolute_tolerance,
-            name=self.label,
-        )
+@dataclass(frozen=True, eq=False)
+class FlightState:
+    """State of a flight: for each of its pieces the start [s], the inputs (m,) and the state (n,) at the start."""
+
+    pieces: tuple[tuple[float, np.ndarray, np.ndarray], ...]
+    lost_s: tuple[float, float]
 
 
 class Flight:
@@ -94,27 +84,59 @@ class Flight:
 
     def __init__(self, model: StateSpaceModel) -> None:
         self.model = model
-        self._inputs = np.array(model.inputs, dtype=float)
-        self._pieces = [(0.0, self._inputs, model.solution(np.array(model.initial_state, dtype=float), self._inputs))]
+        self._function = model.function()
+        state, inputs = np.array(model.initial_state, dtype=float), np.array(model.inputs, dtype=float)
+        self._pieces = [self._begin_piece(0.0, inputs, state)]
         self._lost_s = (np.inf, -np.inf)
+
+    def _begin_piece(self, begin_s: float, inputs: np.ndarray, state: np.ndarray) -> _Piece:
+        """Begin a piece of the flight; only the first begins without a command.
+
+        Parameters
+        ----------
+        begin_s : its start [s].
+        inputs : (m,), constant.
+        state : (n,) at `begin_s`.
+        """
+        function, model = self._function, self.model
+
+        def derivative(t: float, x: np.ndarray) -> np.ndarray:
+            return np.asarray(function(t + begin_s, x, inputs))
+
+        tolerances: dict[str, Any] = {"rtol": model.relative_tolerance, "atol": model.absolute_tolerance}
+        solution = (
+            ShortSolution(derivative, state, panel_s=_COMMANDED_PANEL_S, name=model.label, **tolerances)
+            if begin_s > 0.0
+            else OdeSolution(derivative, state, panel_s=_PANEL_S, name=model.label, **tolerances)
+        )
+        return _Piece(begin_s, inputs, state, solution)
+
+    def save(self) -> FlightState:
+        """Return the present state, from which `restore` goes on."""
+        return FlightState(tuple(piece[:3] for piece in self._pieces), self._lost_s)
+
+    def restore(self, state: FlightState) -> None:
+        """Go on from a state that a flight of the same model saved."""
+        known = {id(piece.state): piece for piece in self._pieces}
+        self._pieces = [known.get(id(piece[2])) or self._begin_piece(*piece) for piece in state.pieces]
+        self._lost_s = state.lost_s
 
     def hold(self, time_s: float, inputs: np.ndarray) -> None:
         """Hold new inputs from `time_s` [s] on, which must not be earlier than the previous command."""
-        inputs = np.array(inputs, dtype=float, ndmin=1)
-        if inputs.shape != self._inputs.shape or not np.all(np.isfinite(inputs)):
+        inputs, last = np.array(inputs, dtype=float, ndmin=1), self._pieces[-1]
+        if inputs.shape != last.inputs.shape or not np.all(np.isfinite(inputs)):
             raise ScenarioError(
-                f"command: inputs of {self.model.label} are {inputs.tolist()!s:.60}: give {len(self._inputs)} finite "
+                f"command: inputs of {self.model.label} are {inputs.tolist()!s:.60}: give {len(last.inputs)} finite "
                 "numbers, one for each of its `inputs`"
             )
-        if np.array_equal(inputs, self._inputs):
+        if np.array_equal(inputs, last.inputs):
             return
         state = self(np.array([time_s]))[0]
-        if self._pieces[-1][0] == time_s:
+        if last.begin_s == time_s:
             del self._pieces[-1]
-        self._inputs = inputs
-        self._pieces.append((time_s, inputs, self.model.solution(state, inputs, time_s, _COMMANDED_PANEL_S)))
+        self._pieces.append(self._begin_piece(time_s, inputs, state))
         if len(self._pieces) > _KEPT + 1:
-            self._lost_s = (min(self._lost_s[0], self._pieces[1][0]), self._pieces[2][0])
+            self._lost_s = (min(self._lost_s[0], self._pieces[1].begin_s), self._pieces[2].begin_s)
             del self._pieces[1]
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
@@ -130,23 +152,21 @@ class Flight:
             )
         states = np.empty((len(times), len(self.model.initial_state)))
         for number in np.unique(piece):
-            begin, _, solution = self._pieces[number]
             rows = piece == number
-            states[rows] = solution(times[rows] - begin)
+            states[rows] = self._pieces[number].solution(times[rows] - self._pieces[number].begin_s)
         return states
 
     def rates(self, time_s: np.ndarray) -> np.ndarray:
         """Evaluate x' (time, n) at `time_s` (time,) [s], under the inputs that are held from there on."""
         times = np.asarray(time_s, dtype=float)
-        function = self.model.function()
-        inputs = [self._pieces[number][1] for number in self._piece(times)]
-        rows = [function(t, x, u) for t, x, u in zip(times.tolist(), self(times), inputs, strict=True)]
+        inputs = [self._pieces[number].inputs for number in self._piece(times)]
+        rows = [self._function(t, x, u) for t, x, u in zip(times.tolist(), self(times), inputs, strict=True)]
         return np.array(rows, dtype=float).reshape(len(times), len(self.model.initial_state))
 
     @property
     def begins_s(self) -> np.ndarray:
         """Instants from which new inputs are held [s]."""
-        return np.array([begin for begin, _, _ in self._pieces])
+        return np.array([piece.begin_s for piece in self._pieces])
 
     def _piece(self, times: np.ndarray) -> np.ndarray:
         """Find the number (time) of the piece that contains each instant."""

@@ -31,6 +31,8 @@ from rso_lidar.scenario.tables.world import Time, World
 from rso_lidar.scene import Surface
 from rso_lidar.shipped import find
 
+_WITHOUT_NOISE = ("bodies", "pan_tilt", "surfaces", "instrument", "exposure")  # cached, and the same for every seed
+
 
 class Mission(Part):
     """Everything that a simulation needs, as its TOML file says it, with the files that it names found.
@@ -148,6 +150,17 @@ class Mission(Part):
         """Return a copy with some fields changed, validated like a new scenario."""
         changed = super().replace(**changes)
         changed._folder, changed._where, changed._trust_code = self._folder, self._where, self._trust_code
+        return changed
+
+    def with_seed(self, seed: int) -> Self:
+        """Return the scenario with another seed; files that have been read are not read again.
+
+        Parameters
+        ----------
+        seed : of all noise.
+        """
+        changed = self.replace(seed=seed)
+        changed.__dict__.update({name: self.__dict__[name] for name in _WITHOUT_NOISE if name in self.__dict__})
         return changed
 
     @model_validator(mode="after")

@@ -98,8 +98,8 @@ class Target(Body):
     symmetry: Symmetry | None = Field(
         default=None,
         description=(
-            "Rotations after which the target looks the same to a lidar, in mesh axes after scaling. If omitted, that of the "
-            "catalogue if all hinges are at zero, or none. It changes labels only."
+            "Rotations after which the target looks the same to a lidar, in mesh axes after scaling. If omitted, that of "
+            "the catalogue if all hinges are at zero, or none. It changes labels only."
         ),
     )
     library: LibraryModel | None = Field(

@@ -1,10 +1,13 @@
 """Times of the frames, and the root axes."""
 
-from typing import Literal, Self
+import operator
+from collections.abc import Iterable
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Direction, Instant, Part, Positive
 
 _MOST_FRAMES = 5_000_000
@@ -49,6 +52,36 @@ class Time(Part):
         frames : indices of frames (time).
         """
         return np.asarray(frames, dtype=float) / self.frame_rate_hz
+
+    def choose_frames(self, frames: slice | Iterable[int] | None) -> np.ndarray:
+        """Return the indices (time) of the frames that are chosen.
+
+        Parameters
+        ----------
+        frames : ascending indices, or a slice (None: all).
+
+        Raises
+        ------
+        ScenarioError
+            If they are not frames of this scenario.
+        """
+        n_frames = self.n_frames
+        if frames is None:
+            return np.arange(n_frames)
+        try:
+            chosen: Any = (
+                np.arange(n_frames)[frames] if isinstance(frames, slice) else [operator.index(k) for k in frames]
+            )
+            numbers = np.array(chosen)
+        except (TypeError, ValueError, OverflowError):
+            raise ScenarioError(
+                f"frames: need a slice or whole numbers, not {frames!r:.60}; such as range(0, 10)"
+            ) from None
+        if not len(numbers):
+            raise ScenarioError(f"frames: the choice is empty; the scenario has frames 0 to {n_frames - 1}")
+        if numbers[0] < 0 or numbers[-1] >= n_frames or np.any(np.diff(numbers) <= 0):
+            raise ScenarioError(f"frames: need ascending numbers from 0 to {n_frames - 1}")
+        return numbers
 
 
 class World(Part):

@@ -15,7 +15,7 @@ from rso_lidar.orbit.sky.eclipse import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth
 from rso_lidar.records.viewing_geometry import tabulate_truth
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulate import POINTING, frame_numbers
+from rso_lidar.stepping import POINTING
 
 
 def fly_open_loop(
@@ -37,7 +37,7 @@ def fly_open_loop(
     truth : batch over the frames, with ptu and lidar.
     angles : of the PTU, one for each frame; empty without a PTU.
     """
-    numbers = frame_numbers(scenario, frames)
+    numbers = scenario.time.choose_frames(frames)
     ptu, mount = scenario.ptu, scenario.lidar.mount
     with scenario.locate_errors():
         world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}

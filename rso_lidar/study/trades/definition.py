@@ -17,7 +17,6 @@ from rso_lidar.files import expand_user
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import FilePart
-from rso_lidar.simulate import frame_numbers
 from rso_lidar.study.trades.merits import MERITS, list_evaluated
 
 MOST_ROWS = 100_000  # of a table; its report holds them all
@@ -328,8 +327,8 @@ class Study(FilePart):
         scenario : with the number of its frames.
         """
         if isinstance(self.frames, str):
-            return frame_numbers(scenario, slice(*(int(word) if word else None for word in self.frames.split(":"))))
-        return frame_numbers(scenario, self.frames)
+            return scenario.time.choose_frames(slice(*(int(word) if word else None for word in self.frames.split(":"))))
+        return scenario.time.choose_frames(self.frames)
 
 
 def write_toml_value(value: Any) -> str:

@@ -1,0 +1,115 @@
+"""One laser flash: a photon goes through the rooms once, in order, and never turns back."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from rso_lidar import detector, optics, sampling, scene
+from rso_lidar.errors import ScenarioError
+from rso_lidar.philox import draw_key
+from rso_lidar.records import Frame, Labels, Observation, Reading, Record, Truth
+from rso_lidar.scenario import Lidar, Scenario, require_scenario
+
+KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled", "prediction")
+
+
+def flash(
+    scenario: Scenario,
+    truth: Truth,
+    rng: np.random.Generator,
+    threads: int | None = None,
+    *,
+    lidar: Lidar | None = None,
+    index: int = 0,
+    keep: tuple[str, ...] = (),
+) -> Frame:
+    """Simulate the frame of one laser pulse, or of those that the detector averages. Call its lines for what is between.
+
+    Parameters
+    ----------
+    scenario : to be simulated.
+    truth : poses of all bodies at one epoch; its `exposure` says how they move while the pulses of the frame are sent.
+    rng : generator of all noise of this frame.
+    threads : number of threads (None: one per core). The result is bit for bit the same.
+    lidar : the instrument with the settings in force (None: as planned for this time).
+    index : of the frame.
+    keep : names of intermediate records to leave in ``frame.kept``.
+
+    Returns
+    -------
+    Frame
+    """
+    require_scenario(scenario, "flash")
+    surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)
+    receiver, pulses = lidar.receiver, lidar.detector.traits.pulses
+    laser, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
+    by_epoch, with_stray_light = [], []
+    for at in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
+        hits = sampling.cast_pixels(receiver, laser, surfaces, at, threads)
+        bounces = None
+        if lidar.bounces > 1:
+            bounces = scene.bounce(hits, surfaces, at, draw_key(rng), threads, laser_from_m=laser.offset)
+        photons = optics.collect(hits, laser, receiver, late_s, bounces)
+        by_epoch.append((hits, photons))
+        if receiver.has_stray_light:
+            moon_m = scenario.moon_position_m(at.time_s)
+            sky = optics.see_sky(laser, receiver, at, moon_m, has_earth=not scenario.is_local)
+            hidden = None if sky is None else scene.find_hidden(sky.direction, surfaces, at)
+            stray = optics.add_stray_light(photons, hits, laser, receiver, sky, hidden, pulses)
+            with_stray_light.append((hits, stray))
+    hits, photons = optics.average_pulses(by_epoch, pulses, jitter)
+    signal = photons
+    labels = scene.label(hits, signal, lidar.max_returns)  # of what is really there: without stray light
+    if with_stray_light:
+        _, photons = optics.average_pulses(with_stray_light, pulses, jitter)
+    taps = None
+    if "taps" in keep:
+        reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)
+    else:
+        reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
+    made: dict[str, Record | None] = {"rays": hits.rays, "hits": hits, "signal": signal, "photons": photons}
+    made |= {"taps": taps, "waveforms": waveforms}
+    if "oversampled" in keep:
+        made["oversampled"] = optics.oversample(hits, laser, receiver)
+    if "prediction" in keep:
+        made["prediction"] = detector.predict_pixels(photons, lidar.detector, labels.range_m, threads=threads)
+    kept = {name: record for name in keep if (record := made[name]) is not None}
+    return assemble_frame(scenario, truth, lidar, index, reading, labels, kept)
+
+
+def assemble_frame(
+    scenario: Scenario,
+    truth: Truth,
+    lidar: Lidar,
+    index: int,
+    reading: Reading,
+    labels: Labels,
+    kept: dict[str, Record],
+) -> Frame:
+    """Assemble a frame: reading and labels, with what the spacecraft could know and where the frame comes from.
+
+    Parameters
+    ----------
+    scenario, truth, lidar, index : what was flown, where everything was, the instrument in force, number of the frame.
+    reading, labels : what the sensor said, and what was there.
+    kept : intermediate records that the user requested.
+    """
+    measured = truth.pointing.measured_rad if truth.pointing else None
+    observation = Observation(truth.time_s, reading, lidar.settings, lidar.receiver.line_of_sight, measured)
+    return Frame(index, observation, labels, truth, scenario.source, kept)
+
+
+def check_kept(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:
+    """Check the names of intermediate records to keep and return them; raise `ScenarioError` for an unknown one."""
+    if not isinstance(keep, Iterable):
+        raise ScenarioError(f"keep: {keep!r:.40} is not a list of names; known: {', '.join(KEPT)}")
+    names = (keep,) if isinstance(keep, str) else tuple(keep)
+    for name in names:
+        if name not in KEPT:
+            raise ScenarioError(f"keep: no intermediate record '{name}'; known: {', '.join(KEPT)}")
+    traits = scenario.lidar.detector.traits
+    for name, is_made in (("waveforms", traits.has_waveforms), ("taps", traits.has_taps)):
+        if name in names and not is_made:
+            kind = getattr(scenario.lidar.detector, "type", type(scenario.lidar.detector).__name__)
+            raise ScenarioError(f'keep: the detector "{kind}" has no {name}; set lidar.detector.type = "gsfl"')
+    return names
