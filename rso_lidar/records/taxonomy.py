@@ -12,6 +12,9 @@ ObjectClass = Literal["payload", "rocket_body", "debris", "capsule", "calibratio
 ShapeFamily = Literal["box", "box_wing", "cylinder", "cone", "sphere", "plate", "truss", "irregular"]
 SizeClass = Literal["tiny", "small", "medium", "large"]
 Stabilisation = Literal["three_axis", "spin", "gravity_gradient", "tumbling", "fixed"]
+# Categories of the shapes of fragments in DebriSat (Liou et al. 2013, 6th European Conference on Space Debris)
+FragmentKind = Literal["flat_plate", "bent_plate", "straight_rod", "bent_rod", "nugget", "flexible"]
+FRAGMENT_LENGTHS_M = (0.001, 10.0)  # of fragments that can be made; a choice
 
 # Upper limits of the longest side [m]: 0.1 m is about the smallest object that radar catalogues hold in low orbit;
 # 1 m and 10 m are arbitrary round numbers.

@@ -5,6 +5,7 @@ from rso_lidar.scenario.scenario import Scenario, require_scenario
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.finding import Finding
+from rso_lidar.scenario.tables.fragment import Fragment
 from rso_lidar.scenario.tables.joints import Joint
 from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scenario.tables.schedule import Schedule
@@ -19,6 +20,7 @@ __all__ = [
     "FacetMaterials",
     "Finding",
     "Follower",
+    "Fragment",
     "HeightField",
     "Joint",
     "Lidar",

@@ -1,6 +1,7 @@
 """Parametric builders of the shipped models; `python -m rso_lidar.shapes.write` writes models/."""
 
 from rso_lidar.public_names import limit_dir
+from rso_lidar.shapes.breakup import breakup_fragment
 from rso_lidar.shapes.build import build, builders
 from rso_lidar.shapes.cubesat import cubesat
 from rso_lidar.shapes.fragment import fragment
@@ -8,6 +9,16 @@ from rso_lidar.shapes.materials import MATERIALS
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid
 
-__all__ = ["MATERIALS", "CraftModel", "CraftPart", "Solid", "build", "builders", "cubesat", "fragment"]
+__all__ = [
+    "MATERIALS",
+    "CraftModel",
+    "CraftPart",
+    "Solid",
+    "breakup_fragment",
+    "build",
+    "builders",
+    "cubesat",
+    "fragment",
+]
 
 __dir__ = limit_dir(__name__)

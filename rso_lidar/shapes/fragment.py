@@ -11,6 +11,7 @@ import numpy as np
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.records.taxonomy import ShapeFamily, Taxonomy, classify_size
 from rso_lidar.shapes.model import CraftModel, CraftPart
+from rso_lidar.shapes.sheets import bend_solids, build_sheet, draw_outline
 from rso_lidar.shapes.solids import Solid, join, pipe
 
 Kind = Literal["plate", "shard", "panel", "foil"]
@@ -138,100 +139,16 @@ def _scaled(chunks: dict[str, _Chunk], longest_m: float) -> dict[str, CraftPart]
     return made
 
 
-def _outline(rng: np.random.Generator, corners: int, ragged: float, squeeze: float) -> np.ndarray:
-    """Draw a torn outline: a star-shaped curve of long waves with teeth.
-
-    Parameters
-    ----------
-    rng : of the fragment.
-    corners : number of the long waves.
-    ragged : height of the teeth, share of the radius.
-    squeeze : width over length.
-
-    Returns
-    -------
-    (n, 2) points, about 1 in radius.
-    """
-    n = 16 * corners
-    angle = np.arange(n) * (2.0 * math.pi / n)
-    radius = 1.0 + sum(
-        0.30 / k * rng.random() * np.cos(k * angle + 2.0 * math.pi * rng.random()) for k in range(2, corners + 1)
-    )
-    teeth = np.interp(np.arange(n), np.arange(0, n + 1, 4), ragged * (2.0 * rng.random(n // 4 + 1) - 1.0))
-    radius = radius * (1.0 + teeth + 0.3 * ragged * (2.0 * rng.random(n) - 1.0))
-    return np.column_stack([radius * np.cos(angle), squeeze * radius * np.sin(angle)])
-
-
-def _sheet(outline: np.ndarray, thickness: float, rings: int) -> Solid:
-    """Make a flat plate within a star-shaped outline, with inner vertices so that it can be bent.
-
-    Parameters
-    ----------
-    outline : (n, 2) points.
-    thickness : in the unit of the outline.
-    rings : of facets between the middle and the outline.
-    """
-    n = len(outline)
-    share = np.arange(1, rings + 1) / rings
-    layer = np.concatenate([np.zeros((1, 2)), (share[:, None, None] * outline).reshape(-1, 2)])
-    m = len(layer)
-    vertices = np.concatenate([np.column_stack([layer, np.full(m, z)]) for z in (-0.5 * thickness, 0.5 * thickness)])
-    sides = [(a, (a + 1) % n) for a in range(n)]
-    top = [(0, 1 + a, 1 + b) for a, b in sides]
-    for ring in range(rings - 1):
-        here, out = 1 + ring * n, 1 + (ring + 1) * n
-        for a, b in sides:
-            top += [(here + a, out + a, out + b), (here + a, out + b, here + b)]
-    upper = np.array(top) + m
-    lower = np.array(top)[:, ::-1]
-    edge = 1 + (rings - 1) * n
-    rim = [t for a, b in sides for t in ((edge + a, edge + b, m + edge + b), (edge + a, m + edge + b, m + edge + a))]
-    return Solid(vertices, np.concatenate([lower, upper, np.array(rim)]))
-
-
-def _bend(rng: np.random.Generator, solids: list[Solid], curl: float, folds: int, depth: float) -> list[Solid]:
-    """Crease sheets along random lines, then roll them about one line.
-
-    Creases stay below 0.4 of the rolling radius, so that no sheet turns inside out.
-
-    Parameters
-    ----------
-    rng : of the fragment.
-    solids : the sheets, bent alike.
-    curl : rolling angle per unit length [rad].
-    folds : number of creases.
-    depth : greatest slope of a crease.
-    """
-    heights = [np.zeros(len(solid.vertices)) for solid in solids]
-    for _ in range(folds):
-        turn, place, slope = 2.0 * math.pi * rng.random(), 1.2 * rng.random() - 0.6, depth * (2.0 * rng.random() - 1.0)
-        for height, solid in zip(heights, solids, strict=True):
-            beyond = math.cos(turn) * solid.vertices[:, 0] + math.sin(turn) * solid.vertices[:, 1] - place
-            height += slope * np.maximum(0.0, beyond)
-    steepest = max(float(np.abs(height).max()) for height in heights)
-    share = min(1.0, 0.4 / (curl * max(steepest, 1e-12)))
-    angle = 2.0 * math.pi * rng.random()
-    cos, sin = math.cos(angle), math.sin(angle)
-    rolled = []
-    for height, solid in zip(heights, solids, strict=True):
-        x, y, z = solid.vertices.T
-        radius, turned = 1.0 / curl - z - share * height, curl * (cos * x + sin * y)
-        across = cos * y - sin * x
-        vertices = np.column_stack([radius * np.sin(turned), across, 1.0 / curl - radius * np.cos(turned)])
-        rolled.append(Solid(vertices, solid.facets))
-    return rolled
-
-
 def _plate(rng: np.random.Generator) -> dict[str, _Chunk]:
     """Return a plate with one cut edge, torn elsewhere, rolled and creased, with two stiffeners outside (-z)."""
-    outline = _outline(rng, 6, 0.14, 0.70)
+    outline = draw_outline(rng, 6, 0.14, 0.70)
     outline[:, 1] = np.maximum(outline[:, 1], -0.40 + 0.004 * np.cos(9.0 * outline[:, 0]))
-    skin, inside = _sheet(outline, 0.010, 8), _polygon_test(outline)
+    skin, inside = build_sheet(outline, 0.010, 8), _polygon_test(outline)
     ribs = []
     for y in (-0.18, 0.20):
         ends = [next(x for x in np.arange(0.9, 0.0, -0.05) if inside(side * x, y)) for side in (-1, 1)]
         ribs.append(pipe([(x, y, -0.02) for x in np.linspace(-ends[0], ends[1], 25)], 0.035, 4))
-    skin, rib = _bend(rng, [skin, join(*ribs)], 0.8 + 0.5 * rng.random(), 4, 0.35)
+    skin, rib = bend_solids(rng, [skin, join(*ribs)], 0.8 + 0.5 * rng.random(), 4, 0.35)
     return {
         "skin": _Chunk(skin, "aluminium", _ALUMINIUM_KG_M3),
         "stiffener": _Chunk(rib, "aluminium", _ALUMINIUM_KG_M3),
@@ -283,9 +200,9 @@ def _shard(rng: np.random.Generator) -> dict[str, _Chunk]:
 
 def _panel(rng: np.random.Generator) -> dict[str, _Chunk]:
     """Return a slab of honeycomb with one straight edge, torn elsewhere, and the remaining cells."""
-    outline = _outline(rng, 5, 0.10, 0.75)
+    outline = draw_outline(rng, 5, 0.10, 0.75)
     outline[:, 1] = np.maximum(outline[:, 1], -0.50 + 0.004 * np.cos(7.0 * outline[:, 0]))  # the edge of the panel
-    slab = _sheet(outline, 0.030, 6)
+    slab = build_sheet(outline, 0.030, 6)
     inside, cells = _polygon_test(outline), []
     width, height, gap = 0.150, 0.300, 0.012
     for i in range(-8, 9):
@@ -296,8 +213,8 @@ def _panel(rng: np.random.Generator) -> dict[str, _Chunk]:
             if lost or not all(inside(*corner) for corner in corners):
                 continue
             quad = np.array([corners[0], corners[2], corners[3], corners[1]])
-            cells.append(_refined(_sheet(quad - quad.mean(axis=0), 0.005, 1)).move(x, y, 0.0165))
-    bent = _bend(rng, [slab, *([join(*cells)] if cells else [])], 0.10 + 0.15 * rng.random(), 2, 0.12)
+            cells.append(_refined(build_sheet(quad - quad.mean(axis=0), 0.005, 1)).move(x, y, 0.0165))
+    bent = bend_solids(rng, [slab, *([join(*cells)] if cells else [])], 0.10 + 0.15 * rng.random(), 2, 0.12)
     kinds = {"solar_substrate": ("cfrp", 120.0), "solar_array": ("solar_cell", 2500.0)}
     return {name: _Chunk(solid, *kinds[name]) for name, solid in zip(kinds, bent, strict=False)}
 
@@ -317,8 +234,8 @@ def _polygon_test(outline: np.ndarray) -> Callable[[float, float], bool]:
 
 def _foil(rng: np.random.Generator) -> dict[str, _Chunk]:
     """Return a sheet of insulation with a torn edge, crumpled in many creases and rolled."""
-    outline = _outline(rng, 7, 0.08, 0.70)
-    sheet = _sheet(outline, 0.004, 18)
+    outline = draw_outline(rng, 7, 0.08, 0.70)
+    sheet = build_sheet(outline, 0.004, 18)
     x, y, z = sheet.vertices.T
     height = z.copy()
     for length in (1.1, 0.8, 0.6, 0.45, 0.35, 0.28):
@@ -326,5 +243,5 @@ def _foil(rng: np.random.Generator) -> dict[str, _Chunk]:
         steps = (math.cos(turn) * x + math.sin(turn) * y) / length + phase
         height += (0.15 + 0.20 * rng.random()) * length * np.abs(steps - np.round(steps))  # a zigzag
     crumpled = Solid(np.column_stack([x, y, height]), sheet.facets)
-    (bent,) = _bend(rng, [crumpled], 0.7 + 0.4 * rng.random(), 4, 0.3)
+    (bent,) = bend_solids(rng, [crumpled], 0.7 + 0.4 * rng.random(), 4, 0.3)
     return {"foil": _Chunk(bent, "mli_gold", 400.0)}

@@ -52,7 +52,7 @@ _PARTS: dict[PartClass, str] = {
     "mechanism": "hinges solar_drive antenna_gimbal thruster_gimbals hold_downs",
     "line": "feed_lines pressurant_lines cable_tunnels cable_ducts umbilical",
     "marker": "retroreflector retroreflector_bracket",
-    "fragment": "skin stiffener shard",
+    "fragment": "fragment skin stiffener shard",
     "other": "plate sphere",
 }
 _CLASSES: dict[str, PartClass] = {part: kind for kind, parts in _PARTS.items() for part in parts.split()}

@@ -116,8 +116,8 @@ def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
     plan = make_plan(DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=files is not None)
     if plan.sha256 != dataset.constants.sha256:
         raise DatasetError(
-            f"{dataset.folder}: its {SPEC_FILE}, its scenario or a mesh is not the one that made its shards; restore it, or "
-            "make the dataset in another folder"
+            f"{dataset.folder}: its {SPEC_FILE}, its scenario, or a file that they name did not make its shards; "
+            "restore it, name the folder of its files by --files, or make the dataset in another folder"
         )
     return plan
 

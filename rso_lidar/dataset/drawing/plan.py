@@ -14,16 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rso_lidar.dataset.drawing.inputs import find_meshes, hash_named_files, list_models
 from rso_lidar.dataset.drawing.uniform_numbers import draw_shares
 from rso_lidar.dataset.specification.spec import DatasetSpec, check_model_split
 from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, ModelSplit, RandomSplit
-from rso_lidar.errors import DatasetError, MeshError, ScenarioError, add_place, did_you_mean
+from rso_lidar.errors import DatasetError, ScenarioError, add_place, did_you_mean
 from rso_lidar.files import convert_path, expand_user
 from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import apply_setting, read_toml
-from rso_lidar.scene import Mesh, load_mesh
-from rso_lidar.scene.library.model_index import is_mesh_path, model, models, own_models
 from rso_lidar.shipped import find
 
 
@@ -53,7 +52,9 @@ class DatasetPlan:
     """All inputs of a dataset, which worker processes receive.
 
     `tables` holds the base scenario with the settings of the specification, and `class_models` the models of each class.
-    `trust_code` is whether Python code that the scenario names may run.
+    `mesh_sha256` and `part_names` hold the hash and the parts of each mesh by model, and `file_sha256` the hash of each
+    other file by the name that the scenario or the specification states. `trust_code` is whether Python code that the
+    scenario names may run.
     """
 
     spec: DatasetSpec
@@ -62,6 +63,8 @@ class DatasetPlan:
     where: str
     class_models: tuple[tuple[str, ...], ...]
     mesh_sha256: dict[str, str]
+    part_names: dict[str, tuple[str, ...]]
+    file_sha256: dict[str, str]
     trust_code: bool = True
 
     def __getstate__(self) -> dict[str, Any]:
@@ -90,9 +93,10 @@ class DatasetPlan:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of all inputs of the samples: the specification, the base scenario and the meshes."""
+        """Hash of all inputs of the samples: the specification, the base scenario, the meshes and all other files."""
         own = self.spec.model_dump(exclude_none=True, exclude={"scenario", "set"})  # both are in the tables
-        text = json.dumps([own, self.mesh_sha256, self.tables], sort_keys=True, default=str)
+        inputs = [own, self.mesh_sha256, self.tables, *([self.file_sha256] if self.file_sha256 else [])]
+        text = json.dumps(inputs, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def scenario(self) -> Scenario:
@@ -245,15 +249,17 @@ def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None, tru
         for setting in spec.set:
             apply_setting(tables, setting)
     folder = files or path.parent
-    plan = DatasetPlan(spec, tables, folder, path.name, (), {}, trust_code)
+    plan = DatasetPlan(spec, tables, folder, path.name, (), {}, {}, {}, trust_code)
     with add_place(spec.where):
         base = plan.scenario()
         _find_target(spec, tables)
-        named = tuple(_list_models(spec, one, base) for one in spec.classes)
+        named = tuple(list_models(spec, one, base) for one in spec.classes)
         check_model_split(spec, list(named))
-        used = {name for names in named for name in names} | ({*spec.clutter.models} if spec.clutter else set())
-        hashes = {name: find_mesh(name, folder).sha256 for name in sorted(used)}
-    plan = DatasetPlan(spec, tables, folder, path.name, named, hashes, trust_code)
+        meshes = find_meshes(spec, named, base, folder)
+        hashes = {name: meshes[name].sha256 for name in sorted(meshes)}
+        parts = {name: mesh.part_names for name, mesh in meshes.items()}
+        files_named = hash_named_files(spec, tables, folder)
+    plan = DatasetPlan(spec, tables, folder, path.name, named, hashes, parts, files_named, trust_code)
     _check_split(plan)
     return plan
 
@@ -268,54 +274,6 @@ def _find_target(spec: DatasetSpec, tables: dict[str, Any]) -> int:
     if spec.target not in names:
         raise DatasetError(f"target: none is named '{spec.target}'{did_you_mean(spec.target, names)}; correct the name")
     return names.index(spec.target)
-
-
-def _list_models(spec: DatasetSpec, one: ClassOfTargets, base: Scenario) -> tuple[str, ...]:
-    """Return the models of a class.
-
-    Parameters
-    ----------
-    spec : the specification.
-    one : the class.
-    base : the scenario; its target's model is used for a class without models.
-    """
-    if one.empty:
-        return ()
-    if one.taxonomy is not None:
-        wanted = one.taxonomy.model_dump(exclude_none=True)
-        shipped = {name: entry for name, entry in models().items() if name not in own_models()}
-        found = tuple(
-            name
-            for name, entry in sorted(shipped.items())
-            if entry.taxonomy is not None
-            and all(getattr(entry.taxonomy, key) == value for key, value in wanted.items())
-        )
-        if not found:
-            keys = ", ".join(f"{key} = {value}" for key, value in wanted.items())
-            raise DatasetError(
-                f"classes: '{one.name}' has no shipped model with {keys}; give fewer keys, or name models"
-            )
-        return found
-    if one.models:
-        return one.models
-    place = [target.name for target in base.target].index(spec.target) if spec.target else 0
-    return (base.target[place].shape,)
-
-
-def find_mesh(name: str, folder: Path) -> Mesh:
-    """Return the mesh of a model.
-
-    Parameters
-    ----------
-    name : of the catalogue, or a path.
-    folder : start of a relative path.
-    """
-    if not is_mesh_path(name):
-        return model(name).mesh
-    path = find(name, folder)
-    if path is None:
-        raise MeshError(f"no mesh '{name}' beside the scenario nor among the shipped data; check the name")
-    return load_mesh(path)
 
 
 def _check_split(plan: DatasetPlan) -> None:

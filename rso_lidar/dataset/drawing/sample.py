@@ -12,15 +12,17 @@ from typing import Any
 
 import numpy as np
 
+from rso_lidar.dataset.drawing.inputs import name_kinds, name_model
 from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.uniform_numbers import HaltonPoints, draw_seed, draw_shares
 from rso_lidar.dataset.specification.distributions import Choice, UniformDirection, UniformRotation
 from rso_lidar.dataset.specification.spec import DatasetSpec
-from rso_lidar.dataset.specification.tables import SPLITS, RandomView
+from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, DrawnFragments, RandomView
 from rso_lidar.errors import DatasetError, add_place
 from rso_lidar.motion.aim import lidar_from_ptu
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.mission.validation import apply_setting, get_field, set_field, validate_tables
+from rso_lidar.scenario.tables.fragment import name_fragments
 
 _OF_ANY_MODEL = ("name", "motion", "attitude", "material", "axes")  # fields of a target that another model keeps
 _AROUND = UniformDirection()
@@ -94,7 +96,10 @@ def _halton(seed: int, group: str, dimensions: int) -> HaltonPoints:
 
 def _list_laws(spec: DatasetSpec, k: int) -> list[Any]:
     """List the laws that apply to a class, in the order in which they are drawn."""
-    laws: list[Any] = [one.law for one in spec.variable if not one.classes or spec.classes[k].name in one.classes]
+    laws: list[Any] = []
+    if (fragments := spec.classes[k].fragments) is not None:
+        laws += [fragments.characteristic_length_m, fragments.seed]
+    laws += [one.law for one in spec.variable if not one.classes or spec.classes[k].name in one.classes]
     if (view := spec.view) is not None and not spec.classes[k].empty:
         laws += [view.range_m, view.offset_fraction, view.attitude]
         laws += [] if view.spin_deg_s is None else [view.spin_deg_s, _AROUND]
@@ -149,7 +154,7 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
     with add_place(f"{spec.where}: sample {index} (class '{one.name}')"):
         for setting in spec.sensor[sensor].set if spec.sensor else ():
             apply_setting(tables, setting)
-        _choose_target(tables, plan, name, changes=bool(one.models or one.taxonomy))
+        _choose_target(tables, plan, name, one, draws)
         for setting in one.set:  # of the model that was chosen
             apply_setting(tables, setting)
         applied = [drawn for drawn in spec.variable if not drawn.classes or one.name in drawn.classes]
@@ -170,7 +175,7 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
                 )
         scenario = plan.build(tables)
         _check_shape(scenario, plan)
-        if name is not None and (found := scenario.target[plan.target_index].model) not in (None, name):
+        if name is not None and (found := name_model(scenario.target[plan.target_index])) != name:
             raise DatasetError(f"a variable or setting makes the target '{found}', not '{name}'; name it in models")
         frames = _choose_frames(spec, scenario, draw_shares(spec.seed, one.name, at, "start")[0, 0])
     class_id = -1 if one.empty else plan.classes.index(one.name)
@@ -196,22 +201,41 @@ def _check_shape(scenario: Scenario, plan: DatasetPlan) -> None:
         )
 
 
-def _choose_target(tables: dict[str, Any], plan: DatasetPlan, name: str | None, *, changes: bool) -> None:
-    """Give the target of the scenario the model of a sample, or leave it out.
+def _choose_target(
+    tables: dict[str, Any], plan: DatasetPlan, name: str | None, one: ClassOfTargets, draws: _Draws
+) -> None:
+    """Give the target of the scenario the model or the fragment of a sample, or leave it out.
 
     Parameters
     ----------
     tables : of the scenario, changed in place.
     plan : of the dataset.
     name : the model; None for no target.
-    changes : whether the class, and not the scenario, chooses the model.
+    one, draws : class of the sample, and its draws.
     """
     targets = _find_targets(tables, plan)
     if name is None:
         del targets[plan.target_index]
-    elif changes:
+    elif one.replaces_target:
         kept = {key: value for key, value in targets[plan.target_index].items() if key in _OF_ANY_MODEL}
-        targets[plan.target_index] = kept | {"model": name}
+        targets[plan.target_index] = kept | _choose_shape(name, one.fragments, draws, "fragment")
+
+
+def _choose_shape(name: str, fragments: DrawnFragments | None, draws: _Draws, place: str) -> dict[str, Any]:
+    """Return the table of a body's shape: its model, or a fragment of drawn size and seed.
+
+    Parameters
+    ----------
+    name : of the model, or of a kind of fragments.
+    fragments, draws : fragments that can be drawn, and the draws of the sample.
+    place : start of the names of drawn values.
+    """
+    kinds = {} if fragments is None else {name_fragments(kind): kind for kind in fragments.kinds}
+    if fragments is None or name not in kinds:
+        return {"model": name}
+    length_m = float(draws.draw(f"{place}.characteristic_length_m", fragments.characteristic_length_m))
+    seed = draws.draw(f"{place}.seed", fragments.seed)
+    return {"fragment": {"kind": kinds[name], "seed": seed, "characteristic_length_m": length_m}}
 
 
 def _find_targets(tables: dict[str, Any], plan: DatasetPlan) -> list[dict[str, Any]]:
@@ -266,7 +290,8 @@ def _place_view(
     if (clutter := plan.spec.clutter) is not None:
         for k in range(draws.draw("clutter.count", clutter.count)):
             body: dict[str, Any] = {"name": f"clutter_{k}"}
-            body["model"] = draws.draw(f"clutter.{k}.model", Choice(values=clutter.models))
+            name = draws.draw(f"clutter.{k}.model", Choice(values=(*clutter.models, *name_kinds(clutter.fragments))))
+            body |= _choose_shape(name, clutter.fragments, draws, f"clutter.{k}")
             range_m = draws.draw(f"clutter.{k}.range_m", clutter.range_m)
             offset = draws.draw(f"clutter.{k}.offset_fraction", clutter.offset_fraction)
             body["motion"] = _place(range_m, offset, seat)

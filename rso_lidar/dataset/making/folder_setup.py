@@ -8,7 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.dataset.drawing.plan import DatasetPlan, find_mesh
+from rso_lidar.dataset.drawing.inputs import name_model
+from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.reading.random_access import SPEC_FILE
 from rso_lidar.dataset.shards.manifest import ShardRecord
@@ -81,7 +82,9 @@ def _check_joined(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
     join : whether a folder that was begun before may be continued.
     """
     if read_constants(folder).sha256 != plan.sha256:
-        raise DatasetError(f"{folder}: holds the dataset of another specification; name another folder")
+        raise DatasetError(
+            f"{folder}: holds the dataset of another specification, or a file that it names has changed; name another folder"
+        )
     if not join:
         raise DatasetError(f"{folder}: holds this dataset already; continue it with --resume, or name another folder")
 
@@ -104,7 +107,7 @@ def list_constants(plan: DatasetPlan) -> Constants:
         sensors=plan.sensors,
         part_classes=tuple(PART_CLASSES),
         splits=SPLITS,
-        model_parts={name: find_mesh(name, plan.folder).part_names for name in plan.models},
+        model_parts={name: plan.part_names[name] for name in plan.models},
         symmetries=_find_symmetries(plan),
         line_of_sight=lines,
         lidars=lidars,
@@ -113,14 +116,17 @@ def list_constants(plan: DatasetPlan) -> Constants:
 
 def _find_symmetries(plan: DatasetPlan) -> dict[str, dict[str, Any] | None]:
     """Return the symmetry of each model: that of the catalogue, or of the scenario's own target where a class keeps it."""
-    found = {name: _find_symmetry(name) for name in plan.models}
+    found: dict[str, dict[str, Any] | None] = dict.fromkeys(plan.models)
+    for one, names in zip(plan.spec.classes, plan.class_models, strict=True):
+        if one.models or one.taxonomy is not None:
+            found |= {name: _find_symmetry(name) for name in names}
     for k, one in enumerate(plan.spec.classes):
-        if one.empty or one.models or one.taxonomy is not None:
+        if one.empty or one.replaces_target:
             continue
         first = draw_sample(plan, int((plan.membership.target_class == k).argmax()))
         target = first.scenario.target[plan.target_index]
         own = find_symmetry(target)
-        found[target.shape] = None if own is None else own.model_dump(exclude_none=True)
+        found[name_model(target)] = None if own is None else own.model_dump(exclude_none=True)
     return found
 
 

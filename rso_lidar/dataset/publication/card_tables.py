@@ -12,6 +12,7 @@ from rso_lidar.dataset.shards.layout import LabelledFrame, describe_array
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.part import Part
 from rso_lidar.records.schema import specs
+from rso_lidar.scenario.tables.fragment import name_fragments
 from rso_lidar.scene.library.model_index import model
 
 if TYPE_CHECKING:
@@ -119,7 +120,8 @@ def list_models(data: Dataset) -> str:
         try:
             entry = model(name)
         except RsoLidarError:
-            rows.append([name, "a mesh of the user", "", ""])
+            what = "fragments from random seeds" if name.startswith(name_fragments("")) else "a mesh of the user"
+            rows.append([name, what, "", ""])
         else:
             rows.append([name, entry.what, entry.licence, entry.confidence])
     return format_table(["model", "what it is", "licence", "confidence"], rows)

@@ -42,6 +42,19 @@ def _list_bounds(low: Bound, high: Bound) -> tuple[np.ndarray, np.ndarray]:
     return lows, highs
 
 
+def _check_positive(low: Bound, high: Bound, name: str) -> None:
+    """Raise `ValueError` for a lower bound that is not above 0.
+
+    Parameters
+    ----------
+    low, high : bounds of a law.
+    name : of the law.
+    """
+    lows, _ = _list_bounds(low, high)
+    if lows.min() <= 0.0:
+        raise ValueError(f"a {name} law needs low above 0, not {lows.min():g}")
+
+
 def _shorten(values: np.ndarray) -> list[float]:
     """Return values with the 12 digits that a TOML text shows."""
     return [float(f"{one:.12g}") for one in values.tolist()]
@@ -113,14 +126,33 @@ class LogUniform(_Bounded):
 
     @model_validator(mode="after")
     def _positive(self) -> Self:
-        lows, _ = _list_bounds(self.low, self.high)
-        if lows.min() <= 0.0:
-            raise ValueError(f"a log_uniform law needs low above 0, not {lows.min():g}")
+        _check_positive(self.low, self.high, self.type)
         return self
 
     def spread(self, share: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Return the values (component) at `share`."""
         spread: np.ndarray = low * (high / low) ** share
+        return spread
+
+
+class PowerLaw(_Bounded):
+    """Power law of sizes, cut off at two bounds: the number of those larger than x is proportional to x^-exponent.
+
+    The NASA Standard Breakup Model has the exponent 1.71 for fragments of collisions, and 1.6 for those of explosions.
+    """
+
+    type: Literal["power_law"] = "power_law"
+    exponent: Positive = Field(description="Exponent of the cumulative number.")
+
+    @model_validator(mode="after")
+    def _positive(self) -> Self:
+        _check_positive(self.low, self.high, self.type)
+        return self
+
+    def spread(self, share: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Return the values (component) at `share`."""
+        least = (high / low) ** -self.exponent
+        spread: np.ndarray = low * (1.0 - share * (1.0 - least)) ** (-1.0 / self.exponent)
         return spread
 
 
@@ -258,10 +290,10 @@ class Shell(UniformDirection):
 
 
 Law = Annotated[
-    Uniform | LogUniform | Normal | WholeNumber | Choice | UniformRotation | UniformDirection | Shell,
+    Uniform | LogUniform | PowerLaw | Normal | WholeNumber | Choice | UniformRotation | UniformDirection | Shell,
     Field(discriminator="type"),
 ]
-NumberLaw = Annotated[Uniform | LogUniform | Normal | WholeNumber | Choice, Field(discriminator="type")]
+NumberLaw = Annotated[Uniform | LogUniform | PowerLaw | Normal | WholeNumber | Choice, Field(discriminator="type")]
 
 
 def check_components(law: Any, count: int, place: str) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.dataset.specification.distributions import (
+    Choice,
     Law,
     LogUniform,
     NumberLaw,
@@ -18,7 +20,14 @@ from rso_lidar.dataset.specification.distributions import (
     check_range,
 )
 from rso_lidar.part import Count, Flag, Fraction, Name, NotNegative, Part, Positive, Text, Whole
-from rso_lidar.records.taxonomy import ObjectClass, ShapeFamily, SizeClass, Stabilisation
+from rso_lidar.records.taxonomy import (
+    FRAGMENT_LENGTHS_M,
+    FragmentKind,
+    ObjectClass,
+    ShapeFamily,
+    SizeClass,
+    Stabilisation,
+)
 
 SPLITS = ("train", "val", "test")
 
@@ -39,11 +48,44 @@ class TaxonomyFilter(Part):
         return self
 
 
+class DrawnFragments(Part):
+    """Fragments of a break-up, each from a random seed: no mesh files, and another shape in every sample.
+
+    Each kind counts as a model. The drawn size and seed are the variables `fragment.characteristic_length_m` and
+    `fragment.seed`.
+    """
+
+    kinds: Annotated[tuple[FragmentKind, ...], Field(min_length=1)] = Field(
+        default=get_args(FragmentKind), description="Categories of shape, equally likely. If omitted, all."
+    )
+    characteristic_length_m: NumberLaw = Field(description="Mean of the three orthogonal extents [m].")
+    seed: WholeNumber = Field(
+        default=WholeNumber(low=0, high=2**52 - 1),
+        description="Random seed of the shape; a law with few values makes the same fragments again and again.",
+    )
+
+    @model_validator(mode="after")
+    def _can_be_made(self) -> Self:
+        if len(set(self.kinds)) < len(self.kinds):
+            raise ValueError("kinds: one is named twice; name each once")
+        law, (least_m, most_m) = self.characteristic_length_m, FRAGMENT_LENGTHS_M
+        check_components(law, 1, "characteristic_length_m")
+        ends = law.values if isinstance(law, Choice) else tuple(law.at(np.array([end])) for end in (0.0, 1.0))
+        if min(ends) < least_m or max(ends) > most_m:
+            raise ValueError(
+                f"characteristic_length_m: draws {min(ends):g} to {max(ends):g} m, and fragments are of {least_m:g} to "
+                f"{most_m:g} m; correct its bounds"
+            )
+        if self.seed.low < 0:
+            raise ValueError(f"seed: draws {self.seed.low}, and a seed is 0 or more; raise low")
+        return self
+
+
 class ClassOfTargets(Part):
     """One class that a classifier tells apart, and how many samples it has.
 
-    Its target is drawn from `models`, or from the shipped models of a `taxonomy`. With neither, it is the target of the
-    scenario as it stands. A class that is `empty` has no target: background, for detection.
+    Its target is drawn from `models`, from the shipped models of a `taxonomy`, or from `fragments`. Without these it is the
+    target of the scenario as it stands. A class that is `empty` has no target: background, for detection.
     """
 
     name: Name = Field(description="Name of the class.")
@@ -54,6 +96,9 @@ class ClassOfTargets(Part):
     taxonomy: TaxonomyFilter | None = Field(
         default=None, description="Shipped models by taxonomy, in place of `models`."
     )
+    fragments: DrawnFragments | None = Field(
+        default=None, description="Fragments from random seeds, in place of `models`."
+    )
     empty: Flag = Field(default=False, description="Whether the target is left out.")
     set: tuple[Text, ...] = Field(
         default=(), description="Settings of the scenario for this class, as `--set` takes them."
@@ -61,12 +106,17 @@ class ClassOfTargets(Part):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        ways = [name for name in ("models", "taxonomy", "empty") if getattr(self, name)]
+        ways = [name for name in ("models", "taxonomy", "fragments", "empty") if getattr(self, name)]
         if len(ways) > 1:
             raise ValueError(f"gives {' and '.join(ways)}; leave out all but one")
         if len(set(self.models)) < len(self.models):
             raise ValueError("models: one is named twice; name each once")
         return self
+
+    @property
+    def replaces_target(self) -> bool:
+        """Whether the class, and not the scenario, chooses the target's shape."""
+        return bool(self.models or self.taxonomy or self.fragments)
 
 
 class RandomView(Part):
@@ -127,8 +177,12 @@ class SensorEntry(Part):
 class Clutter(Part):
     """Other bodies in the field: background clutter, drawn anew for each sample. They need a `[view]`."""
 
-    models: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(
-        description="Models of the bodies, equally likely: names of the catalogue, or paths of meshes."
+    models: tuple[Text, ...] = Field(
+        default=(),
+        description="Models of the bodies, equally likely: names of the catalogue, or paths of meshes.",
+    )
+    fragments: DrawnFragments | None = Field(
+        default=None, description="Fragments from random seeds; each of their kinds is as likely as a model."
     )
     count: WholeNumber = Field(description="Law of the number of bodies.")
     range_m: NumberLaw = Field(
@@ -141,6 +195,8 @@ class Clutter(Part):
 
     @model_validator(mode="after")
     def _components(self) -> Self:
+        if not self.models and self.fragments is None:
+            raise ValueError("gives neither models nor fragments; give some of them")
         check_range(self.range_m, "range_m")
         check_components(self.offset_fraction, 2, "offset_fraction")
         if not 0 <= self.count.low <= self.count.high <= 16:

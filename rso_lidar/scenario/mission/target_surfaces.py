@@ -15,6 +15,7 @@ from rso_lidar.records.part_classes import OTHER, PartClass
 from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import apply_color_materials, apply_facet_materials
+from rso_lidar.scenario.tables.fragment import PART, build_fragment
 from rso_lidar.scenario.tables.target import Target
 from rso_lidar.scenario.tables.terrain import build_terrain_mesh, classify_terrain
 from rso_lidar.scene import (
@@ -70,6 +71,11 @@ def build_whole_surface(
     own: Mapping[str, Material] = {}
     if target.terrain is not None:
         mesh = build_terrain_mesh(target.terrain, file)
+    elif target.fragment is not None:
+        built = build_fragment(target.fragment)
+        mesh = built.mesh
+        if target.material is None:
+            own = {part: Named(name=name) for part, name in built.materials.items()}
     elif target.is_path:
         path = file(target.shape)
         if target.center_of_mass_m is None:
@@ -96,9 +102,13 @@ def build_whole_surface(
     )
     build: Callable[..., Surface] = _build
     if _is_lasting((target.material or Lambertian(), *materials.values())):
-        build = _build_once if target.terrain is None else _build_ground_once
+        build = _build_once
+        if target.terrain is not None:
+            build = _build_ground_once
+        elif target.fragment is not None:
+            build = _build_fragment_once
     surface = build(form, target.material, tuple(materials.items()))
-    if target.terrain is None:
+    if target.model is not None:
         warn_of_size(mesh, scale, target.name)
     if target.color_materials:
         surface = apply_color_materials(surface, target.color_materials, wavelength_m)
@@ -153,6 +163,7 @@ def _build(form: _SurfaceForm, material: Material | None, part_materials: tuple[
 
 _build_once = lru_cache(maxsize=32)(_build)
 _build_ground_once = lru_cache(maxsize=2)(_build)  # ground has up to millions of facets, and its seed may be drawn
+_build_fragment_once = lru_cache(maxsize=16)(_build)  # apart, so that drawn fragments do not displace models
 
 
 def place_mesh(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[float, tuple[float, float, float]]:
@@ -175,12 +186,16 @@ def find_taxonomy(target: Target) -> Taxonomy | None:
     """Return the taxonomy of a target from the scenario, or from the catalogue; None where neither gives it."""
     if target.taxonomy is None and target.terrain is not None:
         return classify_terrain(target.terrain)
+    if target.taxonomy is None and target.fragment is not None:
+        return build_fragment(target.fragment).taxonomy
     return target.taxonomy or (None if target.is_path else model(target.shape).taxonomy)
 
 
 def find_part_classes(target: Target, mesh: Mesh) -> tuple[PartClass, ...]:
     """Return the common class of each part of a target's mesh, from the scenario or the catalogue; else `other`."""
-    known = {} if target.is_path else model(target.shape).part_classes
+    known: Mapping[str, PartClass] = {} if target.is_path else model(target.shape).part_classes
+    if target.fragment is not None:
+        known = {PART: "fragment"}
     return tuple(target.part_classes.get(part, known.get(part, OTHER)) for part in mesh.part_names)
 
 

@@ -15,6 +15,7 @@ from rso_lidar.records.part_classes import PartClass
 from rso_lidar.records.symmetry import Symmetry
 from rso_lidar.records.taxonomy import Taxonomy
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
+from rso_lidar.scenario.tables.fragment import Fragment, name_fragment
 from rso_lidar.scenario.tables.joints import Joint, ModelPlacement, complete_joint
 from rso_lidar.scenario.tables.library_model import LibraryModel
 from rso_lidar.scenario.tables.terrain import Terrain, name_terrain
@@ -28,19 +29,21 @@ class Target(Body):
     """A body with a surface.
 
     `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh. `terrain` replaces it by ground of
-    heights, from a file or generated from a random seed. Materials are chosen in this order: `facet_materials`,
-    `color_materials`, `part_materials`, `material`, and those of the catalogue model. Another mesh defaults to the
-    Lambertian 0.30 of Fuller et al. The body's origin is `center_of_mass_m`, in the mesh's own axes after scaling.
+    heights, from a file or generated from a random seed, and `fragment` by debris of a random seed. Materials are chosen in
+    this order: `facet_materials`, `color_materials`, `part_materials`, `material`, and those of the catalogue model or of
+    the fragment. Another mesh defaults to the Lambertian 0.30 of Fuller et al. The body's origin is `center_of_mass_m`, in
+    the mesh's own axes after scaling.
     """
 
     model: Text | None = Field(
         default=None,
         description=(
             "Name in the catalogue or in your own library (`rso-lidar models`), or the path of an STL, OBJ, PLY, GLB, "
-            "glTF or OFF file. Give exactly one of this and `terrain`."
+            "glTF or OFF file. Give exactly one of this, `terrain` and `fragment`."
         ),
     )
     terrain: Terrain | None = Field(default=None, description="Terrain in place of `model`.")
+    fragment: Fragment | None = Field(default=None, description="Fragment of a break-up in place of `model`.")
     scale: Positive | None = Field(default=None, description="Metres per unit of the file; not together with `size_m`.")
     size_m: Positive | None = Field(
         default=None, description="Longest side of the mesh's bounding box, to which the mesh is scaled [m]."
@@ -111,11 +114,13 @@ class Target(Body):
     def _allowed(self) -> Self:
         if self.name in RESERVED:
             raise ValueError(f"name: '{self.name}' is reserved ({', '.join(RESERVED)}); choose another")
-        if (self.model is None) == (self.terrain is None):
-            both = "" if self.model is None else ", not both"
-            raise ValueError(f"give model, or terrain for ground of heights{both}")
-        if self.terrain is not None and (self.scale, self.size_m, self.mesh_axes) != (None, None, "z_up"):
-            raise ValueError("scale, size_m and mesh_axes are for a mesh; terrain says its size itself, and z is up")
+        given = sum(shape is not None for shape in (self.model, self.terrain, self.fragment))
+        if given != 1:
+            both = ", not both" if given else ""
+            raise ValueError(f"give model, or terrain for ground of heights, or fragment for debris{both}")
+        if self.model is None and (self.scale, self.size_m, self.mesh_axes) != (None, None, "z_up"):
+            kind = "terrain" if self.terrain else "fragment"
+            raise ValueError(f"scale, size_m and mesh_axes are for a mesh; {kind} says its size itself, and z is up")
         if self.library is not None and self.is_path:
             raise ValueError("library is for a model of your own library, by its name; leave it out")
         if self.scale is not None and self.size_m is not None:
@@ -144,12 +149,14 @@ class Target(Body):
 
     @property
     def is_path(self) -> bool:
-        """Whether the shape is a file or terrain, and no model of the catalogue."""
-        return self.terrain is not None or is_mesh_path(self.shape)
+        """Whether the shape is a file, terrain or a fragment, and no model of the catalogue."""
+        return self.model is None or is_mesh_path(self.model)
 
     @property
     def shape(self) -> str:
-        """`model`, or for terrain its file, or the kind and the random seed of generated ground."""
+        """`model`, or the file of terrain, or the kind and the random seed of generated ground or of a fragment."""
+        if self.fragment is not None:
+            return name_fragment(self.fragment)
         return self.model or (name_terrain(self.terrain) if self.terrain else "")
 
 

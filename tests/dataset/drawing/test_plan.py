@@ -5,7 +5,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
-from tests.dataset.bench_for_tests import SPEC, make_spec
+from tests.dataset.bench_for_tests import SCENARIO, SPEC, make_spec
 
 
 def classes(counts, **further):
@@ -74,6 +74,27 @@ def test_models_by_taxonomy(tmp_path):
     )
 
 
+def test_the_hash_covers_every_file_that_is_named(tmp_path):
+    motion = 'motion = { type = "table", file = "path.csv" }'
+    bench = SCENARIO.replace('motion = { type = "fixed", position_m = [300, 0, 0] }', motion)
+    row = "0, 300, 0, 0, 0, 0, 0, 1\n2, 300, 0, 0, 0, 0, 0, 1\n"
+    named = ("path.csv", "psf.csv", "drawn.csv", "law.py")
+    for name in named:
+        (tmp_path / name).write_text(row, encoding="utf-8")
+    classes = [{"name": "own", "samples": 4, "set": ['lidar.receiver.psf={type="measured",file="psf.csv"}']}]
+    laws = ["drawn.csv", {"type": "user", "dynamics": "law.py:fall"}]
+    variable = [{"field": "target.body.motion", "law": {"type": "choice", "values": laws}}]
+    spec = make_spec(tmp_path, classes=classes, variable=variable)
+    (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
+    plan = make_plan(spec)
+    assert set(plan.file_sha256) == set(named)
+    hashes = {plan.sha256}
+    for name in named:
+        (tmp_path / name).write_text(row.replace("300", "301"), encoding="utf-8")
+        hashes.add(make_plan(spec).sha256)
+    assert len(hashes) == 1 + len(named)
+
+
 @pytest.mark.parametrize(
     ("changed", "to", "said"),
     [
@@ -82,6 +103,21 @@ def test_models_by_taxonomy(tmp_path):
         ('models = ["plate"]', 'models = ["plate"], empty = true', "leave out all but one"),
         ('models = ["plate"]', 'taxonomy = { subclass = "dragon" }', "no shipped model"),
         ('models = ["plate"]', "taxonomy = {}", "gives no key"),
+        (
+            'models = ["plate"]',
+            'fragments = { characteristic_length_m = { type = "uniform", low = 1, high = 20 } }',
+            r"characteristic_length_m: draws 1 to 20 m, and fragments are of 0\.001 to 10 m",
+        ),
+        (
+            'models = ["plate"]',
+            'fragments = { characteristic_length_m = { type = "so3" } }',
+            r"classes\[0\]\.fragments\.characteristic_length_m",
+        ),
+        (
+            'models = ["plate"]',
+            'models = ["plate"], fragments = { characteristic_length_m = { type = "uniform", low = 1, high = 2 } }',
+            "gives models and fragments; leave out all but one",
+        ),
         ("samples = 6", "samples = 0", "samples"),
         ("samples = 3", "samples = 1", "no sample of class 'empty' is in"),
         ('name = "round"', 'name = "plate"', "rename one"),
@@ -124,6 +160,7 @@ def test_models_by_taxonomy(tmp_path):
         ("seed = 11", 'seed = 11\nset = ["target.1.model=plate"]', "no entry '1'"),
         ("seed = 11", "seed = 11\nsequence = { frames = 11 }", "more than the 10 of the scenario"),
         ("seed = 11", 'seed = 11\nset = ["ptu.point.type=fixed"]', "ptu"),
+        ("seed = 11", "seed = 11\nclutter = { count = { type = 'whole', low = 1, high = 2 } }", "neither models nor"),
         (
             "seed = 11",
             "seed = 11\nclutter = { models = ['plate'], count = { type = 'whole', low = 1, high = 99 } }",

@@ -98,3 +98,77 @@ def test_a_value_at_the_end_of_a_law_is_found_before_the_first_flash(tmp_path):
     with pytest.raises((rl.ScenarioError, rl.DatasetError, rl.MeshError), match="no_such"):
         rl.dataset.make(make_spec(tmp_path, variable=[rare]), tmp_path / "made", workers=1)
     assert not (tmp_path / "made").exists()
+
+
+FRAGMENTS = {"kinds": ["nugget", "bent_rod"], "characteristic_length_m": {"type": "uniform", "low": 0.2, "high": 0.8}}
+
+
+def debris(tmp_path, fragments=FRAGMENTS, **changes):
+    """Return the plan of a dataset with a class of fragments."""
+    classes = [
+        {"name": "debris", "fragments": fragments, "samples": 30},
+        {"name": "plate", "models": ["plate"], "samples": 12},
+    ]
+    return make_plan(make_spec(tmp_path, classes=classes, **changes))
+
+
+@pytest.mark.parametrize("sampling", ["random", "halton"])
+def test_every_sample_is_a_fragment_of_its_own(tmp_path, sampling):
+    plan = debris(tmp_path, sampling=sampling)
+    assert plan.models == ("fragment nugget", "fragment bent_rod", "plate")
+    samples = [draw_sample(plan, index) for index in np.flatnonzero(plan.membership.target_class == 0).tolist()]
+    drawn = [sample.scenario.target[0].fragment for sample in samples]
+    assert len({one.seed for one in drawn}) == 30 and {one.kind for one in drawn} == {"nugget", "bent_rod"}
+    assert [f"fragment {one.kind}" for one in drawn] == [sample.model for sample in samples]
+    assert [one.seed for one in drawn] == [sample.values["fragment.seed"] for sample in samples]
+    sizes = np.array([one.characteristic_length_m for one in drawn])
+    assert 0.2 <= sizes.min() < 0.3 and 0.7 < sizes.max() < 0.8
+    assert sizes.tolist() == [sample.values["fragment.characteristic_length_m"] for sample in samples]
+    assert len({sample.scenario.surfaces[0].mesh.sha256 for sample in samples[:4]}) == 4
+
+
+def test_few_seeds_make_the_same_fragments_again(tmp_path):
+    plan = debris(tmp_path, FRAGMENTS | {"seed": {"type": "whole", "low": 5, "high": 6}})
+    mine = np.flatnonzero(plan.membership.target_class == 0).tolist()
+    assert {draw_sample(plan, index).scenario.target[0].fragment.seed for index in mine} == {5, 6}
+
+
+def test_a_kind_of_fragments_is_kept_for_the_test(tmp_path):
+    classes = [{"name": "debris", "fragments": FRAGMENTS, "samples": 30}]
+    plan = make_plan(make_spec(tmp_path, classes=classes, split={"type": "model", "test": ["fragment nugget"]}))
+    samples = [draw_sample(plan, index) for index in range(30)]
+    assert {(one.split, one.model) for one in samples} == {("train", "fragment bent_rod"), ("test", "fragment nugget")}
+
+
+def test_fragments_as_clutter(tmp_path):
+    clutter = {"models": ["sphere"], "fragments": FRAGMENTS, "count": {"type": "whole", "low": 2, "high": 2}}
+    plan = make_plan(make_spec(tmp_path, clutter=clutter))
+    bodies = [one for index in range(15) for one in draw_sample(plan, index).scenario.target if "clutter" in one.name]
+    found = [one.model or one.fragment.kind for one in bodies]
+    assert set(found) == {"sphere", "nugget", "bent_rod"}
+    seeds = [one.fragment.seed for one in bodies if one.fragment]
+    assert len(set(seeds)) == len(seeds) > 10
+    assert "fragment nugget" in plan.mesh_sha256
+
+
+def test_a_class_may_keep_a_target_of_terrain_or_a_fragment(tmp_path):
+    for table, name, field in (
+        ('fragment = { kind = "nugget", characteristic_length_m = 0.5 }', "fragment nugget", "fragment.seed"),
+        (
+            'terrain = { type = "craters_and_boulders", size_m = 8, cell_m = 0.5 }',
+            "craters_and_boulders",
+            "terrain.seed",
+        ),
+    ):
+        law = {"type": "whole", "low": 0, "high": 10**6}
+        spec = make_spec(
+            tmp_path,
+            classes=[{"name": "own", "samples": 4}],
+            variable=[{"field": f"target.body.{field}", "law": law}],
+            split={"type": "random", "test": 0.0},
+        )
+        (tmp_path / "bench.toml").write_text(SCENARIO.replace('model = "plate"', table), encoding="utf-8")
+        plan = make_plan(spec)
+        assert plan.models == (name,) and plan.part_names[name]
+        meshes = {draw_sample(plan, index).scenario.surfaces[0].mesh.sha256 for index in range(4)}
+        assert len(meshes) == 4

@@ -64,6 +64,24 @@ def test_another_specification_is_refused(made):
     assert hashes(dataset.folder) == before
 
 
+def test_a_file_that_changed_is_refused(tmp_path):
+    heights = np.zeros((5, 5))
+    np.save(tmp_path / "ground.npy", heights)
+    classes = [{"name": "ground", "samples": 2}]
+    ground = 'target.body.terrain={type="height_field",file="ground.npy",cell_m=1.0}'
+    spec = make_spec(tmp_path, classes=classes, set=(ground,), split={"type": "random", "test": 0.0}, draws=1)
+    bench = (tmp_path / "bench.toml").read_text(encoding="utf-8").replace('model = "plate", ', "")
+    (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
+    made = rl.dataset.make(spec, tmp_path / "made", workers=1)
+    assert made.models == ("height_field",)
+    before = hashes(made.folder)
+    rl.dataset.make(spec, made.folder, workers=1, resume=True)
+    np.save(tmp_path / "ground.npy", heights + 0.1)
+    with pytest.raises(rl.DatasetError, match="a file that it names has changed; name another folder") as caught:
+        rl.dataset.make(spec, made.folder, workers=1, resume=True)
+    assert "\n" not in str(caught.value) and hashes(made.folder) == before
+
+
 def test_a_folder_with_other_files_is_refused(made, tmp_path):
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
     with pytest.raises(rl.DatasetError, match="holds other files"):

@@ -22,6 +22,15 @@ def test_uniform_and_log_uniform():
     assert stats.kstest(draw(rl.dataset.LogUniform(low=0.1, high=50)), stats.loguniform(0.1, 50).cdf).pvalue > CERTAIN
 
 
+def test_sizes_by_a_power_law():
+    # N(> x) of the NASA Standard Breakup Model, collisions: of fragments from 0.1 m, 0.1^1.71 / x^1.71 are larger than x
+    drawn = draw(rl.dataset.PowerLaw(low=0.1, high=2.0, exponent=1.71))
+    beyond = (0.1 / 2.0) ** 1.71
+    assert stats.kstest(drawn, lambda x: (1.0 - (0.1 / x) ** 1.71) / (1.0 - beyond)).pvalue > CERTAIN
+    with pytest.raises(rl.ScenarioError, match="power_law law needs low above 0"):
+        rl.dataset.PowerLaw(low=0.0, high=2.0, exponent=1.71)
+
+
 def test_vectors_are_drawn_by_component():
     drawn = draw(rl.dataset.Uniform(low=(0, 10, -1), high=(1, 20, 0)))
     assert drawn.shape == (4000, 3)
