@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import decimal
 
-from rso_lidar.shapes.sheets import UniformNumbers
+from rso_lidar.shapes.torn_sheets import UniformNumbers
 
 _DIGITS = decimal.Context(prec=20)
 _SMALL_M, _LARGE_M = 0.08, 0.11  # between these lengths the two distributions are bridged (Johnson et al., eq. 6 and 7)

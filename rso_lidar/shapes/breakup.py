@@ -28,8 +28,8 @@ from rso_lidar.philox import fill_row
 from rso_lidar.records.taxonomy import FRAGMENT_LENGTHS_M, FragmentKind, ShapeFamily, Taxonomy, classify_size
 from rso_lidar.shapes.area_to_mass import draw_area_to_mass, power_of_ten
 from rso_lidar.shapes.model import CraftModel, CraftPart
-from rso_lidar.shapes.sheets import bend_solids, build_sheet, draw_outline, sine_cosine
 from rso_lidar.shapes.solids import Solid
+from rso_lidar.shapes.torn_sheets import bend_solids, build_sheet, draw_outline, sine_cosine
 
 _KINDS: tuple[FragmentKind, ...] = get_args(FragmentKind)
 _DENSITY_KG_M3 = {"aluminium": 2700.0, "cfrp": 1600.0, "mli_gold": 1420.0, "mli_silver": 1420.0}  # MLI: of Kapton

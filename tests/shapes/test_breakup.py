@@ -17,7 +17,7 @@ from rso_lidar.records.taxonomy import FragmentKind
 from rso_lidar.shapes import breakup_fragment
 from rso_lidar.shapes.area_to_mass import draw_area_to_mass
 from rso_lidar.shapes.breakup import hash_solid
-from rso_lidar.shapes.sheets import sine_cosine
+from rso_lidar.shapes.torn_sheets import sine_cosine
 from tests.processor import other_processor
 
 KINDS = get_args(FragmentKind)

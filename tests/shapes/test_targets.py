@@ -182,7 +182,7 @@ def test_a_fragment_that_cannot_be_is_one_line(arguments, line):
 
 
 def test_a_sheet_holds_its_area_times_its_thickness():
-    from rso_lidar.shapes.sheets import build_sheet
+    from rso_lidar.shapes.torn_sheets import build_sheet
 
     square = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     assert build_sheet(square, 0.1, 3).volume_m3() == pytest.approx(0.4, rel=1e-12)
