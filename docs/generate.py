@@ -74,6 +74,7 @@ def pages() -> dict[Path, str]:
         "records.md": {"records": record_tables(), "layout": file_layout()},
         "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
         "instrument.md": {"constants": constants(), "presets": presets()},
+        "sensors.md": {"presets": sensor_presets()},
         "studies.md": {"merits": merits(), "study keys": study_keys()},
         "datasets.md": {"arrays": shard_arrays(), "spec keys": dataset_keys()},
         "glossary.md": {"classes": classes()},
@@ -496,6 +497,13 @@ def presets() -> str:
 
     rows = [(f"`{name}`", " ".join(table["what"].split())) for name, table in shipped().items()]
     return _table(("`[lidar] preset`", "what it is"), rows)
+
+
+def sensor_presets() -> str:
+    """Return the shipped sensors by name, with what in them is sourced and what assumed."""
+    shipped = rl.sensors.load_sensor_presets()
+    rows = [(f"`{name}`", f"`{table['type']}`", " ".join(table["what"].split())) for name, table in shipped.items()]
+    return _table(("`preset`", "`type`", "what it is"), rows)
 
 
 def part_classes() -> str:

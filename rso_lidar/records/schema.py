@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -93,33 +94,72 @@ def _check_conversion(values: Any, dtype: np.dtype[Any]) -> None:
             raise ValueError
 
 
+@lru_cache(maxsize=1024)
+def _check_shapes(record: type, shapes: tuple[tuple[int, ...] | None, ...]) -> None:
+    """Check the shapes of the arrays of a record against their dimensions; those that have passed are remembered.
+
+    Parameters
+    ----------
+    record : the class.
+    shapes : of each array, in the order of the statements; None for a field without one.
+
+    Raises
+    ------
+    RecordError
+        If the number of dimensions is wrong, or one dimension has two sizes.
+    """
+    sizes: dict[str, int] = {"xyz": 3, "quaternion": 4}
+    for (name, spec), given in zip(specs(record).items(), shapes, strict=True):
+        if given is None:
+            continue
+        dims, shape = spec.dims, given
+        if dims and dims[0] == "…":  # single, or batched over epochs
+            dims, shape = dims[1:], shape[1 - len(dims) :]
+        place = f"{record.__name__}.{name}"
+        if len(shape) != len(dims):
+            raise RecordError(f"{place}: needs dims ({', '.join(spec.dims)}), got {given}; reshape it")
+        for dim, size in zip(dims, shape, strict=True):
+            if sizes.setdefault(dim, size) != size:
+                raise RecordError(f"{place}: {dim} is {size} here and {sizes[dim]} elsewhere; match them")
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """Base class of records: it checks arrays against their statements, and makes them read-only."""
 
     def __post_init__(self) -> None:
-        sizes: dict[str, int] = {"xyz": 3, "quaternion": 4}
-        for name, spec in specs(type(self)).items():
-            value = getattr(self, name)
+        cls, fields = type(self), self.__dict__
+        shapes: list[tuple[int, ...] | None] = []
+        for name, spec in specs(cls).items():
+            value = fields[name]
             if value is None:
+                shapes.append(None)
                 continue
+            if type(value) is np.ndarray and value.dtype is spec.dtype:  # most of them: nothing to convert
+                values = value.view()
+                values.setflags(write=False)
+            else:
+                values = self._convert(name, value, spec.dtype)
+            fields[name] = values
+            shapes.append(values.shape)
+        _check_shapes(cls, tuple(shapes))  # type: ignore[arg-type]  # a class is hashable, whatever its instances are
+
+    def _convert(self, name: str, value: Any, dtype: np.dtype[Any]) -> np.ndarray:
+        """Return a value as a read-only array, or raise an error if the conversion would change it.
+
+        Parameters
+        ----------
+        name, value : of the field.
+        dtype : as stated.
+        """
+        try:
+            if getattr(value, "dtype", None) is not dtype:
+                _check_conversion(value, dtype)
+            return locked(value, dtype)
+        except (TypeError, ValueError, OverflowError):
+            given = " ".join(f"{value!r:.60}".split())
             place = f"{type(self).__name__}.{name}"
-            try:
-                if getattr(value, "dtype", None) is not spec.dtype:
-                    _check_conversion(value, spec.dtype)
-                values = locked(value, spec.dtype)
-            except (TypeError, ValueError, OverflowError):
-                given = " ".join(f"{value!r:.60}".split())
-                raise RecordError(f"{place}: needs an array of {spec.dtype}, not {given}; convert it") from None
-            dims, shape = spec.dims, values.shape
-            if dims and dims[0] == "…":  # single, or batched over epochs
-                dims, shape = dims[1:], shape[1 - len(dims) :]
-            if len(shape) != len(dims):
-                raise RecordError(f"{place}: needs dims ({', '.join(spec.dims)}), got {values.shape}; reshape it")
-            for dim, size in zip(dims, shape, strict=True):
-                if sizes.setdefault(dim, size) != size:
-                    raise RecordError(f"{place}: {dim} is {size} here and {sizes[dim]} elsewhere; match them")
-            object.__setattr__(self, name, values)
+            raise RecordError(f"{place}: needs an array of {dtype}, not {given}; convert it") from None
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a record from another process: its arrays become read-only again."""
