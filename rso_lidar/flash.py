@@ -1,13 +1,13 @@
 """One laser flash: a photon goes through the rooms once, in order, and never turns back."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from rso_lidar import detector, optics, sampling, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.philox import draw_key
-from rso_lidar.records import Frame, Labels, Observation, Reading, Record, Truth
+from rso_lidar.records import Frame, Labels, Observation, Reading, Record, SensorSamples, Truth
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
 
 KEPT = ("rays", "hits", "signal", "photons", "taps", "waveforms", "oversampled", "prediction")
@@ -22,6 +22,7 @@ def flash(
     lidar: Lidar | None = None,
     index: int = 0,
     keep: tuple[str, ...] = (),
+    sensors: Mapping[str, SensorSamples] | None = None,
 ) -> Frame:
     """Simulate the frame of one laser pulse, or of those that the detector averages. Call its lines for what is between.
 
@@ -34,6 +35,7 @@ def flash(
     lidar : the instrument with the settings in force (None: as planned for this time).
     index : of the frame.
     keep : names of intermediate records to leave in ``frame.kept``.
+    sensors : samples of other sensors since the flash before, by name.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def flash(
     if "prediction" in keep:
         made["prediction"] = detector.predict_pixels(photons, lidar.detector, labels.range_m, threads=threads)
     kept = {name: record for name in keep if (record := made[name]) is not None}
-    return assemble_frame(scenario, truth, lidar, index, reading, labels, kept)
+    return assemble_frame(scenario, truth, lidar, index, reading, labels, kept, sensors)
 
 
 def assemble_frame(
@@ -85,6 +87,7 @@ def assemble_frame(
     reading: Reading,
     labels: Labels,
     kept: dict[str, Record],
+    sensors: Mapping[str, SensorSamples] | None = None,
 ) -> Frame:
     """Assemble a frame: reading and labels, with what the spacecraft could know and where the frame comes from.
 
@@ -93,9 +96,11 @@ def assemble_frame(
     scenario, truth, lidar, index : what was flown, where everything was, the instrument in force, number of the frame.
     reading, labels : what the sensor said, and what was there.
     kept : intermediate records that the user requested.
+    sensors : samples of other sensors since the flash before, by name.
     """
     measured = truth.pointing.measured_rad if truth.pointing else None
-    observation = Observation(truth.time_s, reading, lidar.settings, lidar.receiver.line_of_sight, measured)
+    sight = lidar.receiver.line_of_sight
+    observation = Observation(truth.time_s, reading, lidar.settings, sight, measured, sensors or {})
     return Frame(index, observation, labels, truth, scenario.source, kept)
 
 

@@ -114,11 +114,17 @@ def _flash_in_parallel(
     with call_in_background(call, count, in_processes=in_processes) as start:
 
         def begin(moment: Moment, keep: tuple[str, ...]) -> Callable[[], Frame]:
-            chosen = {"lidar": moment.lidar, "index": moment.index, "keep": keep}
-            wait = start(moment.truth, moment.rng, 1, **chosen)
+            of = moment
+            chosen = {"lidar": of.lidar, "index": of.index, "keep": keep}
             if not in_processes:
-                return wait
-            return lambda: assemble_frame(scenario, moment.truth, moment.lidar, moment.index, *wait())
+                return start(of.truth, of.rng, 1, sensors=of.sensors, **chosen)
+            wait = start(of.truth, of.rng, 1, **chosen)
+
+            def finish() -> Frame:
+                reading, labels, kept = wait()
+                return assemble_frame(scenario, of.truth, of.lidar, of.index, reading, labels, kept, of.sensors)
+
+            return finish
 
         yield begin
 

@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from types import TracebackType
 from typing import Any, Self, overload
 
 import numpy as np
 
-from rso_lidar import motion
+from rso_lidar import motion, sensors
 from rso_lidar.errors import ScenarioError
 from rso_lidar.first_start import compile_ahead
 from rso_lidar.flash import check_kept, flash
-from rso_lidar.records import Command, Frame, Observation, Truth
+from rso_lidar.records import Command, Frame, Observation, SensorSamples, SensorState, Truth, join_samples
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
 
 DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
 _NS_PER_S = 1_000_000_000
+_BEFORE_ALL_S = -1.0  # before the first sample of any sensor
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What a flash needs: where everything is, the instrument in force, and the generator of its noise."""
+    """What a flash needs: poses of all bodies, the instrument in force, the generator of its noise, and the samples of the
+    other sensors since the flash before, by name.
+    """
 
     index: int
     truth: Truth
     lidar: Lidar
     rng: np.random.Generator
+    sensors: Mapping[str, SensorSamples]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +45,9 @@ class SimulationState:
     time_ns: int
     course: motion.CourseState
     aim: motion.AimState
+    sensors: Mapping[str, SensorState | None]
+    measured_s: float
+    samples: tuple[Mapping[str, SensorSamples], ...]
     frame: Frame | None
 
 
@@ -115,6 +123,10 @@ class Simulation:
                 **world,
             )
         self._flashes_ns = np.rint(epochs.time_s * _NS_PER_S).astype(np.int64)
+        self._suite = sensors.SensorSuite(scenario.sensor, scenario.seed)
+        self._measured_s = _BEFORE_ALL_S
+        self._flash_samples: list[Mapping[str, SensorSamples]] = []  # since the flash before
+        self._step_samples: list[Mapping[str, SensorSamples]] = []
         self._row, self._now_ns, self._is_closed = 0, 0, False
         self._frame: Frame | None = None
         self._beginning = self.save()
@@ -166,6 +178,11 @@ class Simulation:
         return None if self._frame is None else self._frame.observation
 
     @property
+    def samples(self) -> Mapping[str, SensorSamples]:
+        """Samples of the other sensors that became available in the last step, by name."""
+        return join_samples(self._step_samples)
+
+    @property
     def truth(self) -> Truth:
         """Poses of all bodies at the present time. Between flashes the lidar's are without jitter."""
         if self._frame is not None and self._frame.time_s == self.time_s:
@@ -194,7 +211,7 @@ class Simulation:
         ScenarioError
             If the simulation is over, or the step or the command is not possible. The simulation is then as before.
         """
-        before = self.save()
+        before, self._step_samples = self.save(), []
         try:
             return self._flash(command) if dt_s is None else self._go_on(command, _check_length_ns(dt_s))
         except BaseException:
@@ -216,6 +233,7 @@ class Simulation:
             with self.scenario.locate_errors():
                 self._course.advance(end_ns / _NS_PER_S, command)
                 self._aim.advance(end_ns / _NS_PER_S, command)
+                self._measure(self._measured_s, end_ns / _NS_PER_S)
             self._now_ns = end_ns
         return frame
 
@@ -232,6 +250,7 @@ class Simulation:
             lidar=moment.lidar,
             index=moment.index,
             keep=self.keep,
+            sensors=moment.sensors,
         )
         return frame
 
@@ -258,8 +277,20 @@ class Simulation:
             lidar = scenario.instrument.at(truth.time_s, command)
             if scenario.exposure:
                 truth = scenario.exposure.follow(truth, self._course, self._aim, self._row, lidar)
+            before_s = float(scenario.epochs(np.array([k - 1])).time_s[0]) if k else _BEFORE_ALL_S
+            self._measure(max(before_s, self._measured_s), truth.time_s)
         self._row, self._now_ns = self._row + 1, int(self._flashes_ns[self._row])
-        return Moment(k, truth, lidar, scenario.rng(k, DETECTION))
+        samples, self._flash_samples = join_samples(self._flash_samples), []
+        return Moment(k, truth, lidar, scenario.rng(k, DETECTION), samples)
+
+    def _measure(self, after_s: float, until_s: float) -> None:
+        """Measure the samples of the other sensors that become available in an interval."""
+        if not self.scenario.sensor:
+            return
+        measured = self._suite.measure(after_s, until_s, partial(motion.find_follower_motion, self._course))
+        self._measured_s = until_s
+        self._flash_samples.append(measured)
+        self._step_samples.append(measured)
 
     def _check_step(self, command: Command | None) -> None:
         """Refuse a step after the last flash, and what is not a possible command."""
@@ -279,7 +310,15 @@ class Simulation:
     def save(self) -> SimulationState:
         """Return the present state, from which `restore` goes on."""
         return SimulationState(
-            self.scenario.seed, self._row, self._now_ns, self._course.save(), self._aim.save(), self._frame
+            seed=self.scenario.seed,
+            row=self._row,
+            time_ns=self._now_ns,
+            course=self._course.save(),
+            aim=self._aim.save(),
+            sensors=self._suite.save(),
+            measured_s=self._measured_s,
+            samples=tuple(self._flash_samples),
+            frame=self._frame,
         )
 
     def restore(self, state: SimulationState) -> None:
@@ -298,9 +337,12 @@ class Simulation:
             raise ScenarioError(f"restore: {state!r:.60} is not a state; give what save() returned")
         if state.seed != self.scenario.seed:
             self.scenario = self.scenario.with_seed(state.seed)
+            self._suite = sensors.SensorSuite(self.scenario.sensor, state.seed)
+        self._suite.restore(state.sensors)
         self._course.restore(state.course)
         self._aim.restore(state.aim)
         self._row, self._now_ns, self._frame = state.row, state.time_ns, state.frame
+        self._measured_s, self._flash_samples, self._step_samples = state.measured_s, list(state.samples), []
 
 
 def _check_length_ns(dt_s: float) -> int:

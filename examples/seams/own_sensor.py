@@ -49,7 +49,7 @@ if __name__ == "__main__":
     sensor, state = SunSensor(), None
     key = sensors.make_key(7, sensor.name)
     for second in range(5):
-        numbers = sensors.number_sensor_samples(sensor, second, second + 1)
+        numbers = range(int(second * sensor.rate_hz), int((second + 1) * sensor.rate_hz))
         motion = spin(sensors.time_sensor_samples(sensor, numbers))
         samples, state = sensors.measure_samples(sensor, motion, key, numbers.start, state)
         for time_s, (x, y, z) in zip(samples.time_s, samples.sun_direction, strict=True):

@@ -11,7 +11,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.order import list_dependencies
-from rso_lidar.motion.dynamics.flight import Flight, FlightState
+from rso_lidar.motion.dynamics.flight import Flight, FlightState, fly_open_loop
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.records import Command, Truth
@@ -54,7 +54,8 @@ class Course:
         commanded: bool = False,
         exposure_s: float = 0.0,
     ) -> None:
-        self._bodies, self._epochs, self._local, self._sun = bodies, epochs, local, sun_direction
+        self.bodies, self.is_local, self.start_utc = bodies, local, epochs.start_utc
+        self._epochs, self._sun = epochs, sun_direction
         self.flights = _make_flights(bodies) if commanded else {}
         _check_slews(bodies, self.flights)
         self._whole = None if self.flights else self._at(epochs)
@@ -118,8 +119,30 @@ class Course:
         ----------
         time_s : the instant [s].
         """
-        with suppress_warnings():
-            return self._at(Epochs(self._epochs.start_utc, np.array([time_s]))).at(0)
+        return self.moving(np.array([time_s])).at(0)
+
+    def moving(self, time_s: np.ndarray) -> Truth:
+        """Return the batch of truths at instants that are not after the present one, without PTU and lidar.
+
+        Parameters
+        ----------
+        time_s : (time) instants [s].
+        """
+        with suppress_warnings():  # the flashes themselves have given all warnings
+            return self._at(Epochs(self.start_utc, time_s))
+
+    def flights_of(self, body: Body) -> dict[str, Flight]:
+        """Return the flights of a body's state-space models, as ``motion`` and ``attitude``.
+
+        Parameters
+        ----------
+        body : one of the bodies.
+        """
+        found = {}
+        for name, model in body.models.items():
+            place = "motion" if model is body.motion else "attitude"
+            found[place] = self.flights.get(name) or fly_open_loop(model)
+        return found
 
     def save(self) -> CourseState:
         """Return the present state, from which `restore` goes on."""
@@ -174,12 +197,10 @@ class Course:
 
     def _near(self, rows: slice, offsets_s: np.ndarray) -> Truth:
         """Compute the truth at instants about some flashes, flash by flash."""
-        time_s = np.add.outer(self._epochs.time_s[rows], offsets_s).ravel()
-        with suppress_warnings():  # the flashes themselves have given all warnings
-            return self._at(Epochs(self._epochs.start_utc, time_s))
+        return self.moving(np.add.outer(self._epochs.time_s[rows], offsets_s).ravel())
 
     def _at(self, epochs: Epochs) -> Truth:
-        return truth(self._bodies, epochs, local=self._local, sun_direction=self._sun, flights=self.flights)
+        return truth(self.bodies, epochs, local=self.is_local, sun_direction=self._sun, flights=self.flights)
 
 
 def _make_flights(bodies: Sequence[Body]) -> dict[str, Flight]:

@@ -22,6 +22,7 @@ from rso_lidar.records.telemetry import (
     StarTrackerSamples,
     ThrusterSamples,
     WheelSamples,
+    join_samples,
 )
 from rso_lidar.records.truth import BodyState, PtuAngles, Truth
 
@@ -62,6 +63,7 @@ __all__ = [
     "Waveforms",
     "WheelSamples",
     "array",
+    "join_samples",
     "rotation_error_rad",
     "specs",
 ]

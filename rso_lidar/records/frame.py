@@ -13,6 +13,7 @@ from rso_lidar.records.part_classes import PartClass
 from rso_lidar.records.reading import Labels, Reading
 from rso_lidar.records.schema import Record, array
 from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records.telemetry import SensorSamples
 from rso_lidar.records.truth import Truth
 
 SCHEMA_VERSION = 1
@@ -46,7 +47,10 @@ class Source:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observation(Record):
-    """What the spacecraft could know of one flash: no truth and no labels."""
+    """What the spacecraft could know of one flash: no truth and no labels.
+
+    `sensors` holds, by name, the samples of other sensors that became available since the flash before.
+    """
 
     time_s: float
     reading: Reading
@@ -55,6 +59,7 @@ class Observation(Record):
     pan_tilt_rad: np.ndarray | None = array(
         "pan_tilt", "f8", "rad", "measured pan and tilt; None without a PTU", optional=True
     )
+    sensors: Mapping[str, SensorSamples] = dataclasses.field(default_factory=dict)
 
     @cached_property
     def points_m(self) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +46,23 @@ class BodyMotion(Record):
     )
     targets: Mapping[str, BodyState] = dataclasses.field(default_factory=dict)
     dynamics: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+
+    def some(self, epochs: np.ndarray) -> BodyMotion:
+        """Return the motion at some of the epochs.
+
+        Parameters
+        ----------
+        epochs : their indices.
+        """
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        arrays = {name: value[epochs] for name, value in values.items() if isinstance(value, np.ndarray)}
+        targets = {
+            name: BodyState(state.position_m[epochs], state.velocity_m_s[epochs])
+            for name, state in self.targets.items()
+        }
+        return dataclasses.replace(
+            self, **arrays, targets=targets, dynamics={name: value[epochs] for name, value in self.dynamics.items()}
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,3 +148,24 @@ class ThrusterSamples(SensorSamples):
     """Telemetry of thrusters."""
 
     force_n: np.ndarray = array("sample thruster", "f8", "N", "reported force of each thruster")
+
+
+def join_samples(measured: Sequence[Mapping[str, SensorSamples]]) -> dict[str, SensorSamples]:
+    """Join samples of successive intervals.
+
+    Parameters
+    ----------
+    measured : samples of each interval, by name of the sensor.
+
+    Returns
+    -------
+    samples by name of the sensor.
+    """
+    if len(measured) < 2:
+        return dict(measured[0]) if measured else {}
+    joined = {}
+    for name, first in measured[0].items():
+        fields = [field.name for field in dataclasses.fields(first)]
+        arrays = {field: np.concatenate([getattr(some[name], field) for some in measured]) for field in fields}
+        joined[name] = type(first)(**arrays)
+    return joined

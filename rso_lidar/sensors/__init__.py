@@ -7,7 +7,7 @@ from rso_lidar.sensors.choice import (
     DescribedSensor,
     Sensor,
     measure_samples,
-    number_sensor_samples,
+    number_available_samples,
     time_sensor_samples,
 )
 from rso_lidar.sensors.gnss import Gnss, RelativeGnss
@@ -16,6 +16,7 @@ from rso_lidar.sensors.presets import load_sensor_presets
 from rso_lidar.sensors.random_errors import draw_normals, make_key
 from rso_lidar.sensors.sensor_part import OutageWindow, RandomOutage
 from rso_lidar.sensors.star_tracker import StarTracker
+from rso_lidar.sensors.suite import SensorSuite
 
 __all__ = [
     "Accelerometer",
@@ -27,6 +28,7 @@ __all__ = [
     "RandomOutage",
     "RelativeGnss",
     "Sensor",
+    "SensorSuite",
     "StarTracker",
     "ThrusterTelemetry",
     "WheelTelemetry",
@@ -34,7 +36,7 @@ __all__ = [
     "load_sensor_presets",
     "make_key",
     "measure_samples",
-    "number_sensor_samples",
+    "number_available_samples",
     "time_sensor_samples",
 ]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -21,7 +22,8 @@ from rso_lidar.sensors.star_tracker import StarTracker
 class Sensor(Protocol):
     """Protocol of user-defined sensors: a name, a rate and the method `measure`.
 
-    Sample n holds at n / `rate_hz`, or at `phase_s` + n / `rate_hz` for an object that has this member. Random numbers
+    Sample n holds at n / `rate_hz`, or at `phase_s` + n / `rate_hz` for an object that has this member. It is available
+    `latency_s` later, another optional member. Random numbers
     come from `draw_normals(key, first_sample, count, width)`, so that a sample does not depend on how samples are divided
     among calls. What must be remembered from sample to sample is in the state and not in the object, which must not change.
     `examples/seams/own_sensor.py` is an example.
@@ -55,15 +57,17 @@ DescribedSensor = Annotated[
 AnySensor = Annotated[DescribedSensor | Sensor, Seam(DescribedSensor, Sensor)]
 
 
-def number_sensor_samples(sensor: Any, from_s: float, to_s: float) -> range:
-    """Return the numbers of the samples of any sensor with from_s <= time < to_s.
+def number_available_samples(sensor: Any, after_s: float, until_s: float) -> range:
+    """Return the numbers of the samples of any sensor that become available in an interval: after_s < time <= until_s.
 
     Parameters
     ----------
     sensor : a part, or a user's object.
-    from_s, to_s : ends of the interval, since `start_utc` [s].
+    after_s, until_s : ends of the interval, since `start_utc` [s].
     """
-    return number_samples(*_schedule(sensor), from_s, to_s)
+    rate_hz, phase_s, latency_s = _schedule(sensor)
+    after_s, until_s = math.nextafter(after_s, math.inf), math.nextafter(until_s, math.inf)
+    return number_samples(rate_hz, phase_s + latency_s, after_s, until_s)
 
 
 def time_sensor_samples(sensor: Any, numbers: range) -> np.ndarray:
@@ -74,19 +78,24 @@ def time_sensor_samples(sensor: Any, numbers: range) -> np.ndarray:
     sensor : a part, or a user's object.
     numbers : of the samples.
     """
-    return time_samples(*_schedule(sensor), numbers)
+    return time_samples(*_schedule(sensor)[:2], numbers)
 
 
-def _schedule(sensor: Any) -> tuple[float, float]:
-    """Return rate [Hz] and phase [s] of any sensor."""
+def _schedule(sensor: Any) -> tuple[float, float, float]:
+    """Return rate [Hz], phase [s] and latency [s] of any sensor."""
     if isinstance(sensor, SensorPart):
-        return sensor.rate_hz, sensor.phase_s
+        return sensor.rate_hz, sensor.phase_s, sensor.latency_s
     cure = "give a positive number"
     rate_hz = read_member(sensor, "rate_hz", None, (int, float), cure)
-    phase_s = read_member(sensor, "phase_s", 0.0, (int, float), "give a number from 0")
-    if not (0.0 < rate_hz < np.inf and 0.0 <= phase_s < np.inf):
-        raise ScenarioError(f"{name_object(sensor)}: rate_hz is {rate_hz:g} and phase_s {phase_s:g}; {cure}s")
-    return float(rate_hz), float(phase_s)
+    phase_s, latency_s = (
+        read_member(sensor, name, 0.0, (int, float), "give a number from 0") for name in ("phase_s", "latency_s")
+    )
+    if not (0.0 < rate_hz < np.inf and 0.0 <= phase_s < np.inf and 0.0 <= latency_s < np.inf):
+        raise ScenarioError(
+            f"{name_object(sensor)}: rate_hz is {rate_hz:g}, phase_s {phase_s:g} and latency_s {latency_s:g}; "
+            "give a positive rate, and numbers from 0"
+        )
+    return float(rate_hz), float(phase_s), float(latency_s)
 
 
 def measure_samples(

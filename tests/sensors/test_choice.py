@@ -78,4 +78,4 @@ def test_a_schedule_that_is_none_is_told(member, value):
     sensor = EXAMPLE["SunSensor"]()
     object.__setattr__(sensor, member, value)
     with pytest.raises(ScenarioError, match=member):
-        sensors.number_sensor_samples(sensor, 0.0, 1.0)
+        sensors.number_available_samples(sensor, 0.0, 1.0)

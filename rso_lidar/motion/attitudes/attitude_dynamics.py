@@ -48,6 +48,12 @@ class StateSpaceAttitude(StateSpaceModel):
         check_attitude(self.initial_state, self.attitude_state)
         return self
 
+    @property
+    def body_rate_entries(self) -> slice | None:
+        """Entries of the state that are the body's angular velocity."""
+        first = count_entries(self.attitude_state)
+        return slice(first, first + 3)
+
     def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
         """Integrate the attitude.
 

@@ -57,6 +57,11 @@ class StateSpaceModel(Part):
         """Name of the dynamics in error messages."""
         return name_function(self.dynamics)
 
+    @property
+    def body_rate_entries(self) -> slice | None:
+        """Entries of the state that are the body's angular velocity; None if it has no attitude."""
+        return None
+
     def function(self) -> Function:
         """Find the function of the dynamics, and wrap it so that its failures become one-line errors."""
         return wrap_dynamics(find_function(self.dynamics), self.label, len(self.initial_state))
@@ -158,8 +163,29 @@ class Flight:
 
     def rates(self, time_s: np.ndarray) -> np.ndarray:
         """Evaluate x' (time, n) at `time_s` (time,) [s], under the inputs that are held from there on."""
+        return self._evaluate(time_s, 1.0)
+
+    def input_rates(self, time_s: np.ndarray) -> np.ndarray:
+        """Evaluate the share of x' (time, n) that comes from the inputs: f(t, x, u) - f(t, x, 0)."""
+        share: np.ndarray = self._evaluate(time_s, 1.0) - self._evaluate(time_s, 0.0)
+        return share
+
+    def inputs_at(self, time_s: np.ndarray) -> np.ndarray:
+        """Return the inputs (time, m) that are held from `time_s` (time,) [s] on."""
+        held = [self._pieces[number].inputs for number in self._piece(np.asarray(time_s, dtype=float))]
+        inputs: np.ndarray = np.array(held).reshape(len(held), len(self.model.inputs))
+        return inputs
+
+    def _evaluate(self, time_s: np.ndarray, share: float) -> np.ndarray:
+        """Evaluate x' (time, n) with a share of the inputs.
+
+        Parameters
+        ----------
+        time_s : (time) instants [s].
+        share : factor of the inputs.
+        """
         times = np.asarray(time_s, dtype=float)
-        inputs = [self._pieces[number].inputs for number in self._piece(times)]
+        inputs = [share * self._pieces[number].inputs for number in self._piece(times)]
         rows = [self._function(t, x, u) for t, x, u in zip(times.tolist(), self(times), inputs, strict=True)]
         return np.array(rows, dtype=float).reshape(len(times), len(self.model.initial_state))
 

@@ -88,6 +88,12 @@ class StateSpace(StateSpaceModel, PlacedMotion):
         return self.layout == "rigid_body"
 
     @property
+    def body_rate_entries(self) -> slice | None:
+        """Entries of the state that are the body's angular velocity; None for a translation."""
+        first = PLACE + count_entries(self.attitude_state)
+        return slice(first, first + 3) if self.turns else None
+
+    @property
     def orbits(self) -> bool:
         """Whether the body has an orbit, and therefore rtn axes."""
         return self.axes != "local"

@@ -29,6 +29,7 @@ from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scenario.tables.target import Follower, Target
 from rso_lidar.scenario.tables.world import Time, World
 from rso_lidar.scene import Surface
+from rso_lidar.sensors import AnySensor
 from rso_lidar.shipped import find
 
 _WITHOUT_NOISE = ("bodies", "pan_tilt", "surfaces", "instrument", "exposure")  # cached, and the same for every seed
@@ -53,6 +54,9 @@ class Mission(Part):
         default=None, description="Pan-tilt unit. If omitted, the lidar looks along the follower's +x."
     )
     lidar: Lidar = Field(description="Instrument.")
+    sensor: tuple[AnySensor, ...] = Field(
+        default=(), description="Other sensors of the follower, whose samples reach a controller with the next flash."
+    )
     constraints: Constraints | None = Field(
         default=None,
         description="Limits that `check` verifies: exclusion angles, keep-out spheres and approach corridors.",
@@ -177,6 +181,9 @@ class Mission(Part):
                 f"after {1.0 / self.time.frame_rate_hz:.3g} s; raise it, or lower the pulses of the detector or "
                 "time.frame_rate_hz"
             )
+        named = [sensor.name for sensor in self.sensor]
+        if twice := [name for name in named if named.count(name) > 1]:
+            raise ValueError(f"sensor: two have the name '{twice[0]}'; rename one")
         receiver = self.lidar.receiver
         if self.finding.pixels > receiver.n_rows * receiver.n_cols:
             raise ValueError(

@@ -1,0 +1,136 @@
+"""Sensors of a scenario: what they sample is what the follower does, whatever the steps, and it reaches the observation."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import rso_lidar as rl
+from rso_lidar.errors import ScenarioError
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+PERFECT = (
+    '{type="gyro", name="gyro", rate_hz=20}',
+    '{type="accelerometer", name="accelerometer", rate_hz=50, latency_s=0.05}',
+    '{type="star_tracker", name="tracker", rate_hz=4, phase_s=0.1, latency_s=0.2}',
+    '{type="gnss", name="receiver", rate_hz=1}',
+    '{type="thrusters", name="valves", rate_hz=10, dynamics="motion", force_entries=[0, 1, 2], newtons_per_input=100}',
+)
+SMALL = (
+    "lidar.receiver.n_rows=8",
+    "lidar.receiver.n_cols=8",
+    "lidar.receiver.rays_per_pixel=1",
+    "lidar.receiver.min_rays_per_target=0",
+    "time.duration_s=3",
+)
+
+
+def load(*sensors, settings=()):
+    return rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=(*SMALL, f"sensor=[{', '.join(sensors)}]", *settings))
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    noisy = [line.replace("}", ", angle_random_walk_deg_rth=0.1}") if "gyro" in line else line for line in PERFECT]
+    return load(*noisy)
+
+
+def fly(scenario, dt_s=None):
+    """Return the frames of a run with a push of 0.01 m/s2 along the way during the second second."""
+    frames = []
+    with rl.Simulation(scenario) as simulation:
+        frames.append(simulation.step())
+        while not simulation.is_over:
+            push = 0.01 if 1.0 <= simulation.time_s < 2.0 else 0.0
+            command = rl.Command(inputs={"follower": (0.0, push, 0.0)})
+            frame = simulation.step(command) if dt_s is None else simulation.step(command, dt_s=dt_s)
+            frames += [frame] if frame is not None else []
+    return frames
+
+
+def test_samples_arrive_with_the_next_flash_and_do_not_depend_on_the_steps(scenario):
+    whole, fine = fly(scenario), fly(scenario, 0.05)
+    counts = {
+        name: [len(frame.observation.sensors[name].time_s) for frame in whole] for name in whole[0].observation.sensors
+    }
+    assert counts == {
+        "gyro": [1, 20, 20],
+        "accelerometer": [0, 48, 50],
+        "tracker": [0, 3, 4],
+        "receiver": [1, 1, 1],
+        "valves": [1, 10, 10],
+    }
+    for one, other in zip(whole, fine, strict=True):
+        for name, samples in one.observation.sensors.items():
+            np.testing.assert_array_less(samples.available_s, one.time_s + 1e-9)
+            for field in vars(samples):
+                np.testing.assert_array_equal(getattr(samples, field), getattr(other.observation.sensors[name], field))
+
+
+def test_frames_alone_have_the_samples_of_a_run(scenario):
+    whole = list(rl.simulate(scenario))
+    (alone,) = rl.simulate(scenario, frames=[2])
+    (worker,) = rl.simulate(scenario, frames=[2], workers=1)
+    for frame in (alone, worker):
+        for name, samples in whole[2].observation.sensors.items():
+            for field in vars(samples):
+                np.testing.assert_array_equal(getattr(samples, field), getattr(frame.observation.sensors[name], field))
+
+
+def test_perfect_sensors_measure_the_truth():
+    """The push shows as 0.01 m/s2 along body +x (along-track) and as 1 N of 100 kg; the body turns with its orbit.
+
+    The thrust is along the stage's axes, and 120 m along the orbit the follower's own are turned by 1.7e-5 rad.
+    """
+    frames = fly(load(*PERFECT), 0.1)
+    first, second = frames[1].observation.sensors, frames[2].observation.sensors
+    truth = frames[2].truth
+    rate = truth.rates("inertial", "follower")[1]
+    np.testing.assert_allclose(second["gyro"].angular_velocity_rad_s, np.tile(rate, (20, 1)), atol=1e-8)
+    assert np.linalg.norm(rate) == pytest.approx(1.0948e-3, rel=1e-3)  # of an orbit 550 km up
+    np.testing.assert_allclose(first["accelerometer"].specific_force_m_s2, 0.0, atol=1e-12)
+    pushed = second["accelerometer"].specific_force_m_s2[second["accelerometer"].time_s > 1.0]
+    np.testing.assert_allclose(pushed, np.tile([0.01, 0.0, 0.0], (len(pushed), 1)), atol=2e-7)
+    np.testing.assert_allclose(second["valves"].force_n[1:], np.tile([0.0, 1.0, 0.0], (9, 1)), atol=1e-12)
+    np.testing.assert_allclose(second["receiver"].position_m[-1], truth.states["follower"].position_m, atol=1e-6)
+    np.testing.assert_allclose(second["receiver"].velocity_m_s[-1], truth.states["follower"].velocity_m_s, atol=1e-9)
+    exact = truth.poses.link("inertial", "follower").rotation
+    turned = Rotation.from_quat(second["tracker"].quaternion_xyzw).inv() * exact
+    late_s = frames[2].time_s - second["tracker"].time_s
+    np.testing.assert_allclose(turned.as_rotvec(), late_s[:, None] * rate, atol=1e-8)
+
+
+def test_a_saved_simulation_goes_on_with_the_same_samples(scenario):
+    with rl.Simulation(scenario) as simulation:
+        simulation.step()
+        simulation.step(dt_s=0.32)
+        state = simulation.save()
+        one = simulation.step().observation.sensors
+        simulation.restore(state)
+        other = simulation.step().observation.sensors
+        assert simulation.samples.keys() == one.keys()
+    for name, samples in one.items():
+        for field in vars(samples):
+            np.testing.assert_array_equal(getattr(samples, field), getattr(other[name], field))
+
+
+def test_another_seed_draws_other_samples(scenario):
+    one, two = (next(rl.simulate(scenario.replace(seed=seed))).observation.sensors["gyro"] for seed in (1, 2))
+    assert np.all(one.angular_velocity_rad_s != two.angular_velocity_rad_s)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "told"),
+    [
+        ('{type="gyro", name="a", rate_hz=0}', "rate_hz"),
+        ('{type="gyro", name="a", rate_hz=1}, {type="gyro", name="a", rate_hz=2}', "two have the name 'a'"),
+        ('{type="sextant", name="a", rate_hz=1}', "sextant"),
+        ('{type="wheels", name="a", rate_hz=1, dynamics="attitude", speed_entries=[0]}', "not of type state_space"),
+        ('{type="thrusters", name="a", rate_hz=1, dynamics="motion", force_entries=[5]}', "entry 5"),
+        ('{type="relative_gnss", name="a", rate_hz=1, target="stagee", axes="inertial"}', "stagee"),
+    ],
+)
+def test_what_cannot_be_sampled(sensor, told):
+    with pytest.raises(ScenarioError, match=told):
+        next(rl.simulate(load(sensor)))
