@@ -31,6 +31,7 @@ from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.merits import MERITS
+from rso_lidar.study.verification.definition import Requirements
 
 DOCS = Path(__file__).resolve().parent
 EXAMPLE = DOCS.parent / "examples" / "tdrs_approach.toml"
@@ -64,6 +65,7 @@ SAID_BY_KEY = {  # types of fields that take what pydantic has no word for
     ("Axis", "field"): "place, or list of places",
     ("Axis", "values"): "list; of several fields, lists of one value for each",
     ("Study", "frames"): 'text `"from:end:step"`, or list of whole numbers',
+    ("Requirement", "frames"): 'text `"from:end:step"`, or list of whole numbers',
 }
 
 
@@ -76,6 +78,7 @@ def pages() -> dict[Path, str]:
         "instrument.md": {"constants": constants(), "presets": presets()},
         "sensors.md": {"presets": sensor_presets()},
         "studies.md": {"merits": merits(), "study keys": study_keys()},
+        "requirements.md": {"requirement keys": requirement_keys()},
         "datasets.md": {"arrays": shard_arrays(), "spec keys": dataset_keys()},
         "glossary.md": {"classes": classes()},
         "architecture.md": {"floors": floors(), "rooms": rooms()},
@@ -281,6 +284,13 @@ def _study_sections() -> dict[type[part.Part], Section]:
 def study_keys() -> str:
     """Return a section with a table of keys for each part of a trade study."""
     return _key_tables(_study_sections())
+
+
+def requirement_keys() -> str:
+    """Return a section with a table of keys for each part of a requirements file."""
+    found: dict[type[part.Part], Section] = {Requirements: Section("the requirements file", 3, [], False)}
+    _collect(Requirements, "", 3, found)
+    return _key_tables(found)
 
 
 def merits() -> str:

@@ -22,6 +22,8 @@ COMMANDS = {
     "truth": "Write or draw the true motion without rendering frames.",
     "timeline": "Draw or tabulate one encounter, frame by frame.",
     "trade": "Run a trade study of scenario fields against figures of merit.",
+    "parameters": "List all parameters of a scenario and figures derived from them.",
+    "requirements": "Verify requirements on a scenario, a study or a recording.",
     "catalog": "List the objects of a catalogue, or write a selection of them.",
     "encounters": "List the close approaches of one object to a catalogue.",
     "run": "Simulate a scenario and record its frames with truth and labels.",

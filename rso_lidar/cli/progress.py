@@ -3,8 +3,8 @@
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from typing import Any, Protocol
 
 from rso_lidar.cli.terminal import echo
@@ -76,6 +76,31 @@ def count_frames(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:
         for frame in frames:
             yield frame
             bar.advance()
+
+
+@contextmanager
+def count_steps(doing: str, of: str) -> Iterator[Callable[[int, int], None]]:
+    """Return a function that shows finished steps of a number that is known at its first call, none for no steps.
+
+    Parameters
+    ----------
+    doing : participle for the bar.
+    of : noun for a step.
+    """
+    with ExitStack() as stack:
+        bar: Bar | None = None
+        shown = 0
+
+        def step(done: int, total: int) -> None:
+            nonlocal bar, shown
+            if bar is None and total:
+                bar = stack.enter_context(show_progress(total, done, doing, of))
+                shown = done
+            while bar is not None and shown < done:
+                bar.advance()
+                shown += 1
+
+        yield step
 
 
 class _Pace:

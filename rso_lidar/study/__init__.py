@@ -1,4 +1,4 @@
-"""Studies of scenarios and recordings: link budgets, encounters, timelines, trades, tracking and elevation maps."""
+"""Studies of scenarios and recordings: link budgets, encounters, timelines, trades, tracking, maps and requirements."""
 
 from rso_lidar.public_names import limit_dir
 from rso_lidar.study.budgets.finding_range import FoundRange, find_range
@@ -15,6 +15,8 @@ from rso_lidar.study.elevation import (
     compare_maps,
     find_hazards,
 )
+from rso_lidar.study.mission_parameters.parameter_list import Parameter
+from rso_lidar.study.mission_parameters.parameter_table import ParameterTable, list_parameters
 from rso_lidar.study.passes.pass_geometry import Encounter, reach_m
 from rso_lidar.study.passes.pass_table import Encounters
 from rso_lidar.study.passes.scenario_text import scenario_text
@@ -25,6 +27,9 @@ from rso_lidar.study.time_history.timeline import Timeline, timeline
 from rso_lidar.study.track_quality.evaluation import Tracking, tracking
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import Trade, trade
+from rso_lidar.study.verification.definition import Requirement, Requirements
+from rso_lidar.study.verification.matrix import RequirementResult, VerificationMatrix
+from rso_lidar.study.verification.verify import verify
 
 __all__ = [
     "HAZARD",
@@ -37,10 +42,16 @@ __all__ = [
     "Encounters",
     "FoundRange",
     "MapAgreement",
+    "Parameter",
+    "ParameterTable",
+    "Requirement",
+    "RequirementResult",
+    "Requirements",
     "Study",
     "Timeline",
     "Tracking",
     "Trade",
+    "VerificationMatrix",
     "budget",
     "build_elevation_map",
     "build_true_elevation",
@@ -48,12 +59,14 @@ __all__ = [
     "encounters",
     "find_hazards",
     "find_range",
+    "list_parameters",
     "reach_m",
     "save",
     "scenario_text",
     "timeline",
     "tracking",
     "trade",
+    "verify",
     "view",
 ]
 

@@ -12,12 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rso_lidar.confidence_intervals import effective_count, percentile_interval, wilson_interval
 from rso_lidar.dataset.metrics.resampling import (
     FEWEST_ENCOUNTERS,
     EncounterIndex,
-    effective_count,
-    percentile_interval,
-    wilson_interval,
 )
 
 _CHUNK = 2_000_000  # weights of frames in one step

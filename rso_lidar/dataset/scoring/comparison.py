@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rso_lidar.confidence_intervals import percentile_interval
 from rso_lidar.dataset.metrics.merits import HIGHER, FigureOfMerit
-from rso_lidar.dataset.metrics.resampling import FEWEST_ENCOUNTERS, percentile_interval
+from rso_lidar.dataset.metrics.resampling import FEWEST_ENCOUNTERS
 from rso_lidar.dataset.metrics.weighted_statistics import Ratios, Statistic
 from rso_lidar.dataset.scoring.scorecard import Scorecard
 from rso_lidar.errors import DatasetError, did_you_mean

@@ -202,6 +202,11 @@ class Mission(Part):
         return self
 
     @property
+    def folder(self) -> Path | None:
+        """Folder in which relative paths start; None for the working folder."""
+        return self._folder
+
+    @property
     def is_local(self) -> bool:
         """Whether the root axes have no Earth."""
         return self.world.axes == "local"

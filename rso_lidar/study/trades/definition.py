@@ -49,7 +49,7 @@ def _check_finite(value: Any) -> None:
         raise ValueError(f"{value} is not a finite number; give finite numbers")
 
 
-def _check_frames(given: Any) -> Any:
+def check_frames(given: Any) -> Any:
     """Check frames, given as text ``A:B:STEP`` or as indices."""
     if given is None or (isinstance(given, str) and re.fullmatch(r"\d*:\d*(:[1-9]\d*)?", given)):
         return given
@@ -222,7 +222,7 @@ class Study(FilePart):
     sampling: Annotated[Grid | Random | LatinHypercube, Field(discriminator="type")] = Field(
         default=Grid(), description="Choice of points: all of a grid, or random ones."
     )
-    frames: Annotated[Any, AfterValidator(_check_frames)] = Field(
+    frames: Annotated[Any, AfterValidator(check_frames)] = Field(
         default=None,
         description=(
             'Frames of each run that are simulated, as text `"from:end:step"` or a list of indices, if a figure of '
@@ -326,9 +326,20 @@ class Study(FilePart):
         ----------
         scenario : with the number of its frames.
         """
-        if isinstance(self.frames, str):
-            return scenario.time.choose_frames(slice(*(int(word) if word else None for word in self.frames.split(":"))))
-        return scenario.time.choose_frames(self.frames)
+        return choose_frames(scenario, self.frames)
+
+
+def choose_frames(scenario: Scenario, frames: Any) -> np.ndarray:
+    """Return the indices of frames that are given as text ``A:B:STEP`` or as indices (None: all), in ascending order.
+
+    Parameters
+    ----------
+    scenario : with the number of its frames.
+    frames : as `check_frames` lets it pass.
+    """
+    if isinstance(frames, str):
+        frames = slice(*(int(word) if word else None for word in frames.split(":")))
+    return scenario.time.choose_frames(frames)
 
 
 def write_toml_value(value: Any) -> str:

@@ -21,58 +21,28 @@ from rso_lidar.simulate import simulate
 from rso_lidar.study.time_history.open_loop import fly_open_loop
 from rso_lidar.study.time_history.timeline import in_field_fraction
 from rso_lidar.study.track_quality.evaluation import tracking
+from rso_lidar.study.trades.run_sums import RunSums
 
-_LEAST_M, _STEP, _BINS = 1e-4, 0.01, 1800  # histogram of errors: bins of 1 %, from 0.1 mm to 6.6 km
 _ONE_SIGMA = math.erf(math.sqrt(0.5))  # share of a normal distribution within one standard deviation
 _WHOLE = 0.999  # share of a target's bounds in the field from which the whole target counts as in the field
 
 
-class RunSums:
-    """Sums and counts over the frames of a run, in constant memory."""
+class CountedFrames(Sequence[Frame]):
+    """The frames of a run as a sequence that hands each to a function and keeps none; a single one is simulated anew."""
 
-    def __init__(self, number: int, size_m: float) -> None:
-        self._number, self._size_m = number, size_m
-        self.frames = self.pixels = self.found = self.false = 0
-        self.squared_m2 = self.photons = 0.0
-        self._counts = np.zeros(_BINS, dtype=np.int64)
-
-    def add(self, frame: Frame) -> None:
-        """Add one frame. A range error larger than the target's size means that the pixel reported noise."""
-        labels = frame.labels
-        on_target = (labels.filled_fraction > 0.0) & (labels.target == self._number)
-        error_m = np.where(frame.valid, np.asarray(frame.range_m, dtype=float), np.nan) - labels.range_m
-        found = on_target & (np.abs(error_m) <= self._size_m)
-        self.frames += 1
-        self.pixels += int(on_target.sum())
-        self.found += int(found.sum())
-        self.false += int((frame.valid & (labels.target < 0)).sum())
-        self.squared_m2 += float(np.sum(error_m[found] ** 2))
-        steps = np.log(np.maximum(np.abs(error_m[found]), _LEAST_M) / _LEAST_M) / _STEP
-        self._counts += np.bincount(np.minimum(steps.astype(int), _BINS - 1), minlength=_BINS)
-        self.photons += float(np.sum(labels.photons[on_target], dtype=float))
-
-    def error_within_m(self, share: float) -> float:
-        """Return the quantile of the absolute range error of detections [m], to 1 %; NaN without any."""
-        if not self.found:
-            return math.nan
-        reached = int(np.searchsorted(np.cumsum(self._counts), share * self.found))
-        return _LEAST_M * math.exp(_STEP * (reached + 0.5))
-
-
-class _CountedFrames(Sequence[Frame]):
-    """The frames of a run as a sequence that adds each to the sums and keeps none; a single one is simulated anew."""
-
-    def __init__(self, scenario: Scenario, numbers: np.ndarray, threads: int | None, sums: RunSums) -> None:
+    def __init__(
+        self, scenario: Scenario, numbers: np.ndarray, threads: int | None, add: Callable[[Frame], None]
+    ) -> None:
         """Start a run.
 
         Parameters
         ----------
         scenario, numbers : the scenario, and the indices of its frames.
         threads : of the simulation.
-        sums : that are updated with each frame.
+        add : called with each frame, such as `RunSums.add`.
         """
         self._fly = partial(simulate, scenario, threads=threads)
-        self._numbers, self._sums = numbers.tolist(), sums
+        self._numbers, self._add = numbers.tolist(), add
         self._made = self._fly(frames=self._numbers)
         self._first = next(self._made)
 
@@ -83,10 +53,10 @@ class _CountedFrames(Sequence[Frame]):
         return self._first if index == 0 else next(self._fly(frames=[self._numbers[index]]))
 
     def __iter__(self) -> Iterator[Frame]:
-        self._sums.add(self._first)
+        self._add(self._first)
         yield self._first
         for frame in self._made:
-            self._sums.add(frame)
+            self._add(frame)
             yield frame
 
 
@@ -120,7 +90,8 @@ class Merit:
     """One figure of merit: `needs` states what must be computed for it, and `better` the better direction.
 
     Values are rounded to `decimals`, so that rounding errors decide no ranking. With `of_detected` it describes the pixels
-    that report the target, and ranks a point only where enough of them do.
+    that report the target, and ranks a point only where enough of them do. `noise` states how the noise of frames enters:
+    not at all, in a proportion or a count, in other sums over frames, or in a tracker that follows from frame to frame.
     """
 
     name: str
@@ -131,6 +102,7 @@ class Merit:
     value: Callable[[Run], float]
     decimals: int = 6
     of_detected: bool = False
+    noise: Literal["none", "proportion", "count", "frames", "track"] = "none"
 
     def of(self, run: Run) -> float:
         """Return the value of a run, to `decimals`."""
@@ -184,12 +156,21 @@ MERITS = {
             "pixels on the target that report its range, mean of the flashed frames",
             lambda run: _ratio(run.sums.found, run.sums.frames),
             of_detected=True,
+            noise="frames",
         ),
         Merit(
             "detection_fraction", "1", "more", "frames",
             "of all pixels on the target, the share that reports its range",
             lambda run: _ratio(run.sums.found, run.sums.pixels),
             decimals=9,
+            noise="proportion",
+        ),
+        Merit(
+            "found_fraction", "1", "more", "frames",
+            "of the flashed frames, the share in which at least `finding.pixels` of the scenario report the target's range",
+            lambda run: _ratio(run.sums.hits, run.sums.frames),
+            decimals=9,
+            noise="proportion",
         ),
         Merit(
             "found_probability", "1", "more", "truth",
@@ -210,17 +191,20 @@ MERITS = {
             "the tails",
             lambda run: run.sums.error_within_m(_ONE_SIGMA),
             of_detected=True,
+            noise="frames",
         ),
         Merit(
             "range_rms_m", "m", "less", "frames",
             "rms of reported less true range of those pixels, with edges, where a pixel sees two surfaces",
             lambda run: math.sqrt(_ratio(run.sums.squared_m2, run.sums.found)),
             of_detected=True,
+            noise="frames",
         ),
         Merit(
             "false_returns", "pixels", "less", "frames",
             "pixels that report a range where no target is, mean of the flashed frames",
             lambda run: _ratio(run.sums.false, run.sums.frames),
+            noise="count",
         ),
         Merit(
             "tracker_error_m", "m", "less", "tracker",
@@ -228,6 +212,7 @@ MERITS = {
             "flashed frames from the first fix; it follows the nearest of several targets in the field, whichever is meant",
             lambda run: _rms(run.tracker_error_m),
             of_detected=True,
+            noise="track",
         ),
         Merit(
             "time_in_field_s", "s", "more", "truth",
@@ -273,10 +258,10 @@ def evaluate(
     threads : number of threads (None: one for each core); the result does not depend on it.
     """
     needs = {MERITS[name].needs for name in names}
-    sums = RunSums(number, _bounding_diagonal_m(scenario, number))
+    sums = RunSums(number, bounding_diagonal_m(scenario, number), scenario.finding.pixels)
     error_m = np.empty(0)
     if needs & {"frames", "tracker"}:
-        passing = _CountedFrames(scenario, frames, threads, sums)
+        passing = CountedFrames(scenario, frames, threads, sums.add)
         if "tracker" in needs:
             table = tracking(passing, scenario.target[number].name, folder=folder, poses=False).table
             error_m = np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in ("right", "down", "ahead")], axis=0)
@@ -287,7 +272,7 @@ def evaluate(
     return {name: MERITS[name].of(run) for name in names}
 
 
-def _bounding_diagonal_m(scenario: Scenario, number: int) -> float:
+def bounding_diagonal_m(scenario: Scenario, number: int) -> float:
     """Return the diagonal of a target's bounding box [m] with hinges at zero, at least 1 m."""
     corners = scenario.corners_of(number).reshape(-1, 3)
     return max(float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))), 1.0)

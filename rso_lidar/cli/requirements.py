@@ -1,0 +1,82 @@
+"""`rso-lidar requirements`: a scenario, a study or a recording verified against a file of requirements."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar import export
+from rso_lidar.cli.arguments import Overwrite, Settings
+from rso_lidar.cli.progress import announce_compiling, count_steps
+from rso_lidar.cli.terminal import echo
+from rso_lidar.errors import ScenarioError
+from rso_lidar.files import check_writable
+from rso_lidar.part.toml_text import parse_toml
+from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.validation import read_toml
+from rso_lidar.study.trades.definition import Study
+from rso_lidar.study.verification.definition import Requirements
+from rso_lidar.study.verification.matrix import SUFFIXES, VerificationMatrix
+from rso_lidar.study.verification.verify import verify
+
+_OF_STUDY = ("axis", "merits")  # keys that a study has, and no scenario
+
+
+def requirements(
+    file: Annotated[Path, typer.Argument(metavar="REQS", help="Requirements file (TOML).")],
+    subject: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SUBJECT", help="Scenario (TOML), study (TOML), or recording (.h5, .nc, .zarr) to verify."
+        ),
+    ],
+    output: Annotated[
+        list[Path] | None, typer.Option("-o", "--output", help="Verification matrix (.csv, .json); may be repeated.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, max=256, help="Processes of a study; changes no result.")
+    ] = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Verify requirements on a scenario, a study or a recording.
+
+    The exit status is 0 if all are met, and 1 if one is not met or not shown.
+    """
+    places = [check_writable(place, SUFFIXES, overwrite=overwrite) for place in output or ()]
+    asked = Requirements.load(file)
+    made = _verify(asked, subject, tuple(settings or ()), workers)
+    for place in places:
+        made.save(place, overwrite=overwrite)
+    echo(made.table())
+    for place in places:
+        echo(place)
+    if not made.is_met:
+        raise typer.Exit(1)
+
+
+def _verify(asked: Requirements, subject: Path, settings: tuple[str, ...], workers: int | None) -> VerificationMatrix:
+    """Load the subject and verify the requirements on it.
+
+    Parameters
+    ----------
+    asked, subject : the requirements, and the file of the subject.
+    settings : fields of the scenario to change.
+    workers : processes of a study.
+    """
+    is_toml = subject.suffix.lower() == ".toml"
+    is_study = is_toml and any(key in parse_toml(read_toml(subject), subject.name, ScenarioError) for key in _OF_STUDY)
+    if settings and (not is_toml or is_study):
+        what = "study has its own set" if is_study else "recording cannot be changed"
+        raise ScenarioError(f"--set: changes a scenario; a {what}; leave it out")
+    if workers is not None and not is_study:
+        raise ScenarioError("--workers: is for a study; leave it out")
+    with announce_compiling():
+        if not is_toml:
+            with export.open(subject) as read, count_steps("reading", "frame") as step:
+                return verify(asked, read, folder=subject.parent, on_step=step)
+        if is_study:
+            with count_steps("trading", "run") as step:
+                return verify(asked, Study.load(subject), workers=workers, on_step=step)
+        with count_steps("simulating", "frame") as step:
+            return verify(asked, Scenario.load(subject, settings), on_step=step)

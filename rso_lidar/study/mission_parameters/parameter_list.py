@@ -1,0 +1,244 @@
+"""The parameters of a mission, listed from its parts: keys of the scenario, and figures derived from them.
+
+Meaning and unit of a key are those of its `Field(description)`, and those of a derived figure are those of the docstring
+of its property. Nothing is stated again here.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from rso_lidar.detector.settings.presets import PRESETS
+from rso_lidar.errors import RsoLidarError, suppress_warnings
+from rso_lidar.part import Part, name_object
+from rso_lidar.scenario import Scenario, require_scenario
+from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.study.mission_parameters.sysml_units import UNITS
+
+_BRACKETS = re.compile(r"\[([^\[\]]+)\]")
+_COUNTED = ("pixels", "photons", "electrons", "counts", "bits")  # units that are words, and ends of names
+_NUMBERS = ("float", "int")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a mission.
+
+    `path` is the place of a key, as `--set` takes it, or that of a derived figure. `value` is a number, a text, a truth
+    value, an instant, a tuple of them, or None where an optional key is left out. `default` is None for a required key
+    too. `source` states where the value comes from: the scenario, a preset, the default with its source, or the
+    derivation.
+    """
+
+    path: str
+    value: Any
+    unit: str
+    meaning: str
+    default: Any
+    source: str
+    is_derived: bool = False
+
+    @property
+    def is_number(self) -> bool:
+        """Whether the value is a single number."""
+        return isinstance(self.value, int | float) and not isinstance(self.value, bool)
+
+
+def iterate_parameters(scenario: Scenario) -> Iterator[Parameter]:
+    """Yield the parameters of a scenario, part by part: its keys in the order of the scenario page, then derived figures.
+
+    Parameters
+    ----------
+    scenario : the scenario. Derived figures of parts that read files use the files that it names.
+
+    Raises
+    ------
+    ScenarioError
+        For another object.
+    """
+    require_scenario(scenario, "parameters")
+    resolved: dict[str, Any] = {"lidar": scenario.instrument, "ptu": scenario.pan_tilt}
+    resolved |= {"follower": scenario.bodies[-1]}
+    resolved |= {f"target.{body.name}": body for body in scenario.bodies[:-1]}
+    with suppress_warnings():
+        yield from _iterate_part(scenario, "", _Origins(resolved, _list_preset_values(scenario)), is_given=True)
+
+
+@dataclass(frozen=True)
+class _Origins:
+    """Origins of values: parts by place with the files that they name found, and values of presets by place."""
+
+    resolved: Mapping[str, Any]
+    presets: Mapping[str, tuple[str, Any]]
+
+
+def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
+    """List what the presets of a lidar and of its detector set, by place: name of the preset, and value."""
+    found: dict[str, tuple[str, Any]] = {}
+    detector_preset = getattr(scenario.lidar.detector, "preset", None)
+    if detector_preset in PRESETS:
+        values = PRESETS[detector_preset]
+        for name, part in (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons")):
+            found[f"lidar.detector.{name}.{part}"] = (detector_preset, values[part])
+    if scenario.lidar.preset is not None:
+        tables: list[tuple[str, Any]] = [("lidar", load_presets()[scenario.lidar.preset])]
+        while tables:
+            place, table = tables.pop()
+            for key, value in table.items():
+                if isinstance(value, Mapping):
+                    tables.append((f"{place}.{key}", value))
+                else:
+                    found[f"{place}.{key}"] = (scenario.lidar.preset, value)
+    return found
+
+
+def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -> Iterator[Parameter]:
+    """Yield the parameters of a part and of the parts in it.
+
+    Parameters
+    ----------
+    part, path : the part, and its place.
+    origins : where values come from.
+    is_given : whether the part itself was given, and is no default.
+    """
+    for name, field in type(part).model_fields.items():
+        place, value = f"{path}.{name}".lstrip("."), getattr(part, name)
+        given = is_given and name in part.model_fields_set
+        inner = list(_list_inner(value))
+        for step, one in inner:
+            yield from _iterate_part(one, f"{place}{step}", origins, is_given=given)
+        if inner:
+            continue
+        said, _, source = (field.description or "").partition("Default: ")
+        default = None if field.is_required() else field.get_default(call_default_factory=True)
+        if given:
+            preset, expected = origins.presets.get(place, ("", None))
+            origin = f"preset {preset}" if preset and _plain(expected) == _plain(value) else "scenario"
+        else:
+            origin = f"default: {source.rstrip('.')}" if source else "default"
+        yield Parameter(
+            path=place,
+            value=_plain(value),
+            unit=_find_unit(name, said) if _is_numeric(value, field.annotation) else "",
+            meaning=_drop_units(said),
+            default=_plain(default),
+            source=origin,
+        )
+    twin = _find_twin(part, path, origins.resolved)
+    for name, meaning in _list_derived(type(part)):
+        value = _try_property(twin, name)
+        if value is not None:
+            place, unit = f"{path}.{name}".lstrip("."), _find_unit(name, meaning)
+            yield Parameter(place, value, unit, _drop_units(meaning), None, "derived", is_derived=True)
+
+
+def _list_inner(value: Any) -> Iterator[tuple[str, Part]]:
+    """Yield the parts in a value with the step that leads to each: its name or number."""
+    if isinstance(value, Part):
+        yield "", value
+    elif isinstance(value, Mapping):
+        yield from ((f".{key}", one) for key, one in value.items() if isinstance(one, Part))
+    elif isinstance(value, tuple):
+        for k, one in enumerate(value):
+            if isinstance(one, Part):
+                yield f".{getattr(one, 'name', k)}", one
+
+
+def _find_twin(part: Part, path: str, resolved: Mapping[str, Any]) -> Any:
+    """Return the part of a place in which files have been found, or the part itself.
+
+    Parameters
+    ----------
+    part, path : the part, and its place.
+    resolved : parts by place in which files have been found.
+    """
+    for start, one in resolved.items():
+        if path == start or path.startswith(f"{start}."):
+            for step in path.removeprefix(start).split("."):
+                one = getattr(one, step, None) if step else one
+            return one if type(one) is type(part) else part
+    return part
+
+
+def _list_derived(cls: type[Part]) -> list[tuple[str, str]]:
+    """List the names of the numeric properties of a part with the first line of their docstrings."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        if not (issubclass(base, Part) and base is not Part):
+            continue
+        for name, member in tuple(vars(base).items()):
+            function = member.fget if isinstance(member, property) else getattr(member, "func", None)
+            if name.startswith("_") or not isinstance(member, property | cached_property) or function is None:
+                continue
+            answer = function.__annotations__.get("return")
+            if (answer if isinstance(answer, str) else getattr(answer, "__name__", "")) in _NUMBERS:
+                found[name] = (function.__doc__ or "").strip().partition("\n")[0].replace("``", "`")
+    return list(found.items())
+
+
+def _try_property(part: Any, name: str) -> float | int | None:
+    """Return a derived figure; None where the part has no finite one, such as a limit that does not exist."""
+    try:
+        value = getattr(part, name)
+    except RsoLidarError:
+        return None
+    return value if isinstance(value, int | float) and math.isfinite(value) else None
+
+
+def _is_numeric(value: Any, annotation: Any) -> bool:
+    if value is None:
+        return re.search(r"\b(float|int)\b", repr(annotation)) is not None
+    first = value
+    while isinstance(first, tuple) and first:
+        first = first[0]
+    return isinstance(first, int | float) and not isinstance(first, bool)
+
+
+def _find_unit(name: str, text: str) -> str:
+    """Return the unit of a number: that in brackets in its meaning, or that which its name says; 1 for none.
+
+    Parameters
+    ----------
+    name, text : of the key or property, and its meaning.
+    """
+    for found in _BRACKETS.findall(text):
+        unit = str(found).partition(",")[0].replace("2", "²").strip()
+        if unit in UNITS or unit in _COUNTED or "/" in unit:
+            return unit
+    over, per, under = name.rpartition("_per_")
+    if per and over.rpartition("_")[2] in _COUNTED and under in [word.removesuffix("s") for word in _COUNTED]:
+        return f"{over.rpartition('_')[2]}/{under}"
+    last = name.rpartition("_")[2]
+    return last if last in _COUNTED else "1"
+
+
+def _drop_units(text: str) -> str:
+    """Return a meaning without its units in brackets, which have a column of their own."""
+    return re.sub(r" +([,.;:])", r"\1", " ".join(_BRACKETS.sub(_keep_other, text).split()))
+
+
+def _keep_other(found: re.Match[str]) -> str:
+    """Return what replaces brackets in a meaning: nothing for a unit, which has a column of its own."""
+    unit, comma, more = found[1].partition(",")
+    if unit.replace("2", "²") not in UNITS and unit not in _COUNTED and "/" not in unit:
+        return found[0]
+    return f"({more.strip()})" if comma else ""
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as numbers, texts, truth values, instants, tuples and tables of them."""
+    if value is None or isinstance(value, str | int | float | datetime.datetime):
+        return value
+    if isinstance(value, list | tuple):
+        return tuple(_plain(one) for one in value)
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, Part):
+        return _plain(value.model_dump(exclude_none=True))
+    return name_object(value)

@@ -1,0 +1,83 @@
+"""Units of parameters in SysML v2: quantity types of ISQ, and measurement units of SI.
+
+Units that the library SI of SysML v2 (release 2026-06, `SI.sysml`) lacks are declared with a prefix, as it declares its
+own. Counts of pixels, photons or electrons have the dimension one; their unit stands in the documentation.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class UnitNotation(NamedTuple):
+    """Notation of a unit in SysML v2: quantity type, and expression of the unit, empty for the dimension one."""
+
+    type: str
+    unit: str
+
+
+UNITS = {
+    "1": UnitNotation("Real", ""),
+    "m": UnitNotation("LengthValue", "m"),
+    "km": UnitNotation("LengthValue", "km"),
+    "mm": UnitNotation("LengthValue", "mm"),
+    "µm": UnitNotation("LengthValue", "'µm'"),
+    "nm": UnitNotation("LengthValue", "nm"),
+    "m²": UnitNotation("AreaValue", "m^2"),
+    "s": UnitNotation("DurationValue", "s"),
+    "ns": UnitNotation("DurationValue", "ns"),
+    "Hz": UnitNotation("FrequencyValue", "Hz"),
+    "MHz": UnitNotation("FrequencyValue", "MHz"),
+    "1/s": UnitNotation("FrequencyValue", "s^-1"),
+    "deg": UnitNotation("AngularMeasureValue", "'°'"),
+    "rad": UnitNotation("AngularMeasureValue", "rad"),
+    "deg/s": UnitNotation("AngularVelocityValue", "'°'/s"),
+    "rad/s": UnitNotation("AngularVelocityValue", "rad/s"),
+    "deg/s²": UnitNotation("AngularAccelerationValue", "'°'/s^2"),
+    "rad/s²": UnitNotation("AngularAccelerationValue", "rad/s^2"),
+    "m/s": UnitNotation("SpeedValue", "m/s"),
+    "m/s²": UnitNotation("AccelerationValue", "m/s^2"),
+    "kg": UnitNotation("MassValue", "kg"),
+    "kg m²": UnitNotation("MomentOfInertiaValue", "kg*m^2"),
+    "N": UnitNotation("ForceValue", "N"),
+    "N m": UnitNotation("TorqueValue", "N*m"),
+    "mJ": UnitNotation("EnergyValue", "mJ"),
+    "nA": UnitNotation("ElectricCurrentValue", "nA"),
+    "nF": UnitNotation("CapacitanceValue", "nF"),
+    "Ω": UnitNotation("ResistanceValue", "'Ω'"),
+    "1/V": UnitNotation("ScalarQuantityValue", "V^-1"),
+    "1/sr": UnitNotation("ScalarQuantityValue", "sr^-1"),
+    "rev/day": UnitNotation("ScalarQuantityValue", "d^-1"),
+    "rev/day²": UnitNotation("ScalarQuantityValue", "d^-2"),
+    "rev/day³": UnitNotation("ScalarQuantityValue", "d^-3"),
+}
+
+# Units that SI.sysml lacks: name, type, prefix, and unit that the prefix is of.
+_PREFIXED = {
+    "mJ": ("millijoule", "EnergyUnit", "milli", "J"),
+    "ns": ("nanosecond", "DurationUnit", "nano", "s"),
+    "'µm'": ("micrometre", "LengthUnit", "micro", "m"),
+    "MHz": ("megahertz", "FrequencyUnit", "mega", "Hz"),
+    "nA": ("nanoampere", "ElectricCurrentUnit", "nano", "A"),
+    "nF": ("nanofarad", "CapacitanceUnit", "nano", "F"),
+}
+
+
+def find_notation(unit: str) -> UnitNotation:
+    """Return the notation of a unit; a real number without unit where SysML has none for it, such as photons."""
+    return UNITS.get(unit, UNITS["1"])
+
+
+def declare_units(units: set[str]) -> list[str]:
+    """Return the declarations of those units that the library SI lacks, in a fixed order.
+
+    Parameters
+    ----------
+    units : expressions of the units that a text uses.
+    """
+    return [
+        f"attribute <{short}> {name} : {kind} "
+        f"{{ :>> unitConversion : ConversionByPrefix {{ :>> prefix = {prefix}; :>> referenceUnit = {of}; }} }}"
+        for short, (name, kind, prefix, of) in _PREFIXED.items()
+        if short in units
+    ]

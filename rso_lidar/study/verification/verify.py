@@ -1,0 +1,346 @@
+"""Verification of requirements on a scenario, a study or a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar.confidence_intervals import student_bounds
+from rso_lidar.errors import RsoLidarError, ScenarioError, add_place, suppress_warnings
+from rso_lidar.records import Frame
+from rso_lidar.scenario import Scenario
+from rso_lidar.study.trades.definition import Study
+from rso_lidar.study.trades.execution import Trade, trade
+from rso_lidar.study.trades.merits import MERITS, Run, list_evaluated
+from rso_lidar.study.trades.run_sums import RunSums
+from rso_lidar.study.verification.definition import Requirement, Requirements
+from rso_lidar.study.verification.evidence import Evidence, bound_merit, bound_series
+from rso_lidar.study.verification.figures import ComputedFigures
+from rso_lidar.study.verification.flown_frames import (
+    FlownFrames,
+    RecordedFrames,
+    SimulatedFrames,
+    follows_frames,
+    needs_poses,
+)
+from rso_lidar.study.verification.matrix import RequirementResult, Verdict, VerificationMatrix, judge
+from rso_lidar.study.verification.quantities import STATISTICS
+
+Progress = Callable[[int, int], None]
+_AXES = ("right", "down", "ahead")
+
+
+def verify(
+    requirements: Requirements | str | Path,
+    subject: Scenario | Study | Trade | Sequence[Frame],
+    *,
+    folder: Path | None = None,
+    threads: int | None = None,
+    workers: int | None = None,
+    on_step: Progress | None = None,
+) -> VerificationMatrix:
+    """Verify requirements on a scenario, a trade study or a recording.
+
+    Of a scenario, the frames that requirements need are simulated, each once. Of a study, a requirement is met if it is
+    met at every point; its seeds are the sample. Of a recording, the recorded frames count.
+
+    Parameters
+    ----------
+    requirements : the requirements, or their TOML file.
+    subject : a scenario, a study (which is run), a finished study, or a recording.
+    folder : folder of the mesh files that a recording names (None: the working folder).
+    threads : of a simulation (None: one for each core); the result does not depend on it.
+    workers : processes of a study.
+    on_step : called with the number of finished frames or runs and that of all, at the start and after each.
+
+    Returns
+    -------
+    VerificationMatrix
+
+    Raises
+    ------
+    ScenarioError
+        For requirements that are not valid, and for quantities or targets that the subject does not have.
+    RecordingError
+        For a recording without the frames that are asked for.
+    """
+    asked = requirements if isinstance(requirements, Requirements) else Requirements.load(requirements)
+    tell = on_step or (lambda done, count: None)
+    if isinstance(subject, Study | Trade):
+        return _verify_study(asked, subject, workers, threads, tell)
+    if isinstance(subject, Scenario):
+        with suppress_warnings():
+            return _verify_frames(
+                asked, lambda ready: SimulatedFrames(subject, asked.target, ready, asked.seeds, threads), tell
+            )
+    if not isinstance(subject, Sequence) or isinstance(subject, str):
+        raise ScenarioError(
+            f"requirements: need a Scenario, a Study, a Trade or a recording, not {subject!r:.60}; load it from its file"
+        )
+    with suppress_warnings():
+        return _verify_frames(asked, lambda ready: RecordedFrames(subject, asked.target, ready, folder), tell)
+
+
+# ------------------------------------------------------------------------------------------ scenarios and recordings
+
+
+def _verify_frames(
+    asked: Requirements, make: Callable[[Callable[[], None]], FlownFrames], tell: Progress
+) -> VerificationMatrix:
+    """Verify requirements on frames of one scenario, simulated or recorded.
+
+    Parameters
+    ----------
+    asked : the requirements.
+    make : makes the frames from a function that they call after each frame.
+    tell : called with finished frames and all.
+    """
+    done = [0, 0]
+
+    def ready() -> None:
+        done[0] += 1
+        tell(min(done[0], done[1]), done[1])
+
+    flown = make(ready)
+    figures = ComputedFigures(flown.scenario, flown.number)
+    _check(asked, figures)
+    done[1] = flown.count(asked.requirement)
+    tell(0, done[1])
+    flown.prepare(asked.requirement)
+    results = []
+    for number, one in enumerate(asked.requirement):
+        with add_place(_name_place(asked, number)):
+            results.append(_verify_one(one, flown, figures))
+    source, runs = flown.scenario.source, f", {flown.n_runs} runs" if flown.n_runs > 1 else ""
+    name = flown.scenario.target[flown.number].name
+    kind = "recording of" if isinstance(flown, RecordedFrames) else "scenario"
+    subject = f"{kind} '{source.title}', target {name}, seed {source.seed}{runs}"
+    return VerificationMatrix(asked.name, subject, tuple(results), source.versions)
+
+
+def _check(asked: Requirements, figures: ComputedFigures) -> None:
+    """Compute cheap figures first, so that a wrong name is found before any frame is simulated."""
+    for number, one in enumerate(asked.requirement):
+        if one.what.kind == "parameter":
+            with add_place(_name_place(asked, number)):
+                figures.compute(one)
+
+
+def _name_place(asked: Requirements, number: int) -> str:
+    """Return the place of a requirement in its file.
+
+    Parameters
+    ----------
+    asked, number : the requirements, and the index of one.
+    """
+    return f"{asked.where}: requirement[{number}] ({asked.requirement[number].id})"
+
+
+def _verify_one(one: Requirement, flown: FlownFrames, figures: ComputedFigures) -> RequirementResult:
+    """Verify one requirement.
+
+    Parameters
+    ----------
+    one : the requirement.
+    flown, figures : frames and computed figures of the scenario.
+    """
+    evidence = _find_evidence(one, flown, figures)
+    margin = one.margin(evidence.low, evidence.high)
+    verdict = judge(one, evidence.low, evidence.high)
+    return RequirementResult(
+        one,
+        figures.unit(one),
+        evidence.value,
+        evidence.low,
+        evidence.high,
+        margin,
+        verdict,
+        evidence.sample,
+        evidence.note,
+    )
+
+
+def _find_evidence(one: Requirement, flown: FlownFrames, figures: ComputedFigures) -> Evidence:
+    """Return the value of a requirement's quantity with its bounds.
+
+    Parameters
+    ----------
+    one, flown, figures : as for `_verify_one`.
+    """
+    if not one.needs_frames:
+        chosen = one.frames is not None or one.between_m is not None
+        numbers = flown.select(one) if one.what.kind == "merit" and chosen else None
+        value = figures.compute(one, numbers)
+        return Evidence(value, value, value, "computed", "" if math.isfinite(value) else "has no value here")
+    numbers = flown.select(one)
+    if follows_frames(one):
+        assert one.confidence is not None
+        tables = flown.tables(numbers, poses=needs_poses(one))
+        if one.what.kind == "tracking":
+            assert one.statistic is not None
+            return bound_series([_column(one, table) for table in tables], STATISTICS[one.statistic], one.confidence, 9)
+        errors = [np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in _AXES], axis=0) for table in tables]
+        merit = MERITS[one.quantity]
+        return bound_series(errors, STATISTICS["rms"], one.confidence, merit.decimals)
+    run = Run(flown.scenario, flown.number, RunSums(0, 0.0), np.empty(0), numbers)
+    sums, merit = flown.sums(numbers), MERITS[one.quantity]
+    if one.confidence is None:
+        for frame in sums:
+            run.sums.include(frame)
+        value = merit.of(run)
+        return Evidence(
+            value, value, value, f"{len(sums):,} frames", "" if math.isfinite(value) else "has no value here"
+        )
+    return bound_merit(merit, run, sums, one.confidence)
+
+
+def _column(one: Requirement, table: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the column of the tracker's table that a requirement names; NaN where ICP found no pose in any frame.
+
+    Parameters
+    ----------
+    one, table : the requirement, and the table.
+    """
+    column = one.what.column
+    if column in table:
+        return table[column].astype(float)
+    if needs_poses(one) and column in ("icp_rms_m", "icp_error_m", "icp_error_rad", "icp_long_axis_error_rad"):
+        return np.full(len(table["time_s"]), np.nan)
+    raise ScenarioError(
+        f"requirement {one.id}: quantity: the tracker's table has no column '{column}' (known: {', '.join(table)})"
+    )
+
+
+# --------------------------------------------------------------------------------------------------------- studies
+
+
+@dataclass(frozen=True)
+class _Point:
+    """One point of a study: value of a quantity with bounds, and with the wider bounds for a verdict `not met`."""
+
+    evidence: Evidence
+    wide_low: float
+    wide_high: float
+
+
+def _verify_study(
+    asked: Requirements, study: Study | Trade, workers: int | None, threads: int | None, tell: Progress
+) -> VerificationMatrix:
+    """Verify requirements at each point of a study.
+
+    Parameters
+    ----------
+    asked : the requirements.
+    study : the study, finished or not.
+    workers, threads : processes of the study, and threads of a single computation.
+    tell : called with finished runs and all.
+    """
+    definition = study.study if isinstance(study, Trade) else study
+    needed = tuple(dict.fromkeys(one.quantity for one in asked.requirement if one.what.kind == "merit"))
+    for number, one in enumerate(asked.requirement):
+        with add_place(_name_place(asked, number)):
+            _check_for_study(one, study)
+    if asked.target is not None and asked.target != definition.target:
+        if isinstance(study, Trade):
+            raise ScenarioError(
+                f"{asked.where}: target: the study evaluated another target; run it for '{asked.target}'"
+            )
+        definition = definition.replace(target=asked.target)
+    if isinstance(study, Trade):
+        made = study
+    else:
+        merits = needed or ("off_boresight_deg",)  # a study computes at least one figure, and this is the cheapest
+        made = trade(definition.replace(merits=merits), workers=workers, on_row=tell)
+    results = []
+    for number, one in enumerate(asked.requirement):
+        with add_place(_name_place(asked, number)):
+            results.append(_verify_points(one, made, threads))
+    points, seeds = len(made.plan.points), definition.seeds
+    subject = f"study '{definition.name}', {points} point{'s' * (points != 1)}, {seeds} run{'s' * (seeds != 1)} each"
+    return VerificationMatrix(asked.name, subject, tuple(results), made.base.source.versions)
+
+
+def _check_for_study(one: Requirement, study: Study | Trade) -> None:
+    """Raise `ScenarioError` for a requirement that a study cannot answer."""
+    if one.what.kind == "tracking":
+        raise ScenarioError(f"quantity: '{one.quantity}' needs a scenario or a recording; a study has tracker_error_m")
+    if one.what.kind == "merit" and (one.frames is not None or one.between_m is not None):
+        name = "frames" if one.frames is not None else "between_m"
+        raise ScenarioError(f"{name}: a study has its own frames; leave it out, and set frames in the study")
+    if isinstance(study, Trade) and one.what.kind == "merit" and one.quantity not in study.table:
+        known = ", ".join(list_evaluated(study.study.merits))
+        raise ScenarioError(f"quantity: the study has no '{one.quantity}' (it has {known}); add it to its merits")
+
+
+def _verify_points(one: Requirement, made: Trade, threads: int | None) -> RequirementResult:
+    """Verify a requirement at each point of a study, and return the result of the worst point.
+
+    Parameters
+    ----------
+    one, made : the requirement, and the finished study.
+    threads : of a single computation.
+    """
+    seeds, n_points = made.study.seeds, len(made.plan.points)
+    points, unit = [], one.what.unit
+    for point in range(n_points):
+        if one.what.kind == "merit":
+            points.append(_bound_point(one, made.table[one.quantity][point * seeds : (point + 1) * seeds], n_points))
+            continue
+        try:
+            with suppress_warnings():
+                scenario = made.plan.scenario(point * seeds)
+            figures = ComputedFigures(scenario, made.study.number(scenario), threads)
+            value, unit = figures.compute(one), figures.unit(one)
+            points.append(_Point(Evidence(value, value, value, "computed"), value, value))
+        except RsoLidarError:
+            if n_points == 1:
+                raise
+            points.append(_Point(Evidence(math.nan, math.nan, math.nan, "computed"), math.nan, math.nan))
+    verdicts = [judge(one, point.evidence.low, point.evidence.high) for point in points]
+    failed = [judge(one, point.wide_low, point.wide_high) == "not met" for point in points]
+    verdict: Verdict = "met" if all(each == "met" for each in verdicts) else "not met" if any(failed) else "not shown"
+    margins = [one.margin(point.evidence.low, point.evidence.high) for point in points]
+    order = [-math.inf if math.isnan(margin) else margin for margin in margins]
+    candidates = [k for k in range(n_points) if failed[k] or verdict != "not met"]
+    worst = min(candidates, key=lambda k: order[k])
+    shown = points[worst].evidence
+    met = sum(each == "met" for each in verdicts)
+    note = f"met at {met:,} of {n_points:,} points; row {worst * seeds} is the worst: {_describe_point(made, worst)}"
+    if why := str(made.table["error"][worst * seeds]):
+        note += f"; it could not be flown: {why}"
+    shown = replace(shown, note=f"{note}; {shown.note}" if shown.note else note)
+    return RequirementResult(
+        one, unit, shown.value, shown.low, shown.high, margins[worst], verdict, shown.sample, shown.note
+    )
+
+
+def _bound_point(one: Requirement, values: np.ndarray, n_points: int) -> _Point:
+    """Return the mean of a figure of merit over the seeds of a point, with bounds by Student's t.
+
+    A verdict ``not met`` needs one point only, so its bounds have the confidence 1 − (1 − c) / points (Bonferroni).
+
+    Parameters
+    ----------
+    one, values : the requirement, and the values (seed) of its quantity.
+    n_points : number of points of the study.
+    """
+    mean = float(np.mean(values)) if np.isfinite(values).all() else math.nan
+    sample = f"{len(values)} run{'s' * (len(values) != 1)}"
+    if one.confidence is None:
+        return _Point(Evidence(mean, mean, mean, sample), mean, mean)
+    low, high = student_bounds(values, one.confidence)
+    wide = student_bounds(values, 1.0 - (1.0 - one.confidence) / n_points)
+    note = "a bound needs two runs or more; set seeds in the study" if len(values) < 2 else ""
+    return _Point(Evidence(mean, low, high, sample, note), *wide)
+
+
+def _describe_point(made: Trade, point: int) -> str:
+    """Describe the settings of a point."""
+    fields = [
+        f"{place} = {made.table[place][point * made.study.seeds]}" for place in made.study.places if place != "seed"
+    ]
+    return ", ".join(fields) or f"point {point}"
