@@ -31,7 +31,7 @@ from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.merits import MERITS
-from rso_lidar.study.verification.definition import Requirements
+from rso_lidar.study.verification.requirements_file import Requirements
 
 DOCS = Path(__file__).resolve().parent
 EXAMPLE = DOCS.parent / "examples" / "tdrs_approach.toml"
@@ -286,11 +286,15 @@ def study_keys() -> str:
     return _key_tables(_study_sections())
 
 
-def requirement_keys() -> str:
-    """Return a section with a table of keys for each part of a requirements file."""
+def _requirement_sections() -> dict[type[part.Part], Section]:
     found: dict[type[part.Part], Section] = {Requirements: Section("the requirements file", 3, [], False)}
     _collect(Requirements, "", 3, found)
-    return _key_tables(found)
+    return found
+
+
+def requirement_keys() -> str:
+    """Return a section with a table of keys for each part of a requirements file."""
+    return _key_tables(_requirement_sections())
 
 
 def merits() -> str:

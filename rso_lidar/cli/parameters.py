@@ -11,7 +11,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.mission_parameters.parameter_table import SUFFIXES, list_parameters
-from rso_lidar.study.verification.definition import Requirements
+from rso_lidar.study.verification.requirements_file import Requirements
 from rso_lidar.study.verification.sysml_requirements import write_requirements
 
 

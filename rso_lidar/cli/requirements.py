@@ -15,8 +15,8 @@ from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import read_toml
 from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.verification.definition import Requirements
 from rso_lidar.study.verification.matrix import SUFFIXES, VerificationMatrix
+from rso_lidar.study.verification.requirements_file import Requirements
 from rso_lidar.study.verification.verify import verify
 
 _OF_STUDY = ("axis", "merits")  # keys that a study has, and no scenario

@@ -15,7 +15,7 @@ from rso_lidar.study.elevation import (
     compare_maps,
     find_hazards,
 )
-from rso_lidar.study.mission_parameters.parameter_list import Parameter
+from rso_lidar.study.mission_parameters.parameter_list import MissionParameter
 from rso_lidar.study.mission_parameters.parameter_table import ParameterTable, list_parameters
 from rso_lidar.study.passes.pass_geometry import Encounter, reach_m
 from rso_lidar.study.passes.pass_table import Encounters
@@ -27,8 +27,8 @@ from rso_lidar.study.time_history.timeline import Timeline, timeline
 from rso_lidar.study.track_quality.evaluation import Tracking, tracking
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import Trade, trade
-from rso_lidar.study.verification.definition import Requirement, Requirements
 from rso_lidar.study.verification.matrix import RequirementResult, VerificationMatrix
+from rso_lidar.study.verification.requirements_file import Requirement, Requirements
 from rso_lidar.study.verification.verify import verify
 
 __all__ = [
@@ -42,7 +42,7 @@ __all__ = [
     "Encounters",
     "FoundRange",
     "MapAgreement",
-    "Parameter",
+    "MissionParameter",
     "ParameterTable",
     "Requirement",
     "RequirementResult",

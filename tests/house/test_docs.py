@@ -75,6 +75,7 @@ def test_generated_pages_are_up_to_date(generator):
         "instrument.md",
         "models.md",
         "sensors.md",
+        "requirements.md",
         "studies.md",
     }
     for page, text in pages.items():
@@ -90,6 +91,7 @@ def test_every_part_of_a_scenario_has_its_table(generator):
     exported = {value for value in values if isinstance(value, type) and issubclass(value, Part)}
     told = set(generator["sections"]())
     of_studies = set(generator["_study_sections"]())  # in studies.md
+    of_studies |= set(generator["_requirement_sections"]())  # in requirements.md
     bases = {
         rl.motion.Body,
         rl.motion.HingeAxes,

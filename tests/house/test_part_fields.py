@@ -120,6 +120,11 @@ NO_SUFFIX = {  # name: why it needs none
     "newtons_per_input": "a ratio whose name says its unit",
     "vertical_ratio": "of two errors",
     "zonal_degree": "of a harmonic",
+    "at_least": "in the unit of the quantity that it bounds",
+    "at_most": "in the unit of the quantity that it bounds",
+    "within": "in the unit of the quantity that it bounds",
+    "confidence": "a probability",
+    "probability": "a probability",
 }
 
 

@@ -19,7 +19,6 @@ from rso_lidar.errors import RsoLidarError, suppress_warnings
 from rso_lidar.part import Part, name_object
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.scenario.tables.presets import load_presets
-from rso_lidar.study.mission_parameters.sysml_units import UNITS
 
 _BRACKETS = re.compile(r"\[([^\[\]]+)\]")
 _COUNTED = ("pixels", "photons", "electrons", "counts", "bits")  # units that are words, and ends of names
@@ -27,7 +26,7 @@ _NUMBERS = ("float", "int")
 
 
 @dataclass(frozen=True)
-class Parameter:
+class MissionParameter:
     """One parameter of a mission.
 
     `path` is the place of a key, as `--set` takes it, or that of a derived figure. `value` is a number, a text, a truth
@@ -50,7 +49,7 @@ class Parameter:
         return isinstance(self.value, int | float) and not isinstance(self.value, bool)
 
 
-def iterate_parameters(scenario: Scenario) -> Iterator[Parameter]:
+def iterate_parameters(scenario: Scenario) -> Iterator[MissionParameter]:
     """Yield the parameters of a scenario, part by part: its keys in the order of the scenario page, then derived figures.
 
     Parameters
@@ -98,7 +97,7 @@ def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
     return found
 
 
-def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -> Iterator[Parameter]:
+def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -> Iterator[MissionParameter]:
     """Yield the parameters of a part and of the parts in it.
 
     Parameters
@@ -122,7 +121,7 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
             origin = f"preset {preset}" if preset and _plain(expected) == _plain(value) else "scenario"
         else:
             origin = f"default: {source.rstrip('.')}" if source else "default"
-        yield Parameter(
+        yield MissionParameter(
             path=place,
             value=_plain(value),
             unit=_find_unit(name, said) if _is_numeric(value, field.annotation) else "",
@@ -135,7 +134,7 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
         value = _try_property(twin, name)
         if value is not None:
             place, unit = f"{path}.{name}".lstrip("."), _find_unit(name, meaning)
-            yield Parameter(place, value, unit, _drop_units(meaning), None, "derived", is_derived=True)
+            yield MissionParameter(place, value, unit, _drop_units(meaning), None, "derived", is_derived=True)
 
 
 def _list_inner(value: Any) -> Iterator[tuple[str, Part]]:
@@ -208,14 +207,19 @@ def _find_unit(name: str, text: str) -> str:
     name, text : of the key or property, and its meaning.
     """
     for found in _BRACKETS.findall(text):
-        unit = str(found).partition(",")[0].replace("2", "²").strip()
-        if unit in UNITS or unit in _COUNTED or "/" in unit:
+        if unit := _read_unit(found):
             return unit
     over, per, under = name.rpartition("_per_")
     if per and over.rpartition("_")[2] in _COUNTED and under in [word.removesuffix("s") for word in _COUNTED]:
         return f"{over.rpartition('_')[2]}/{under}"
     last = name.rpartition("_")[2]
     return last if last in _COUNTED else "1"
+
+
+def _read_unit(bracketed: str) -> str:
+    """Return the unit that a text in brackets begins with; empty for other brackets, such as a list of numbers."""
+    unit = bracketed.partition(",")[0].strip()
+    return unit.replace("2", "²") if re.match(r"1/|1$|\D", unit) else ""
 
 
 def _drop_units(text: str) -> str:
@@ -225,9 +229,9 @@ def _drop_units(text: str) -> str:
 
 def _keep_other(found: re.Match[str]) -> str:
     """Return what replaces brackets in a meaning: nothing for a unit, which has a column of its own."""
-    unit, comma, more = found[1].partition(",")
-    if unit.replace("2", "²") not in UNITS and unit not in _COUNTED and "/" not in unit:
+    if not _read_unit(found[1]):
         return found[0]
+    _, comma, more = found[1].partition(",")
     return f"({more.strip()})" if comma else ""
 
 

@@ -14,7 +14,7 @@ from typing import Any
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_text
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.mission_parameters.parameter_list import Parameter, iterate_parameters
+from rso_lidar.study.mission_parameters.parameter_list import MissionParameter, iterate_parameters
 from rso_lidar.study.mission_parameters.sysml_text import write_model
 
 SUFFIXES = (".csv", ".json", ".sysml")
@@ -27,14 +27,14 @@ class ParameterTable:
     """The parameters of a mission: `name` is its title, `parameters` its keys and derived figures in order."""
 
     name: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[MissionParameter, ...]
 
-    def find(self, path: str) -> Parameter:
+    def find(self, path: str) -> MissionParameter:
         """Return the parameter at a place such as ``lidar.receiver.ifov_rad``.
 
         Parameters
         ----------
-        path : as `Parameter.path`.
+        path : as `MissionParameter.path`.
 
         Raises
         ------

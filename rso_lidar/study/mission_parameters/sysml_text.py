@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from rso_lidar.study.mission_parameters.parameter_list import Parameter
+from rso_lidar.study.mission_parameters.parameter_list import MissionParameter
 from rso_lidar.study.mission_parameters.sysml_units import declare_units, find_notation
 
 MISSION = "mission"  # name of the part that holds all parameters
@@ -48,7 +48,7 @@ def write_comment(text: str) -> str:
     return f"doc /* {' '.join(text.split()).replace('*/', '* /')} */"
 
 
-def write_model(name: str, parameters: Sequence[Parameter], about: str, more: Iterable[str] = ()) -> str:
+def write_model(name: str, parameters: Sequence[MissionParameter], about: str, more: Iterable[str] = ()) -> str:
     """Write a package with one part that holds all parameters.
 
     Keys without a value are left out.
@@ -81,7 +81,7 @@ def write_model(name: str, parameters: Sequence[Parameter], about: str, more: It
     return "\n".join([*lines, "    }", *(f"    {line}" for line in more), "}", ""])
 
 
-def _order_within(parameters: Sequence[Parameter]) -> Any:
+def _order_within(parameters: Sequence[MissionParameter]) -> Any:
     """Return a key that sorts parameters so that those of one part are together, in the order of first appearance."""
     first: dict[tuple[str, ...], int] = {}
     for number, one in enumerate(parameters):
@@ -89,7 +89,7 @@ def _order_within(parameters: Sequence[Parameter]) -> Any:
         for depth in range(1, len(steps) + 1):
             first.setdefault(steps[:depth], number)
 
-    def key(one: Parameter) -> list[tuple[int, int]]:
+    def key(one: MissionParameter) -> list[tuple[int, int]]:
         steps = tuple(one.path.split("."))
         return [(int(depth < len(steps)), first[steps[:depth]]) for depth in range(1, len(steps) + 1)]
 
@@ -101,7 +101,7 @@ def _find_units(lines: Iterable[str]) -> set[str]:
     return {found for line in lines for found in re.findall(r"\[([^\[\]]+)\]", line)}
 
 
-def _write_attribute(name: str, one: Parameter) -> list[str]:
+def _write_attribute(name: str, one: MissionParameter) -> list[str]:
     """Write the attribute usage of a parameter.
 
     Parameters

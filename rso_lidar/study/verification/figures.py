@@ -15,8 +15,8 @@ from rso_lidar.study.budgets.range_budget import Budget, budget
 from rso_lidar.study.mission_parameters.parameter_table import ParameterTable, list_parameters
 from rso_lidar.study.time_history.timeline import Timeline, timeline
 from rso_lidar.study.trades.merits import evaluate
-from rso_lidar.study.verification.definition import Requirement
 from rso_lidar.study.verification.quantities import STATISTICS
+from rso_lidar.study.verification.requirements_file import Requirement
 
 _NEAR = 1e-3  # relative distance of the ranges beside the one at which a budget is evaluated
 

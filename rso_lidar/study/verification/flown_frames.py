@@ -19,7 +19,7 @@ from rso_lidar.study.time_history.open_loop import fly_open_loop
 from rso_lidar.study.track_quality.evaluation import tracking
 from rso_lidar.study.trades.merits import CountedFrames, bounding_diagonal_m
 from rso_lidar.study.trades.run_sums import FrameSums, sum_frame
-from rso_lidar.study.verification.definition import Requirement
+from rso_lidar.study.verification.requirements_file import Requirement
 
 Tables = list[dict[str, np.ndarray]]
 

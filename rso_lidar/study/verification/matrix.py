@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rso_lidar.files import check_writable, write_text
-from rso_lidar.study.verification.definition import Requirement
+from rso_lidar.study.verification.requirements_file import Requirement
 
 SUFFIXES = (".csv", ".json")
 Verdict = Literal["met", "not met", "not shown"]
@@ -81,7 +81,12 @@ class VerificationMatrix:
         return all(one.verdict == "met" for one in self.results)
 
     def count(self, verdict: Verdict) -> int:
-        """Return the number of results with a verdict."""
+        """Return the number of results with a verdict.
+
+        Parameters
+        ----------
+        verdict : ``met``, ``not met`` or ``not shown``.
+        """
         return sum(one.verdict == verdict for one in self.results)
 
     def table(self) -> str:

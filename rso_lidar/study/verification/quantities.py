@@ -32,7 +32,7 @@ _UNITS = (  # ends of names of columns, the longest first
 
 
 @dataclass(frozen=True)
-class Quantity:
+class BoundedQuantity:
     """What a requirement bounds: `kind` states which study computes it, and `is_random` whether noise enters it."""
 
     name: str
@@ -46,7 +46,7 @@ class Quantity:
         return self.name.partition(".")[2]
 
 
-def find_quantity(name: str) -> Quantity:
+def find_quantity(name: str) -> BoundedQuantity:
     """Return the quantity of a name.
 
     The unit of a parameter is found with the parameter and is empty here.
@@ -63,7 +63,7 @@ def find_quantity(name: str) -> Quantity:
     """
     if name in MERITS:
         merit = MERITS[name]
-        return Quantity(name, "merit", merit.unit, merit.noise != "none")
+        return BoundedQuantity(name, "merit", merit.unit, merit.noise != "none")
     study, dot, column = name.partition(".")
     if not dot:
         known = (*MERITS, REACH, *FINDING)
@@ -72,23 +72,23 @@ def find_quantity(name: str) -> Quantity:
             "budget.<column>, timeline.<column>, tracking.<column>, or the path of a parameter)"
         )
     if name == REACH:
-        return Quantity(name, "reach", "m", False)
+        return BoundedQuantity(name, "reach", "m", False)
     if study == "budget":
         if column not in BUDGET_COLUMNS or column == "range_m":
             known = tuple(one for one in (*BUDGET_COLUMNS, "max_range_m") if one != "range_m")
             raise ValueError(
                 f"a budget has no column '{column}'{did_you_mean(column, known)} (known: {', '.join(known)})"
             )
-        return Quantity(name, "budget", find_column_unit(column), False)
+        return BoundedQuantity(name, "budget", find_column_unit(column), False)
     if study == "finding":
         if name not in FINDING:
             raise ValueError(f"no quantity '{name}'{did_you_mean(name, FINDING)} (known: {', '.join(FINDING)})")
-        return Quantity(name, "finding", "m", False)
+        return BoundedQuantity(name, "finding", "m", False)
     if study == "timeline":
-        return Quantity(name, "timeline", find_column_unit(column), False)
+        return BoundedQuantity(name, "timeline", find_column_unit(column), False)
     if study == "tracking":
-        return Quantity(name, "tracking", find_column_unit(column), True)
-    return Quantity(name, "parameter", "", False)
+        return BoundedQuantity(name, "tracking", find_column_unit(column), True)
+    return BoundedQuantity(name, "parameter", "", False)
 
 
 def find_column_unit(column: str) -> str:

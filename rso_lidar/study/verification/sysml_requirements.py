@@ -5,8 +5,8 @@ from __future__ import annotations
 from rso_lidar.study.mission_parameters.parameter_table import ParameterTable
 from rso_lidar.study.mission_parameters.sysml_text import MISSION, quote_name, write_comment, write_value
 from rso_lidar.study.mission_parameters.sysml_units import find_notation
-from rso_lidar.study.verification.definition import Requirement, Requirements
 from rso_lidar.study.verification.matrix import describe_conditions
+from rso_lidar.study.verification.requirements_file import Requirement, Requirements
 
 _METHODS = {"analysis": "analyze", "test": "test", "inspection": "inspect", "demonstration": "demo"}
 

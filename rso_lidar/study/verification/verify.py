@@ -17,7 +17,6 @@ from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import Trade, trade
 from rso_lidar.study.trades.merits import MERITS, Run, list_evaluated
 from rso_lidar.study.trades.run_sums import RunSums
-from rso_lidar.study.verification.definition import Requirement, Requirements
 from rso_lidar.study.verification.evidence import Evidence, bound_merit, bound_series
 from rso_lidar.study.verification.figures import ComputedFigures
 from rso_lidar.study.verification.flown_frames import (
@@ -29,6 +28,7 @@ from rso_lidar.study.verification.flown_frames import (
 )
 from rso_lidar.study.verification.matrix import RequirementResult, Verdict, VerificationMatrix, judge
 from rso_lidar.study.verification.quantities import STATISTICS
+from rso_lidar.study.verification.requirements_file import Requirement, Requirements
 
 Progress = Callable[[int, int], None]
 _AXES = ("right", "down", "ahead")
@@ -219,7 +219,7 @@ def _column(one: Requirement, table: dict[str, np.ndarray]) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Point:
+class _BoundedPoint:
     """One point of a study: value of a quantity with bounds, and with the wider bounds for a verdict `not met`."""
 
     evidence: Evidence
@@ -295,11 +295,11 @@ def _verify_points(one: Requirement, made: Trade, threads: int | None) -> Requir
                 scenario = made.plan.scenario(point * seeds)
             figures = ComputedFigures(scenario, made.study.number(scenario), threads)
             value, unit = figures.compute(one), figures.unit(one)
-            points.append(_Point(Evidence(value, value, value, "computed"), value, value))
+            points.append(_BoundedPoint(Evidence(value, value, value, "computed"), value, value))
         except RsoLidarError:
             if n_points == 1:
                 raise
-            points.append(_Point(Evidence(math.nan, math.nan, math.nan, "computed"), math.nan, math.nan))
+            points.append(_BoundedPoint(Evidence(math.nan, math.nan, math.nan, "computed"), math.nan, math.nan))
     verdicts = [judge(one, point.evidence.low, point.evidence.high) for point in points]
     failed = [judge(one, point.wide_low, point.wide_high) == "not met" for point in points]
     verdict: Verdict = "met" if all(each == "met" for each in verdicts) else "not met" if any(failed) else "not shown"
@@ -318,24 +318,24 @@ def _verify_points(one: Requirement, made: Trade, threads: int | None) -> Requir
     )
 
 
-def _bound_point(one: Requirement, values: np.ndarray, n_points: int) -> _Point:
+def _bound_point(one: Requirement, values: np.ndarray, n_points: int) -> _BoundedPoint:
     """Return the mean of a figure of merit over the seeds of a point, with bounds by Student's t.
 
     A verdict ``not met`` needs one point only, so its bounds have the confidence 1 − (1 − c) / points (Bonferroni).
 
     Parameters
     ----------
-    one, values : the requirement, and the values (seed) of its quantity.
+    one, values : the requirement, and the values of its quantity, one for each seed.
     n_points : number of points of the study.
     """
     mean = float(np.mean(values)) if np.isfinite(values).all() else math.nan
     sample = f"{len(values)} run{'s' * (len(values) != 1)}"
     if one.confidence is None:
-        return _Point(Evidence(mean, mean, mean, sample), mean, mean)
+        return _BoundedPoint(Evidence(mean, mean, mean, sample), mean, mean)
     low, high = student_bounds(values, one.confidence)
     wide = student_bounds(values, 1.0 - (1.0 - one.confidence) / n_points)
     note = "a bound needs two runs or more; set seeds in the study" if len(values) < 2 else ""
-    return _Point(Evidence(mean, low, high, sample, note), *wide)
+    return _BoundedPoint(Evidence(mean, low, high, sample, note), *wide)
 
 
 def _describe_point(made: Trade, point: int) -> str:

@@ -7,11 +7,11 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.study.mission_parameters.parameter_list import Parameter
+from rso_lidar.study.mission_parameters.parameter_list import MissionParameter
 from rso_lidar.study.mission_parameters.parameter_table import list_parameters
 from rso_lidar.study.mission_parameters.sysml_text import quote_name, write_model
 from rso_lidar.study.mission_parameters.sysml_units import UNITS, declare_units
-from rso_lidar.study.verification.definition import Requirements
+from rso_lidar.study.verification.requirements_file import Requirements
 from rso_lidar.study.verification.sysml_requirements import write_requirements
 
 REQUIREMENTS = "examples/requirements/tdrs_inspection.toml"
@@ -61,11 +61,11 @@ def test_every_kind_of_scenario_is_read(name, tmp_path):
 
 def test_names_and_texts_are_quoted(tmp_path):
     values = [
-        Parameter("state.first", 1.5, "m", "A reserved word; it ends */ here.", None, "scenario"),
-        Parameter("a-b.c'd", 'say "no" \\ yes', "", "Odd.", None, "scenario"),
-        Parameter("table", ((1.0, 2.0), (3.0, 4.0)), "deg", "Rows.", None, "scenario"),
-        Parameter("flags", (True, False), "", "Truth.", None, "scenario"),
-        Parameter("none", None, "m", "Not there.", None, "default"),
+        MissionParameter("state.first", 1.5, "m", "A reserved word; it ends */ here.", None, "scenario"),
+        MissionParameter("a-b.c'd", 'say "no" \\ yes', "", "Odd.", None, "scenario"),
+        MissionParameter("table", ((1.0, 2.0), (3.0, 4.0)), "deg", "Rows.", None, "scenario"),
+        MissionParameter("flags", (True, False), "", "Truth.", None, "scenario"),
+        MissionParameter("none", None, "m", "Not there.", None, "default"),
     ]
     text = write_model("it's", values, "about")
     assert (

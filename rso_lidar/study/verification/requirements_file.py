@@ -15,7 +15,7 @@ from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import FilePart
 from rso_lidar.study.trades.definition import check_frames, choose_frames
 from rso_lidar.study.trades.merits import MERITS
-from rso_lidar.study.verification.quantities import EXTREMES, STATISTICS, Quantity, find_quantity
+from rso_lidar.study.verification.quantities import EXTREMES, STATISTICS, BoundedQuantity, find_quantity
 
 _MOST = 1000  # requirements of a file
 _MOST_SEEDS = 1000
@@ -124,7 +124,7 @@ class Requirement(Part):
             raise ValueError(f"confidence: '{self.quantity}' is computed without noise; leave it out")
         return self
 
-    def _check_conditions(self, what: Quantity) -> None:
+    def _check_conditions(self, what: BoundedQuantity) -> None:
         """Refuse conditions that the quantity does not have, and ask for those that it needs."""
         allowed = () if self.quantity in _TRUTH_OF_RUN else _ALLOWED[what.kind]
         for name in _CONDITIONS:
@@ -142,7 +142,7 @@ class Requirement(Part):
             )
 
     @cached_property
-    def what(self) -> Quantity:
+    def what(self) -> BoundedQuantity:
         """The quantity that is bounded."""
         return find_quantity(self.quantity)
 
