@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -106,7 +106,7 @@ def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
     ----------
     dataset : the dataset.
     files : folder in which relative paths start (None: the dataset's). Without it, the folder may come from somebody
-        else, and Python code that its scenario names is not run.
+        else: Python code that its scenario names is not run, and files other than meshes are not compared with their hash.
 
     Raises
     ------
@@ -114,10 +114,14 @@ def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
         If the shards were made from other inputs, such as another mesh of the same name.
     """
     plan = make_plan(DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=files is not None)
+    if (
+        files is None
+    ):  # files other than meshes may be absent; a sample that is made again shows whether they are the same
+        plan = replace(plan, file_sha256=dict(dataset.constants.file_sha256))
     if plan.sha256 != dataset.constants.sha256:
         raise DatasetError(
-            f"{dataset.folder}: its {SPEC_FILE}, its scenario, or a file that they name did not make its shards; "
-            "restore it, name the folder of its files by --files, or make the dataset in another folder"
+            f"{dataset.folder}: its {SPEC_FILE}, its scenario or a file that they name is not the one that made its shards; "
+            "restore it, or make the dataset in another folder"
         )
     return plan
 
@@ -168,7 +172,7 @@ def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.
                 if unlike:
                     problems.append(
                         f"sample {index}, made again, differs in {', '.join(unlike)}; other versions of libraries or "
-                        "another processor made it (see manifest.jsonl), or the shard was changed"
+                        "another processor made it (see manifest.jsonl), or the shard or a file of the scenario was changed"
                     )
     return frames, problems
 

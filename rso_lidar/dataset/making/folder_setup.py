@@ -12,8 +12,8 @@ from rso_lidar.dataset.drawing.inputs import name_model
 from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.reading.random_access import SPEC_FILE
-from rso_lidar.dataset.shards.manifest import ShardRecord
-from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, Constants, read_constants, write_constants
+from rso_lidar.dataset.shards.manifest import MANIFEST, ShardRecord, read_manifest
+from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, SENSOR_HASH, Constants, read_constants, write_constants
 from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
 from rso_lidar.files import advise_on_write, hold_lock, write_text
@@ -51,8 +51,9 @@ def begin_folder(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
         if (
             folder.is_dir()
             and not (folder / SENSOR_FILE).exists()
+            and not (join and (folder / MANIFEST).is_file())
             and any(
-                one.name not in (_LOCK, SPEC_FILE, SCENARIO_FILE, *SPLITS) and ".part" not in one.name
+                one.name not in (_LOCK, SPEC_FILE, SCENARIO_FILE, SENSOR_HASH, *SPLITS) and ".part" not in one.name
                 for one in folder.iterdir()
             )
         ):
@@ -67,6 +68,7 @@ def begin_folder(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
             return
         import tomli_w
 
+        read_manifest(folder, plan.sha256)  # which refuses the shards of another dataset, if the sensor file was lost
         write_text(folder / SCENARIO_FILE, tomli_w.dumps(plan.tables), overwrite=True)
         own = plan.spec.replace(scenario=SCENARIO_FILE, set=())
         write_text(folder / SPEC_FILE, own.dumps(), overwrite=True)
@@ -111,6 +113,7 @@ def list_constants(plan: DatasetPlan) -> Constants:
         symmetries=_find_symmetries(plan),
         line_of_sight=lines,
         lidars=lidars,
+        file_sha256=plan.file_sha256,
     )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections import OrderedDict
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from rso_lidar.dataset.shards.manifest import ShardRecord, read_manifest
 from rso_lidar.dataset.shards.sensor_file import Constants, read_constants
-from rso_lidar.dataset.shards.shard_file import open_shard
+from rso_lidar.dataset.shards.shard_file import hash_file, open_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.files import convert_path
@@ -20,7 +21,9 @@ from rso_lidar.records.symmetry import Symmetry
 
 SPEC_FILE = "dataset.toml"
 _IMAGE_DIMENSIONS = 3  # of an array of images, with the frame
-_MOST_OPEN = 256  # shards of a split that are kept open in a process
+_MOST_OPEN = 512  # shards of a split that are kept open in a process, where the system allows twice as many files
+_CACHE = 2**28  # bytes of images that libhdf5 may keep for each array of a split, over all open shards
+_MOST_KNOWN = 4096  # shards whose numbers stay in memory: 2 kB for each column and shard of 256 frames
 
 
 class Dataset:
@@ -29,6 +32,8 @@ class Dataset:
     Parameters
     ----------
     folder : folder that `rso-lidar dataset make` wrote.
+    verify : whether each process compares a shard with its hash before it first reads it. Damaged HDF5 files may have
+        other numbers than were written, or never end a call of libhdf5. Hashing reads the whole shard, about 1 GB/s.
 
     Raises
     ------
@@ -36,7 +41,8 @@ class Dataset:
         If the folder is no dataset, or a file in it is damaged.
     """
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
+    def __init__(self, folder: str | os.PathLike[str], *, verify: bool = True) -> None:
+        self._verify = verify
         self.folder = convert_path(folder, DatasetError)
         self.constants: Constants = read_constants(self.folder)
         records = read_manifest(self.folder, self.constants.sha256)
@@ -108,13 +114,15 @@ class Dataset:
             raise DatasetError(
                 f"{self.folder}: has no split '{name}'{did_you_mean(name, self.splits)} (known: {known})"
             )
-        return Split(self.folder, name, self.constants.sha256, self._records[name])
+        return Split(self.folder, name, self.constants.sha256, self._records[name], verify=self._verify)
 
 
 class Split:
     """The frames of one split, in the order of their shards. It can be pickled; each process opens files of its own."""
 
-    def __init__(self, folder: Path, name: str, dataset: str, records: Sequence[ShardRecord]) -> None:
+    def __init__(
+        self, folder: Path, name: str, dataset: str, records: Sequence[ShardRecord], *, verify: bool = True
+    ) -> None:
         """Make a split of its shards.
 
         Parameters
@@ -123,18 +131,21 @@ class Split:
         name : of the split.
         dataset : hash of the dataset.
         records : of the shards.
+        verify : whether shards are compared with their hashes, as in `Dataset`.
         """
+        self._verify = verify
         self.folder, self.name, self._dataset, self.records = folder, name, dataset, tuple(records)
         self.ends = np.cumsum([record.frames for record in records])
         self._forget()
 
     def _forget(self) -> None:
-        self._files: dict[int, tuple[Any, dict[str, Any]]] = {}
+        self._files: OrderedDict[int, tuple[Any, dict[str, Any]]] = OrderedDict()  # the most recently used last
+        self._numbers: OrderedDict[int, dict[str, np.ndarray]] = OrderedDict()
         self._process = os.getpid()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs, without open files."""
-        return {key: value for key, value in self.__dict__.items() if key not in ("_files", "_process")}
+        return {key: value for key, value in self.__dict__.items() if key not in ("_files", "_numbers", "_process")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -150,22 +161,34 @@ class Split:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all arrays."""
-        return tuple(sorted(self._open(0)[0]))
+        file, _ = self._open(0)
+        try:
+            return tuple(sorted(file))
+        except (OSError, KeyError, RuntimeError) as error:
+            raise self._describe_damage(0, "the list of arrays", error) from None
 
     def _open(self, shard: int) -> tuple[Any, dict[str, Any]]:
-        """Return an open shard, and the arrays of it that were used so far, by name."""
+        """Return an open shard, and the images of it that were used so far, by name."""
         if self._process != os.getpid():  # a forked process must not share the position in a file
             self._forget()
         if shard not in self._files:
-            if len(self._files) >= _MOST_OPEN:
-                self._files.pop(next(iter(self._files)))[0].close()
-            self._files[shard] = self._open_whole(self.records[shard]), {}
+            if len(self._files) >= _limit_open_shards():
+                self._files.popitem(last=False)  # no reference is left; `close` would search all objects of all files
+            self._files[shard] = self._open_whole(shard), {}
+        self._files.move_to_end(shard)
         return self._files[shard]
 
-    def _open_whole(self, record: ShardRecord) -> Any:
-        """Open a shard, and check that it has as many frames as its record states."""
+    def _open_whole(self, shard: int) -> Any:
+        """Open a shard; the first time, check its hash, and that it has as many frames as its record states."""
+        record = self.records[shard]
         path = self.folder / record.path
-        file = open_shard(path, self._dataset)
+        if self._verify:
+            _compare_with_hash(path, record)
+        is_known = shard in self._numbers
+        each = _CACHE // min(len(self.records), _limit_open_shards())
+        file = open_shard(path, None if is_known else self._dataset, each)
+        if is_known:
+            return file
         try:
             count = len(file["sample"])
         except (OSError, RuntimeError, KeyError, TypeError):
@@ -176,25 +199,39 @@ class Split:
                 f"{path}: has {count} frames, and the manifest says {record.frames}; delete the shard and make again with "
                 "--resume"
             )
+        if len(self._numbers) >= _MOST_KNOWN:
+            self._numbers.popitem(last=False)
+        self._numbers[shard] = {}
         return file
 
     def _array(self, shard: int, name: str) -> Any:
         """Return an array of a shard: an h5py dataset of images, or the values of smaller entries.
 
+        Numbers stay in memory after the shard is closed, so that opening it again costs less.
+
         Parameters
         ----------
         shard, name : number of the shard, and name of the array.
         """
-        file, known = self._open(shard)
-        if name not in known:
-            if name not in file:
+        if self._process == os.getpid() and name in self._numbers.get(shard, ()):
+            self._numbers.move_to_end(shard)
+            return self._numbers[shard][name]
+        file, images = self._open(shard)
+        if name not in images:
+            try:
+                stored = file[name]
+                if stored.ndim < _IMAGE_DIMENSIONS:
+                    values = self._numbers.setdefault(shard, {})[name] = stored[()]
+                    return values
+            except (OSError, KeyError, RuntimeError) as error:
+                if name in self.names:
+                    raise self._describe_damage(shard, name, error) from None
                 raise DatasetError(
                     f"{self.folder}: the shards have no array '{name}'{did_you_mean(name, self.names)}; "
                     "optional labels are switched on in [labels] of the specification"
-                )
-            stored = file[name]
-            known[name] = stored if stored.ndim >= _IMAGE_DIMENSIONS else stored[()]  # numbers of a shard are small
-        return known[name]
+                ) from None
+            images[name] = stored
+        return images[name]
 
     def __getitem__(self, index: int) -> dict[str, np.ndarray]:
         """Return all arrays of one frame."""
@@ -242,12 +279,22 @@ class Split:
         """
         try:
             values: np.ndarray = self._array(shard, name)[row]
-        except (OSError, RuntimeError) as error:  # of data, and of the names in the file
-            raise DatasetError(
-                f"{self.folder / self.records[shard].path}: {name} is damaged "
-                f"({' '.join(str(error).split()):.120}); delete the shard and make again with --resume"
-            ) from None
+        except (OSError, KeyError, RuntimeError) as error:  # of data, and of the names in the file
+            raise self._describe_damage(shard, name, error) from None
         return values
+
+    def _describe_damage(self, shard: int, name: str, error: Exception) -> DatasetError:
+        """Return the error of an array that cannot be read.
+
+        Parameters
+        ----------
+        shard, name : number of the shard, and name of the array.
+        error : of h5py.
+        """
+        return DatasetError(
+            f"{self.folder / self.records[shard].path}: {name} is damaged "
+            f"({' '.join(str(error).split()):.120}); delete the shard and make again with --resume"
+        )
 
     def read_shard(self, shard: int, names: Iterable[str], rows: slice = slice(None)) -> dict[str, np.ndarray]:
         """Read consecutive frames of one shard at once.
@@ -267,6 +314,8 @@ class Split:
         self._open(shard)
         for other in [number for number in self._files if number != shard]:
             self._files.pop(other)[0].close()
+        for other in [number for number in self._numbers if number != shard]:
+            del self._numbers[other]
         return {name: self._read(shard, name, rows) for name in names}
 
     def column(self, name: str) -> np.ndarray:
@@ -283,12 +332,51 @@ class Split:
         return np.concatenate([self._read(shard, name, slice(None)) for shard in range(len(self.records))])
 
 
-def open_dataset(folder: str | os.PathLike[str]) -> Dataset:
+@cache
+def _limit_open_shards() -> int:
+    """Return how many shards a split keeps open: half of the files that the system allows a process, at most."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return _MOST_OPEN
+    allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return _MOST_OPEN if allowed < 0 else max(1, min(_MOST_OPEN, allowed // 2))
+
+
+_verified: dict[Path, tuple[str, int, int]] = {}  # hash, time of the last change and size of files that were compared
+
+
+def _compare_with_hash(path: Path, record: ShardRecord) -> None:
+    """Raise `DatasetError` if a shard differs from its hash. A file is hashed again only after it has changed.
+
+    Parameters
+    ----------
+    path, record : of the shard.
+    """
+    try:
+        status = path.stat()
+        known = record.sha256, status.st_mtime_ns, status.st_size
+        if _verified.get(path) == known:
+            return
+        differs = status.st_size != record.size_bytes or hash_file(path) != record.sha256
+    except FileNotFoundError:
+        return  # opening says so
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be read ({error.strerror}); check the folder") from None
+    if differs:
+        raise DatasetError(
+            f"{path}: differs from its hash in the manifest; delete the shard and make again with --resume"
+        )
+    _verified[path] = known
+
+
+def open_dataset(folder: str | os.PathLike[str], *, verify: bool = True) -> Dataset:
     """Open a dataset.
 
     Parameters
     ----------
     folder : folder that `rso-lidar dataset make` wrote.
+    verify : whether each process compares a shard with its hash before it first reads it.
 
     Returns
     -------
@@ -299,4 +387,4 @@ def open_dataset(folder: str | os.PathLike[str]) -> Dataset:
     DatasetError
         If the folder is no dataset, or a file in it is damaged.
     """
-    return Dataset(folder)
+    return Dataset(folder, verify=verify)

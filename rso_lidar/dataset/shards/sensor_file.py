@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rso_lidar.dataset.shards.shard_file import CONVENTIONS
+from rso_lidar.dataset.shards.shard_file import CONVENTIONS, hash_file
 from rso_lidar.errors import DatasetError
-from rso_lidar.files import write_atomically
+from rso_lidar.files import write_atomically, write_text
 
 SENSOR_FILE = "sensor.h5"
+SENSOR_HASH = "sensor.h5.sha256"  # as `sha256sum` writes it; libhdf5 may hang on a damaged file, so it is hashed first
 _LISTS = ("classes", "models", "sensors", "part_classes", "splits")
 
 
@@ -24,7 +25,7 @@ class Constants:
 
     `model_parts` holds the part names of each model, and `symmetries` the symmetry of each model as a table, or None.
     `line_of_sight` (row, col, xyz) holds the unit vectors of each sensor in lidar axes, and `lidars` the table of each
-    instrument as JSON.
+    instrument as JSON. `file_sha256` holds the hash of each file that the scenario names, other than meshes.
     """
 
     sha256: str
@@ -38,10 +39,11 @@ class Constants:
     symmetries: Mapping[str, Any]
     line_of_sight: Mapping[str, np.ndarray]
     lidars: Mapping[str, str]
+    file_sha256: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_constants(folder: Path, constants: Constants) -> None:
-    """Write the sensor file.
+    """Write the sensor file, and its hash before it.
 
     Parameters
     ----------
@@ -50,19 +52,22 @@ def write_constants(folder: Path, constants: Constants) -> None:
     """
     import h5py
 
-    with write_atomically(folder / SENSOR_FILE) as draft, h5py.File(draft, "w", libver=("v110", "v110")) as file:
-        file.attrs["Conventions"] = CONVENTIONS
-        file.attrs["dataset_sha256"], file.attrs["title"] = constants.sha256, constants.title
-        for name in _LISTS:
-            file.attrs[name] = json.dumps(list(getattr(constants, name)))
-        file.attrs["model_parts"] = json.dumps({name: list(parts) for name, parts in constants.model_parts.items()})
-        file.attrs["symmetries"] = json.dumps(dict(constants.symmetries))
-        for name in constants.sensors:
-            group = file.create_group(f"sensors/{name}")
-            group.attrs["lidar"] = constants.lidars[name]
-            made = group.create_dataset("line_of_sight", data=constants.line_of_sight[name].astype("f8"))
-            made.attrs["units"], made.attrs["dims"] = "1", "row col xyz"
-            made.attrs["long_name"] = "unit vector of each pixel's centre in lidar axes"
+    with write_atomically(folder / SENSOR_FILE) as draft:
+        with h5py.File(draft, "w", libver=("v110", "v110")) as file:
+            file.attrs["Conventions"] = CONVENTIONS
+            file.attrs["dataset_sha256"], file.attrs["title"] = constants.sha256, constants.title
+            for name in _LISTS:
+                file.attrs[name] = json.dumps(list(getattr(constants, name)))
+            file.attrs["model_parts"] = json.dumps({name: list(parts) for name, parts in constants.model_parts.items()})
+            file.attrs["file_sha256"] = json.dumps(dict(constants.file_sha256))
+            file.attrs["symmetries"] = json.dumps(dict(constants.symmetries))
+            for name in constants.sensors:
+                group = file.create_group(f"sensors/{name}")
+                group.attrs["lidar"] = constants.lidars[name]
+                made = group.create_dataset("line_of_sight", data=constants.line_of_sight[name].astype("f8"))
+                made.attrs["units"], made.attrs["dims"] = "1", "row col xyz"
+                made.attrs["long_name"] = "unit vector of each pixel's centre in lidar axes"
+        write_text(folder / SENSOR_HASH, f"{hash_file(draft)}  {SENSOR_FILE}\n", overwrite=True)
 
 
 def read_constants(folder: Path) -> Constants:
@@ -82,6 +87,7 @@ def read_constants(folder: Path) -> Constants:
     place = folder / SENSOR_FILE
     if not folder.is_dir() or not place.is_file():
         raise DatasetError(f"{folder}: is not the folder of a dataset; `rso-lidar dataset make` makes one")
+    _check_hash(folder)
     try:
         with h5py.File(place, "r") as file:
             if file.attrs["Conventions"] != CONVENTIONS:
@@ -96,10 +102,32 @@ def read_constants(folder: Path) -> Constants:
                 **lists,
                 model_parts={name: tuple(parts) for name, parts in json.loads(file.attrs["model_parts"]).items()},
                 symmetries=json.loads(file.attrs["symmetries"]),
+                file_sha256=json.loads(file.attrs.get("file_sha256", "{}")),
                 line_of_sight={name: np.asarray(group["line_of_sight"]) for name, group in groups.items()},
                 lidars={name: str(group.attrs["lidar"]) for name, group in groups.items()},
             )
     except (OSError, KeyError, ValueError, RuntimeError) as error:
         if isinstance(error, DatasetError):
             raise
-        raise DatasetError(f"{place}: is damaged ({' '.join(str(error).split()):.80}); make with --resume") from None
+        raise DatasetError(
+            f"{place}: is damaged ({' '.join(str(error).split()):.80}); delete it, and make with --resume"
+        ) from None
+
+
+def _check_hash(folder: Path) -> None:
+    """Raise `DatasetError` if the sensor file differs from its hash; a folder without the hash is not checked."""
+    place = folder / SENSOR_FILE
+    try:
+        stated = (folder / SENSOR_HASH).read_bytes().partition(b" ")[0]
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise DatasetError(f"{folder / SENSOR_HASH}: cannot be read ({error.strerror}); check the folder") from None
+    try:
+        found = hash_file(place)
+    except OSError as error:
+        raise DatasetError(f"{place}: cannot be read ({error.strerror}); check the folder") from None
+    if stated != found.encode():
+        raise DatasetError(
+            f"{place}: is damaged: it differs from its hash in {SENSOR_HASH}; delete it, and make with --resume"
+        )

@@ -18,6 +18,7 @@ from rso_lidar.records.schema import specs
 
 CONVENTIONS = "rso_lidar dataset 1"
 _IMAGE_DIMENSIONS = 2
+_MOST_CACHE = 2**20  # bytes of chunks that libhdf5 keeps for each array of an open shard, by default
 _BLOCK = 2**20  # bytes of a file that are read at once
 
 
@@ -83,13 +84,14 @@ def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
     dataset.attrs["dims"] = " ".join(("frame", *spec.dims))
 
 
-def open_shard(path: Path, dataset: str) -> Any:
+def open_shard(path: Path, dataset: str | None, cache_bytes: int = _MOST_CACHE) -> Any:
     """Open a shard with h5py to read.
 
     Parameters
     ----------
     path : of the file.
-    dataset : hash of the dataset that it must belong to.
+    dataset : hash of the dataset that it must belong to; None for one that was checked before.
+    cache_bytes : of chunks, which are frames, that libhdf5 keeps for each array [B].
 
     Raises
     ------
@@ -99,14 +101,14 @@ def open_shard(path: Path, dataset: str) -> Any:
     import h5py
 
     try:
-        file = h5py.File(path, "r")
+        file = h5py.File(path, "r", rdcc_nbytes=min(cache_bytes, _MOST_CACHE))
+        found = None if dataset is None else file.attrs.get("dataset_sha256")
     except FileNotFoundError:
         raise DatasetError(f"{path}: the shard is missing; run `rso-lidar dataset make` again with --resume") from None
-    except OSError as error:
+    except (OSError, KeyError, ValueError, RuntimeError) as error:  # h5py raises any of them
         raise DatasetError(
             f"{path}: is not a readable shard ({' '.join(str(error).split()):.120}); delete it and make the dataset again"
         ) from None
-    found = file.attrs.get("dataset_sha256")
     if found != dataset:
         file.close()
         raise DatasetError(f"{path}: belongs to another dataset; move it away")

@@ -82,6 +82,17 @@ def test_a_file_that_changed_is_refused(tmp_path):
     assert "\n" not in str(caught.value) and hashes(made.folder) == before
 
 
+def test_a_lost_sensor_file_is_written_again(made, tmp_path):
+    dataset, spec = made
+    folder = shutil.copytree(dataset.folder, tmp_path / "made")
+    (folder / "sensor.h5").unlink()
+    with pytest.raises(rl.DatasetError, match="belongs to another dataset"):
+        rl.dataset.make(spec.replace(seed=12), folder, workers=1, resume=True)
+    rl.dataset.make(spec, folder, workers=1, resume=True)
+    assert (folder / "sensor.h5").read_bytes() == (dataset.folder / "sensor.h5").read_bytes()
+    assert hashes(folder) == hashes(dataset.folder)
+
+
 def test_a_folder_with_other_files_is_refused(made, tmp_path):
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
     with pytest.raises(rl.DatasetError, match="holds other files"):
