@@ -14,7 +14,7 @@ from rso_lidar.shipped import shipped
 
 FLYBY = ["encounters", shipped("tle/flyby.tle"), "--follower", 99003, "--within", "20km"]
 FLYBY += ["--start", "2024-09-17T11:00:00Z", "--days", 0.125]
-READS = [("check", "files"), ("score", "dataset")]  # options that name a folder to read
+READS = [("check", "files"), ("score", "dataset"), ("parameters", "requirements")]  # options that name what is read
 WRITES = ("output", "to", "csv", "plot")  # parameters that name a file to write
 
 
@@ -61,6 +61,7 @@ def recording(tmp_path_factory, text):
         (["truth", "{scenario}", "-o"], "x.csv"),
         (["truth", "{scenario}", "-o"], "x.png"),
         (["timeline", "{scenario}", "-o"], "x.csv"),
+        (["parameters", "{scenario}", "-o"], "x.sysml"),
         (["timeline", "{scenario}"], "bench_timeline.png"),
         (["budget", "gsfl_1064", "-o"], "x.csv"),
         (["export", "{recording}", "--to"], "x.npz"),
