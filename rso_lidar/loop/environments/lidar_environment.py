@@ -179,7 +179,7 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
         return image.repeat(times, axis=0).repeat(times, axis=1)
 
     def target_pixels(self, frame: Frame) -> int:
-        """Count the pixels in which the target truly is.
+        """Return the number of pixels in which the target truly is.
 
         Parameters
         ----------

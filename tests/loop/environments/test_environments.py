@@ -64,7 +64,9 @@ def target_pixels(env, seed):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_gymnasium_finds_nothing_to_warn_of(name):
-    check_env(gymnasium.make(name, render_mode="rgb_array").unwrapped)
+    env = gymnasium.make(name, render_mode="rgb_array").unwrapped
+    check_env(env)  # warnings are errors here
+    assert env.metadata["render_modes"] == ["rgb_array"] and env.spec.id == name
 
 
 def test_absence_is_zero_under_a_mask(passage):
