@@ -153,6 +153,11 @@ class Laser(Part):
         """Position of the laser in lidar axes (xyz) [m]; None at the lens."""
         return np.array(self.offset_m) if any(self.offset_m) else None
 
+    @property
+    def has_jitter(self) -> bool:
+        """Whether energy or timing differ from pulse to pulse."""
+        return self.energy_jitter_fraction > 0.0 or self.timing_jitter_ns > 0.0
+
     def fire(self, rng: np.random.Generator) -> "tuple[Laser, float]":
         """Draw the energy and the timing of one pulse.
 
@@ -164,7 +169,7 @@ class Laser(Part):
         -------
         The laser with the energy of this pulse, and how late the pulse left [s].
         """
-        if self.energy_jitter_fraction == 0.0 and self.timing_jitter_ns == 0.0:
+        if not self.has_jitter:
             return self, 0.0
         energy, late = rng.standard_normal(2)
         factor = max(1.0 + self.energy_jitter_fraction * energy, 1e-3)
@@ -183,7 +188,7 @@ class Laser(Part):
         The laser with the mean energy of these pulses, how late they left on average [s], and for each pulse (2, pulse) its
         energy over the mean and its delay beyond the mean [s]. That is None for one pulse, and without jitter.
         """
-        if pulses == 1 or (self.energy_jitter_fraction == 0.0 and self.timing_jitter_ns == 0.0):
+        if pulses == 1 or not self.has_jitter:
             return *self.fire(rng), None
         energy, late = rng.standard_normal((2, pulses))
         energy = np.maximum(1.0 + self.energy_jitter_fraction * energy, 1e-3)

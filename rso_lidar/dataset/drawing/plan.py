@@ -122,6 +122,19 @@ class DatasetPlan:
 
         Classes are interleaved evenly, and a class that gets more samples keeps those that it had.
         """
+        owner, rank, period = self._pattern
+        rounds = self.spec.n_samples // len(owner)
+        target_class = np.tile(owner, rounds)
+        number = (np.arange(rounds)[:, None] * period[owner] + rank).ravel()
+        split = np.zeros(len(number), np.int8)
+        for k, one in enumerate(self.spec.classes):
+            mine = np.flatnonzero(target_class == k)
+            split[mine] = self._assign(one, k, number[mine])
+        return Membership(target_class, number, split)
+
+    @cached_property
+    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Order of the classes, which repeats: class and rank of each sample of one round, and samples of each class in it."""
         counts = np.array([one.samples for one in self.spec.classes])
         period = counts // math.gcd(*counts.tolist())
         place = np.concatenate([(np.arange(n) + 0.5) / n for n in period])
@@ -131,14 +144,24 @@ class DatasetPlan:
         rank = np.empty(len(owner), np.int64)
         for k in range(len(period)):
             rank[owner == k] = np.arange(period[k])
-        rounds = int(counts.sum() // period.sum())
-        target_class = np.tile(owner, rounds)
-        number = (np.arange(rounds)[:, None] * period[owner] + rank).ravel()
-        split = np.zeros(len(number), np.int8)
-        for k, one in enumerate(self.spec.classes):
-            mine = np.flatnonzero(target_class == k)
-            split[mine] = self._assign(one, k, number[mine])
-        return Membership(target_class, number, split)
+        return owner, rank, period
+
+    def place_sample(self, index: int) -> tuple[int, int, str]:
+        """Return the class of a sample, its number in the class and its split, without those of all others.
+
+        Parameters
+        ----------
+        index : number of the sample.
+        """
+        owner, rank, period = self._pattern
+        rounds, at = divmod(index, len(owner))
+        k = int(owner[at])
+        number = rounds * int(period[k]) + int(rank[at])
+        return k, number, SPLITS[int(self._assign(self.spec.classes[k], k, np.array([number]))[0])]
+
+    def find_first(self, k: int) -> int:
+        """Return the number of the first sample of a class."""
+        return int((self._pattern[0] == k).argmax())
 
     def _assign(self, one: ClassOfTargets, k: int, number: np.ndarray) -> np.ndarray:
         """Return the split (sample) of samples of one class.

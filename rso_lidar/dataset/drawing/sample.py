@@ -17,7 +17,7 @@ from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.uniform_numbers import HaltonPoints, draw_seed, draw_shares
 from rso_lidar.dataset.specification.distributions import Choice, UniformDirection, UniformRotation
 from rso_lidar.dataset.specification.spec import DatasetSpec
-from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, DrawnFragments, RandomView
+from rso_lidar.dataset.specification.tables import ClassOfTargets, DrawnFragments, RandomView
 from rso_lidar.errors import DatasetError, add_place
 from rso_lidar.motion.aim import lidar_from_ptu
 from rso_lidar.scenario import Lidar, Scenario
@@ -144,7 +144,7 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
         If the drawn values do not make a valid scenario.
     """
     spec = plan.spec
-    k, number = int(plan.membership.target_class[index]), int(plan.membership.number[index])
+    k, number, split = plan.place_sample(index)
     one = spec.classes[k]
     at = np.array([number])
     name = None if one.empty else plan.class_models[k][int(plan.choose_model(k, at)[0])]
@@ -179,7 +179,6 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
             raise DatasetError(f"a variable or setting makes the target '{found}', not '{name}'; name it in models")
         frames = _choose_frames(spec, scenario, draw_shares(spec.seed, one.name, at, "start")[0, 0])
     class_id = -1 if one.empty else plan.classes.index(one.name)
-    split = SPLITS[int(plan.membership.split[index])]
     target = None if one.empty else plan.target_index
     return Sample(index, class_id, name, sensor, split, draws.values, frames, seeds, scenario, target)
 

@@ -65,7 +65,9 @@ def make_shards_by_dask(
 
         def submit() -> Any:
             number = left.pop(0)
-            return client.submit(make_shard, plan, place, number, key=f"shard-{plan.sha256[:8]}-{number}", retries=2)
+            return client.submit(
+                make_shard, plan, place, plan.shard(number), key=f"shard-{plan.sha256[:8]}-{number}", retries=2
+            )
 
         count = max(1, len(client.scheduler_info()["workers"])) * _WAITING
         done = distributed.as_completed([submit() for _ in range(min(count, len(left)))])

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from rso_lidar import detector
 from rso_lidar.dataset.annotation.frame_labels import label_frame
 from rso_lidar.dataset.annotation.part_visibility import measure_part_visibility
 from rso_lidar.dataset.drawing.plan import DatasetPlan
@@ -23,10 +25,11 @@ from rso_lidar.track import Pointing
 
 
 def list_kept(labels: OptionalLabels) -> tuple[str, ...]:
-    """List the intermediate records that the labels of a dataset need."""
+    """List the intermediate records that the labels and further noise draws of a dataset need."""
     return (
         "hits",
         "signal",
+        "photons",
         *(("prediction",) if labels.prediction else ()),
         *(("oversampled",) if labels.oversampled else ()),
     )
@@ -90,6 +93,9 @@ def _fly(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[int, Frame, Comman
 def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Command | None, seed: int) -> Frame:
     """Make a frame again from the same poses, with the noise of another seed.
 
+    If nothing before the detector is random, the light of the first draw is detected again. Otherwise the whole flash is
+    made again, because jitter of the pulse and random paths of bounces are noise too.
+
     Parameters
     ----------
     plan, sample : of the dataset.
@@ -100,7 +106,12 @@ def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Comman
     scenario = sample.scenario
     lidar = scenario.instrument.at(frame.time_s, command)
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(frame.index, DETECTION))))
-    return flash(scenario, frame.truth, rng, 1, lidar=lidar, index=frame.index, keep=list_kept(plan.spec.labels))
+    if lidar.bounces > 1 or lidar.laser.has_jitter:
+        kept = list_kept(plan.spec.labels)
+        return flash(scenario, frame.truth, rng, 1, lidar=lidar, index=frame.index, keep=kept)
+    photons: Any = frame.kept["photons"]
+    reading, _ = detector.detect(photons, lidar.detector, rng, 1)
+    return replace(frame, observation=replace(frame.observation, reading=reading))
 
 
 def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int) -> LabelledFrame:
@@ -187,8 +198,7 @@ def _find_intrinsics(scenario: Scenario, frame: Frame) -> np.ndarray:
 
 def list_names(plan: DatasetPlan) -> tuple[str, ...]:
     """List the names of all numbers that a dataset draws, from the first sample of each class."""
-    owner = plan.membership.target_class
     names: dict[str, None] = {}
     for k in range(len(plan.spec.classes)):
-        names |= dict.fromkeys(list_numbers(draw_sample(plan, int((owner == k).argmax()))))
+        names |= dict.fromkeys(list_numbers(draw_sample(plan, plan.find_first(k))))
     return tuple(names)

@@ -126,7 +126,7 @@ def _find_symmetries(plan: DatasetPlan) -> dict[str, dict[str, Any] | None]:
     for k, one in enumerate(plan.spec.classes):
         if one.empty or one.replaces_target:
             continue
-        first = draw_sample(plan, int((plan.membership.target_class == k).argmax()))
+        first = draw_sample(plan, plan.find_first(k))
         target = first.scenario.target[plan.target_index]
         own = find_symmetry(target)
         found[name_model(target)] = None if own is None else own.model_dump(exclude_none=True)

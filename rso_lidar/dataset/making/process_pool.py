@@ -24,7 +24,7 @@ def make_shards(plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers
     count = min(workers, len(numbers))
     if count < 2:
         for number in numbers:
-            yield make_shard(plan, folder, number)
+            yield make_shard(plan, folder, plan.shard(number))
         return
     with Processes(count, partial(make_shard, plan, folder)) as processes:
-        yield from processes.map_unordered(numbers)
+        yield from processes.map_unordered(map(plan.shard, numbers))

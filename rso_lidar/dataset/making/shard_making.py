@@ -6,7 +6,7 @@ import importlib.metadata
 import json
 from pathlib import Path
 
-from rso_lidar.dataset.drawing.plan import DatasetPlan
+from rso_lidar.dataset.drawing.plan import DatasetPlan, ShardPlace
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names
 from rso_lidar.dataset.shards.manifest import ShardRecord
@@ -16,15 +16,14 @@ from rso_lidar.errors import suppress_warnings
 _LIBRARIES = ("rso-lidar", "numpy", "scipy", "numba", "embreex")
 
 
-def make_shard(plan: DatasetPlan, folder: Path, number: int) -> ShardRecord:
+def make_shard(plan: DatasetPlan, folder: Path, place: ShardPlace) -> ShardRecord:
     """Make one shard and write it, completely or not at all.
 
     Parameters
     ----------
     plan, folder : of the dataset.
-    number : of the shard.
+    place : of the shard, with the numbers of its samples, so that a worker need not assign all samples to splits.
     """
-    place = plan.shard(number)
     frames, drawn = [], []
     with suppress_warnings():
         for index in place.samples.tolist():

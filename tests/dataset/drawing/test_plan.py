@@ -1,10 +1,14 @@
 """The plan of a dataset: classes interleaved, splits by hash, models and sensors kept apart."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
+from rso_lidar.dataset.making.shard_making import make_shard
+from rso_lidar.dataset.specification.tables import SPLITS
 from tests.dataset.bench_for_tests import SCENARIO, SPEC, make_spec
 
 
@@ -36,6 +40,30 @@ def test_shares_of_a_random_split(tmp_path):
     plan = make_plan(make_spec(tmp_path, classes=classes({"a": 3000, "b": 3000}), split=split))
     shares = plan.count_samples() / 3000.0
     assert np.abs(shares - [0.5, 0.1, 0.4]).max() < 5 * np.sqrt(0.25 / 3000)
+
+
+def test_one_sample_is_placed_without_the_others(tmp_path):
+    for counts, split in (
+        ({"a": 30, "b": 20, "c": 7}, {"type": "random", "test": 0.3, "val": 0.2}),
+        ({"a": 8, "b": 8}, {"type": "model", "test": ["sphere"]}),
+    ):
+        both = [one | {"models": ["plate", "sphere"]} for one in classes(counts)]
+        plan = make_plan(make_spec(tmp_path, classes=both, split=split))
+        whole = plan.membership
+        placed = [plan.place_sample(index) for index in range(sum(counts.values()))]
+        assert [one[0] for one in placed] == whole.target_class.tolist()
+        assert [one[1] for one in placed] == whole.number.tolist()
+        assert [SPLITS.index(one[2]) for one in placed] == whole.split.tolist()
+        firsts = [plan.find_first(k) for k in range(len(counts))]
+        assert firsts == [int((whole.target_class == k).argmax()) for k in range(len(counts))]
+
+
+def test_a_worker_needs_no_list_of_all_samples(tmp_path):
+    plan = make_plan(make_spec(tmp_path))
+    (tmp_path / "train").mkdir()
+    sent = pickle.loads(pickle.dumps(plan))
+    make_shard(sent, tmp_path, plan.shard(0))
+    assert "membership" not in vars(sent) and (tmp_path / "train" / "000000.h5").is_file()
 
 
 def test_every_sample_is_in_one_shard(tmp_path):
