@@ -11,7 +11,7 @@ import rso_lidar as rl
 
 LEARNING = Path(__file__).resolve().parents[1] / "examples" / "learning"
 WITHOUT_TORCH = ("arguments", "frames", "predictions", "shape", "presence", "noise", "study")
-WITH_TORCH = ("networks", "training", "resnet", "pose", "parts", "super_resolution", "explain")
+WITH_TORCH = ("pytorch", "networks", "training", "resnet", "pose", "parts", "super_resolution", "explain")
 SPEC = """
 version  = 1
 name     = "Few"
@@ -141,9 +141,10 @@ def test_icp_takes_the_guess_that_fits(learning, folder):
     guesses = [(true * Rotation.from_rotvec(off)).as_matrix() for off in ([0.0, 1.5, 0.5], [0.1, -0.1, 0.05])]
     point_m = returns.point_m[returns.of(frame)][::4].astype(float)
     near_m = returns.columns["position_m"][frame] + 0.3
-    found, misfit = pose.refine(point_m, mesh, np.stack(guesses), near_m)
+    half_field_rad = np.deg2rad(1.25)
+    found, misfit = pose.refine(point_m, mesh, np.stack(guesses), near_m, half_field_rad)
     assert (found.pose.rotation.inv() * true).magnitude() < 0.02
-    assert misfit < pose.refine(point_m, mesh, np.stack(guesses[:1]), near_m)[1]
+    assert misfit < pose.refine(point_m, mesh, np.stack(guesses[:1]), near_m, half_field_rad)[1]
     assert np.linalg.norm(found.pose.translation - returns.columns["position_m"][frame]) < 0.1
 
 
@@ -153,7 +154,7 @@ def test_icp_takes_the_guess_that_fits(learning, folder):
         ("shape", [], "scores", (2,)),
         ("shape", ["--floor"], "scores", (2,)),
         ("resnet", ["--epochs", "1"], "scores", (2,)),
-        ("pose", ["--epochs", "1", "--no-icp"], "quaternion_xyzw", (4,)),
+        ("pose", ["--epochs", "1", "--no-icp"], "quaternion_xyzw", (4,)),  # pose_before_icp.npz
         ("parts", ["--epochs", "1"], "part_class_id", (128, 128)),
         ("super_resolution", ["--epochs", "1"], "oversampled_range_m", (512, 512)),
         ("presence", [], "present", ()),
@@ -166,7 +167,47 @@ def test_a_baseline_writes_a_prediction_for_each_frame(
     monkeypatch.setattr(sys, "argv", [name, str(folder), "-o", str(place), *options])
     learning[name].main()
     test = rl.dataset.open(folder).split("test")
-    with np.load(place) as found:
+    with np.load(place if place.exists() else tmp_path / f"{name}_before_icp.npz") as found:
         assert found[column].shape == (len(test), *shape)
         assert sorted(found["sample"].tolist()) == sorted(test.column("sample").tolist())
         assert np.isfinite(found["scores"]).all() if column == "scores" else True
+
+
+def test_metric_crops_place_returns_in_metres(learning, folder):
+    frames = learning["frames"]
+    returns = frames.load_returns(str(folder), "train")
+    frame = int(np.argmax(returns.count))
+    image, extra = frames.metric_crop(returns, np.array([frame]))
+    point = returns.point_m[returns.of(frame)]
+    wide_m = 10.0 * np.ptp(image[0, 3:], axis=(1, 2))  # down, right
+    cell_m = 10.0 * float(np.exp(extra[0, 0])) * 2.0 / frames.CROP
+    assert wide_m == pytest.approx(np.ptp(point[:, [1, 0]], axis=0), abs=3.0 * cell_m)
+    assert np.all(image[0, 3:][:, image[0, 2] == 0.0] == 0.0)
+
+
+@pytest.mark.parametrize("missing", ["torch", "captum", "sklearn"])
+def test_a_library_that_is_absent_is_one_line(learning, monkeypatch, capsys, missing):
+    monkeypatch.setitem(sys.modules, missing, None)  # as if it were not installed
+    with pytest.raises(SystemExit) as ended:
+        if missing == "torch":
+            importlib.import_module("pytorch")
+        else:
+            learning["arguments"].run(lambda: importlib.import_module(missing))
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == f"{missing}: is not installed: pip install 'rso-lidar[learn]'\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["/nowhere"], "is not the folder of a dataset"),
+        (["/nowhere", "-o", "/nowhere/shape.npz"], "is not a file NAME.npz in an existing folder"),
+        (["/nowhere", "-o", "shape.txt"], "is not a file NAME.npz in an existing folder"),
+    ],
+)
+def test_bad_input_is_one_line(learning, monkeypatch, capsys, arguments, words):
+    monkeypatch.setattr(sys, "argv", ["shape", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        learning["arguments"].run(learning["shape"].main)
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err.splitlines()[-1]

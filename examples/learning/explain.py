@@ -6,11 +6,14 @@ crop that raise the score of that class. `python examples/learning/explain.py FO
 """
 
 import argparse
+import pickle
 
 import numpy as np
-import torch
-from frames import CROP, Returns, crop, load_returns, scale
+from arguments import run, stop
+from frames import CROP, Returns, crop, load_returns, metric_crop
 from networks import ResNet18
+from pytorch import torch
+from resnet import CHANNELS
 
 import rso_lidar as rl
 
@@ -30,8 +33,8 @@ def weigh_parts(network: ResNet18, returns: Returns, frame: int, parts: int, sam
     """
     from captum.attr import Lime
 
-    image, label = crop(returns, np.array([frame]), names=(LABEL,))
-    extra = torch.as_tensor(scale(returns, np.array([frame])))
+    _, label = crop(returns, np.array([frame]), names=(LABEL,))
+    image, extra = map(torch.as_tensor, metric_crop(returns, np.array([frame])))
     present, mask = np.unique(label[LABEL][0], return_inverse=True)  # -1 is the sky and noise
 
     def probability(batch: torch.Tensor) -> torch.Tensor:
@@ -39,9 +42,9 @@ def weigh_parts(network: ResNet18, returns: Returns, frame: int, parts: int, sam
 
     torch.manual_seed(frame)
     weight = Lime(probability).attribute(
-        torch.as_tensor(image),
+        image,
         target=int(returns.columns["class_id"][frame]),
-        feature_mask=torch.as_tensor(mask.reshape(1, 1, CROP, CROP)).expand(1, 3, -1, -1),
+        feature_mask=torch.as_tensor(mask.reshape(1, 1, CROP, CROP)).expand(1, CHANNELS, -1, -1),
         n_samples=samples,
         perturbations_per_eval=32,
         return_input_shape=False,
@@ -62,11 +65,11 @@ def map_attention(network: ResNet18, returns: Returns, frame: int) -> np.ndarray
     """
     from captum.attr import LayerAttribution, LayerGradCam
 
-    frames = np.array([frame])
+    image, extra = map(torch.as_tensor, metric_crop(returns, np.array([frame])))
     found = LayerGradCam(network, network.stages[1]).attribute(
-        torch.as_tensor(crop(returns, frames)),
+        image,
         target=int(returns.columns["class_id"][frame]),
-        additional_forward_args=torch.as_tensor(scale(returns, frames)),
+        additional_forward_args=extra,
         relu_attributions=True,
     )
     found = LayerAttribution.interpolate(found, (CROP, CROP), "bilinear")[0, 0].detach().numpy()
@@ -113,8 +116,11 @@ def main() -> None:
     torch.set_num_threads(1)
     data = rl.dataset.open(options.dataset)
     test = load_returns(options.dataset, "test", (LABEL,))
-    network = ResNet18(len(data.classes), extra=2)
-    network.load_state_dict(torch.load(options.weights, weights_only=True))
+    network = ResNet18(len(data.classes), CHANNELS, extra=2)
+    try:
+        network.load_state_dict(torch.load(options.weights, weights_only=True))
+    except (OSError, RuntimeError, pickle.UnpicklingError):
+        stop(f"{options.weights}: has no weights of this network: write them with resnet.py for the same dataset")
     network.eval()
     shown = []
     print("Mean LIME weight of a part where it has returns, as a share of probability; the three heaviest.")
@@ -135,4 +141,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import rso_lidar as rl
+from rso_lidar.errors import DatasetError
 
 GROUP_RADIUS_M = 20.0  # half of the longest craft of the study (comsat, 36 m), and a margin
 NEIGHBOUR_M = 5.0  # a few pixels at 3 km, less than a bus
@@ -153,12 +154,22 @@ def load_returns(
     )
 
 
-def divide(returns: Returns, seed: int, share: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
-    """Divide frames into training and validation frames by sample, so that noise draws of one pose stay together."""
+def divide(returns: Returns, seed: int, usable: np.ndarray, share: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
+    """Divide frames into training and validation frames by sample, so that noise draws of one pose stay together.
+
+    Parameters
+    ----------
+    returns : of the training split.
+    seed : of the choice.
+    usable : (frame) whether a frame can be trained on.
+    share : of the samples that are held out.
+    """
     samples = np.unique(returns.columns["sample"])
     held = np.random.default_rng(seed).permutation(samples)[: max(1, int(share * len(samples)))]
     held_out = np.isin(returns.columns["sample"], held)
-    return np.flatnonzero(~held_out), np.flatnonzero(held_out)
+    if not (usable & held_out).any() or not (usable & ~held_out).any():
+        raise DatasetError(f"train: {usable.sum()} frames with returns of a craft are too few: make a larger dataset")
+    return np.flatnonzero(usable & ~held_out), np.flatnonzero(usable & held_out)
 
 
 def outline(returns: Returns, frame: int) -> tuple[np.ndarray, float]:
@@ -182,12 +193,19 @@ def scale(returns: Returns, frames: np.ndarray) -> np.ndarray:
     return out
 
 
+def cells() -> np.ndarray:
+    """Return the places (2, row, col) of the cells of a crop, down and right of its middle, as shares of its half width."""
+    cell = (np.arange(CROP) + 0.5) / CROP * 2.0 - 1.0
+    return np.stack(np.meshgrid(cell, cell, indexing="ij"))
+
+
 def crop(
     returns: Returns, frames: np.ndarray, rng: np.random.Generator | None = None, names: tuple[str, ...] = ()
 ) -> Any:
     """Return crops (frame, 3, row, col) about the returns: range minus its median, log intensity, 1 where there is a return.
 
     A crop encloses a circle about the returns. A range of 10 m is 1. Cells take the return of the pixel that they lie in.
+    Intensity is multiplied by the square of the range in km, with which the signal of a facet falls.
 
     Parameters
     ----------
@@ -198,8 +216,7 @@ def crop(
     """
     out = np.zeros((len(frames), 3, CROP, CROP), np.float32)
     extra = {name: np.full((len(frames), CROP, CROP), -1, returns.labels[name].dtype) for name in names}
-    cell = (np.arange(CROP) + 0.5) / CROP * 2.0 - 1.0
-    down, right = np.meshgrid(cell, cell, indexing="ij")
+    down, right = cells()
     for k, frame in enumerate(frames):
         here = returns.of(frame)
         if here.start == here.stop:
@@ -215,11 +232,28 @@ def crop(
         col = np.rint(middle[1] - low[1] + c * side * right - s * down).astype(int).clip(0, number.shape[1] - 1)
         at = number[row, col]
         far = np.linalg.norm(returns.point_m[here], axis=1)
-        values = np.stack([(far - np.median(far)) / 10.0, np.log(returns.intensity[here]) / 10.0, np.ones(len(far))])
+        bright = np.log(returns.intensity[here]) + 2.0 * np.log(np.median(far) / 1000.0)
+        values = np.stack([(far - np.median(far)) / 10.0, bright / 10.0, np.ones(len(far))])
         out[k] = np.where(at >= 0, values[:, np.maximum(at - here.start, 0)], 0.0)
         for name, kept in extra.items():
             kept[k] = np.where(at >= 0, returns.labels[name][np.maximum(at, 0)], -1)
     return (out, extra) if names else out
+
+
+def metric_crop(
+    returns: Returns, frames: np.ndarray, rng: np.random.Generator | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return crops (frame, 5, row, col) with two more channels, the places of the returns across [10 m], and their `scale`.
+
+    Parameters
+    ----------
+    returns : of all frames.
+    frames : numbers of those to crop.
+    rng : turns and mirrors the crops as in `crop`.
+    """
+    image, extra = crop(returns, frames, rng), scale(returns, frames)
+    across = cells()[None] * np.exp(extra[:, 0])[:, None, None, None] * image[:, 2:]
+    return np.concatenate([image, across.astype(np.float32)], axis=1), extra
 
 
 def cloud(returns: Returns, frames: np.ndarray, size: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

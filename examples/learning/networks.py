@@ -3,7 +3,7 @@
 ResNet-18 is written out because torchvision has to be built for the same torch; its weights would be of photographs anyway.
 """
 
-import torch
+from pytorch import torch
 from torch import nn
 
 

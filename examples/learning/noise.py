@@ -8,10 +8,12 @@ simulation. All rows but the last use features of range only. `python examples/l
 import argparse
 
 import numpy as np
+from arguments import run
 from frames import FRAME_COLUMNS, Returns, directions, load_returns
 from shape import INTENSITY, classifier, measure_shape
 
 import rso_lidar as rl
+from rso_lidar.errors import DatasetError
 
 ARRAYS = ("true_range_m", "detection_probability", "range_sigma_m", "target", "intrinsics_px")
 
@@ -57,18 +59,23 @@ def draw_returns(folder: str, split: str, frames: np.ndarray, times: int, rng: n
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", help="folder that `rso-lidar dataset make` wrote, with draws = 2")
-    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--seeds", type=int, default=5, help="number of forests of each row, two or more")
     parser.add_argument("--times", type=int, default=8, help="number of outcomes that are drawn of each pose")
     options = parser.parse_args()
+    draw = np.asarray(rl.dataset.open(options.dataset).split("train").column("draw"))
+    first = np.flatnonzero(draw == 0)
+    if len(first) == len(draw):
+        raise DatasetError(f"{options.dataset}: has one noise draw of each pose: make a dataset with draws = 2")
     train, test = load_returns(options.dataset, "train"), load_returns(options.dataset, "test")
     measured = measure_shape(train)
-    first = np.flatnonzero(train.columns["draw"] == 0)
     shape_only = np.delete(np.arange(measured.shape[1]), INTENSITY)
     drawn = draw_returns(options.dataset, "train", first, options.times, np.random.default_rng(1))
     redrawn = measure_shape(drawn)
     truth = train.columns["class_id"]
+    copies = np.repeat(first, 1 + options.times)  # tells what the draws add from what more rows in a leaf do
     ways = {
         "one draw": (measured[first][:, shape_only], truth[first], shape_only),
+        f"one draw, {1 + options.times} copies": (measured[copies][:, shape_only], truth[copies], shape_only),
         "two draws": (measured[:, shape_only], truth, shape_only),
         f"one draw and {options.times} more from the labels": (
             np.concatenate([measured[first], redrawn])[:, shape_only],
@@ -89,10 +96,10 @@ def main() -> None:
         )
         all_of, faint = right[:, lit].mean(axis=1), right[:, lit & few].mean(axis=1)
         print(
-            f"{name:36} {all_of.mean():.1%} ± {all_of.std():.1%} of all,"
-            f" {faint.mean():.1%} ± {faint.std():.1%} up to 100 reporting pixels"
+            f"{name:36} {all_of.mean():.1%} ± {all_of.std(ddof=1):.1%} of all,"
+            f" {faint.mean():.1%} ± {faint.std(ddof=1):.1%} up to 100 reporting pixels"
         )
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -4,11 +4,11 @@
 """
 
 import numpy as np
-import torch
-from arguments import parse
+from arguments import parse, run
 from frames import CROP, Returns, crop, divide, load_returns, outline
 from networks import UNet
 from predictions import write
+from pytorch import torch
 from training import fit, prepare_torch
 
 import rso_lidar as rl
@@ -26,7 +26,7 @@ def train(returns: Returns, classes: int, epochs: int, seed: int) -> UNet:
     epochs, seed : of the training.
     """
     network = UNet(3, classes)
-    to_train, held_out = (frames[returns.has_craft[frames]] for frames in divide(returns, seed))
+    to_train, held_out = divide(returns, seed, returns.has_craft)
     known = returns.labels[LABEL][returns.labels[LABEL] >= 0]
     share = np.bincount(known, minlength=classes) / len(known)
     weight = torch.tensor(np.where(share > 0, (share + 0.005) ** -0.5, 0.0), dtype=torch.float32)
@@ -74,4 +74,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -6,17 +6,19 @@ loss is that of the best of the four, over the symmetry of the model. ICP starts
 least misfit is taken. With `--search`, ICP also starts from 96 attitudes that cover all rotations evenly, which takes two
 seconds for each frame.
 
-`python examples/learning/pose.py FOLDER --search -o pose.npz`; with `--no-icp`, the network's best rotation as it stands.
+`python examples/learning/pose.py FOLDER --search -o pose.npz`; the network's best rotation as it stands goes to
+`pose_before_icp.npz`. With `--no-icp`, there is that file only.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from arguments import parse
+from arguments import parse, run
 from frames import Returns, cloud, divide, load_returns
 from networks import PointNet
 from predictions import accuracy, write
+from pytorch import torch
 from scipy.spatial.transform import RigidTransform, Rotation
 from training import fit, prepare_torch
 
@@ -91,7 +93,7 @@ def train(returns: Returns, symmetries: Any, epochs: int, seed: int) -> PoseNetw
     """
     network = PoseNetwork(len(symmetries))
     group, projection = symmetry_matrices(symmetries)
-    to_train, held_out = (frames[returns.has_craft[frames]] for frames in divide(returns, seed))
+    to_train, held_out = divide(returns, seed, returns.has_craft)
     model = torch.as_tensor(returns.columns["model_id"].astype(np.int64))
     turned = np.where(returns.has_craft[:, None], returns.columns["quaternion_xyzw"], [0.0, 0.0, 0.0, 1.0])
     rotation = Rotation.from_quat(turned).as_matrix()
@@ -146,7 +148,7 @@ def predict(network: PoseNetwork, returns: Returns) -> tuple[np.ndarray, ...]:
 
 
 def refine(
-    point_m: np.ndarray, mesh: SampledMesh, rotations: np.ndarray, origin_m: np.ndarray
+    point_m: np.ndarray, mesh: SampledMesh, rotations: np.ndarray, origin_m: np.ndarray, half_field_rad: float
 ) -> tuple[Alignment, float]:
     """Refine a pose by ICP from several rotations; return the one with the least misfit, and the misfit [m].
 
@@ -156,11 +158,12 @@ def refine(
     mesh : points of the model.
     rotations : lidar_from_target (guess, 3, 3) to start from.
     origin_m : of the target (3) to start from.
+    half_field_rad : half of the field of view; a near craft reaches beyond it.
     """
     outline = find_outline(point_m)
     starts = [RigidTransform.from_components(origin_m, Rotation.from_matrix(one)) for one in rotations]
     found = [align(point_m, mesh, start, steps=40) for start in starts]
-    misfits = [misfit_m(one.pose, mesh, point_m, outline) for one in found]
+    misfits = [misfit_m(one.pose, mesh, point_m, outline, half_field_rad) for one in found]
     best = int(np.argmin(misfits))
     return found[best], misfits[best]
 
@@ -199,7 +202,7 @@ def tabulate(
 
 
 def main() -> None:
-    options = prepare_torch(parse(__doc__, epochs=80, flags=("no_icp", "search")))
+    options = prepare_torch(parse(__doc__, epochs=100, flags=("no_icp", "search")))
     data = rl.dataset.open(options.dataset)
     returns = load_returns(options.dataset, "train", most=options.most)
     test = load_returns(options.dataset, "test", most=options.most)
@@ -208,21 +211,27 @@ def main() -> None:
     print(accuracy(test, probability))
     quaternion, position = Rotation.from_matrix(rotations[:, 0]).as_quat(canonical=True), origin
     tabulate(test, data.models, data.symmetries, quaternion, position)
+    path = Path(options.output)
+    before = str(path.with_stem(f"{path.stem}_before_icp"))
+    write(before, options.dataset, test, position_m=position, quaternion_xyzw=quaternion)
     if not options.no_icp:
+        position = position.copy()
         meshes, searched = load_meshes(data.models), 0
+        half_field_rad = np.arctan((test.columns["intrinsics_px"][:, 2] + 0.5) / test.columns["intrinsics_px"][:, 0])
         for k in np.flatnonzero(test.count >= 6):
             point_m, mesh = test.point_m[test.of(k)].astype(float), meshes[probability[k].argmax()]
             some = point_m[:: max(1, len(point_m) // ICP_POINTS)]
-            found, misfit = refine(some, mesh, rotations[k], origin[k])
+            half = float(half_field_rad[k])
+            found, misfit = refine(some, mesh, rotations[k], origin[k], half)
             if options.search:
-                other = acquire(some, mesh)[0]
-                if misfit_m(other.pose, mesh, some, find_outline(some)) < misfit:
+                other = acquire(some, mesh, count=4, half_field_rad=half)[0]
+                if misfit_m(other.pose, mesh, some, find_outline(some), half) < misfit:
                     found, searched = other, searched + 1
             quaternion[k], position[k] = found.pose.rotation.as_quat(canonical=True), found.pose.translation
         print(f"after ICP; in {searched} of {len(test)} frames the search found the better fit")
         tabulate(test, data.models, data.symmetries, quaternion, position)
-    write(options.output, options.dataset, test, position_m=position, quaternion_xyzw=quaternion)
+        write(options.output, options.dataset, test, position_m=position, quaternion_xyzw=quaternion)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -5,9 +5,11 @@ Noise makes groups of one or two reports of any brightness. A target makes more 
 """
 
 import numpy as np
-from arguments import parse
+from arguments import parse, run
 from frames import Returns, load_returns
 from predictions import write
+
+from rso_lidar.errors import DatasetError
 
 
 def measure_group(returns: Returns) -> np.ndarray:
@@ -33,6 +35,10 @@ def main() -> None:
     options = parse(__doc__)
     train = load_returns(options.dataset, "train", most=options.most)
     test = load_returns(options.dataset, "test", most=options.most)
+    if len(np.unique(train.columns["present"] > 0)) < 2:
+        raise DatasetError(
+            f"{options.dataset}: train: has no frames with, or none without, a target: add an empty class"
+        )
     model = make_pipeline(StandardScaler(), LogisticRegression(max_iter=1000))
     model.fit(measure_group(train), train.columns["present"] > 0)
     present = model.predict_proba(measure_group(test))[:, 1]
@@ -43,4 +49,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

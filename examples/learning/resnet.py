@@ -6,14 +6,16 @@
 from pathlib import Path
 
 import numpy as np
-import torch
-from arguments import parse
-from frames import Returns, crop, divide, load_returns, scale
+from arguments import parse, run
+from frames import Returns, divide, load_returns, metric_crop
 from networks import ResNet18
 from predictions import accuracy, write
+from pytorch import torch
 from training import fit, prepare_torch
 
 import rso_lidar as rl
+
+CHANNELS = 5  # of `metric_crop`
 
 
 def train(returns: Returns, classes: int, epochs: int, seed: int) -> ResNet18:
@@ -25,19 +27,19 @@ def train(returns: Returns, classes: int, epochs: int, seed: int) -> ResNet18:
     classes : number of classes.
     epochs, seed : of the training.
     """
-    network = ResNet18(classes, extra=2)
-    to_train, held_out = (frames[returns.has_craft[frames]] for frames in divide(returns, seed))
+    network = ResNet18(classes, CHANNELS, extra=2)
+    to_train, held_out = divide(returns, seed, returns.has_craft)
     truth = torch.as_tensor(returns.columns["class_id"].astype(np.int64))
 
     def loss(frames: np.ndarray, rng: np.random.Generator) -> torch.Tensor:
-        logits = network(torch.as_tensor(crop(returns, frames, rng)), torch.as_tensor(scale(returns, frames)))
+        logits = network(*map(torch.as_tensor, metric_crop(returns, frames, rng)))
         return torch.nn.functional.cross_entropy(logits, truth[frames], label_smoothing=0.05)
 
     def validate() -> float:
         scores = torch.as_tensor(predict(network, returns.take(held_out)))
         return float(torch.nn.functional.nll_loss(scores.log(), truth[held_out]))
 
-    fit(network, loss, to_train, validate, epochs=epochs, seed=seed)
+    fit(network, loss, to_train, validate, epochs=epochs, seed=seed, rate=7e-4, batch=32)
     return network
 
 
@@ -45,14 +47,14 @@ def train(returns: Returns, classes: int, epochs: int, seed: int) -> ResNet18:
 def predict(network: ResNet18, returns: Returns) -> np.ndarray:
     """Return the probabilities of the classes (frame, class)."""
     scores = [
-        network(torch.as_tensor(crop(returns, frames)), torch.as_tensor(scale(returns, frames))).softmax(dim=1)
+        network(*map(torch.as_tensor, metric_crop(returns, frames))).softmax(dim=1)
         for frames in np.array_split(np.arange(len(returns)), max(1, len(returns) // 64))
     ]
     return torch.cat(scores).numpy()
 
 
 def main() -> None:
-    options = prepare_torch(parse(__doc__, epochs=20, draws=True))
+    options = prepare_torch(parse(__doc__, epochs=25, draws=True))
     returns = load_returns(options.dataset, "train", most=options.most, draws=options.draws)
     test = load_returns(options.dataset, "test", most=options.most)
     network = train(returns, len(rl.dataset.open(options.dataset).classes), options.epochs, options.seed)
@@ -63,4 +65,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

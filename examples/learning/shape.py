@@ -7,7 +7,7 @@ classifiers have to beat that floor, which shows how much a dataset reveals with
 from typing import Any
 
 import numpy as np
-from arguments import parse
+from arguments import parse, run
 from frames import Returns, load_returns
 from predictions import accuracy, write
 
@@ -111,4 +111,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -9,8 +9,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from arguments import run
 
 import rso_lidar as rl
+from rso_lidar.errors import DatasetError
 
 COLUMNS = ("sample", "step", "draw", "class_id", "present", "lit_pixels", "reporting_pixels")
 LIT = (1, 10, 30, 100, 300, 1000, 20000)
@@ -25,8 +27,14 @@ def load_scores(path: str, truth: dict[str, np.ndarray]) -> np.ndarray:
     truth : columns of the test split.
     """
     with np.load(path) as file:
+        if "scores" not in file:
+            raise DatasetError(f"{path}: has no scores: give a file that shape.py or resnet.py wrote")
         rows = {key: k for k, key in enumerate(zip(*(file[name].tolist() for name in COLUMNS[:3]), strict=True))}
-        order = [rows[key] for key in zip(*(truth[name].tolist() for name in COLUMNS[:3]), strict=True)]
+        asked = list(zip(*(truth[name].tolist() for name in COLUMNS[:3]), strict=True))
+        absent = sum(key not in rows for key in asked)
+        if absent:
+            raise DatasetError(f"{path}: {absent} frames of test are absent: give predictions for this dataset")
+        order = [rows[key] for key in asked]
         return file["scores"][order]
 
 
@@ -46,7 +54,8 @@ def tabulate(right: np.ndarray, truth: dict[str, np.ndarray], classes: tuple[str
     for name, some in groups.items():
         if some.any():
             each = right[:, some].mean(axis=1)
-            print(f"{name:28} {some.sum():6,} frames {each.mean():7.1%} ± {each.std():.1%}")
+            spread = each.std(ddof=1) if len(each) > 1 else 0.0
+            print(f"{name:28} {some.sum():6,} frames {each.mean():7.1%} ± {spread:.1%}")
 
 
 def draw(path: str, scores: np.ndarray, truth: dict[str, np.ndarray], classes: tuple[str, ...]) -> None:
@@ -110,6 +119,9 @@ def main() -> None:
     data = rl.dataset.open(options.dataset)
     split = data.split("test")
     truth = {name: np.asarray(split.column(name)) for name in COLUMNS}
+    absent = [path for path in options.predictions if not Path(path).is_file()]
+    if absent:
+        raise DatasetError(f"{absent[0]}: no such file: write it with shape.py or resnet.py")
     scores = np.stack([load_scores(path, truth) for path in options.predictions])
     tabulate(scores.argmax(axis=2) == truth["class_id"], truth, data.classes)
     if options.output:
@@ -117,4 +129,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

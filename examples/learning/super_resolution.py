@@ -6,11 +6,11 @@ dataset with `oversampled = true`; with `--repeat`, each pixel is repeated, as a
 """
 
 import numpy as np
-import torch
-from arguments import parse
+from arguments import parse, run
 from frames import Returns, divide, load_returns
 from networks import UNet
 from predictions import write
+from pytorch import torch
 from training import fit, prepare_torch
 
 import rso_lidar as rl
@@ -52,11 +52,12 @@ class Finer(torch.nn.Module):
 
     def __init__(self, factor: int) -> None:
         super().__init__()
-        self.net, self.shuffle = UNet(3, 2 * factor**2), torch.nn.PixelShuffle(factor)
+        self.factor, self.net, self.shuffle = factor, UNet(3, 2 * factor**2), torch.nn.PixelShuffle(factor)
 
     def forward(self, patch: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         out = self.shuffle(self.net(torch.cat([patch[:, :1] / 10.0, patch[:, 1:]], dim=1)))
-        return out[:, 0], out[:, 1]
+        coarse = patch[:, 2].repeat_interleave(self.factor, 1).repeat_interleave(self.factor, 2)
+        return out[:, 0], out[:, 1] + 4.0 * (coarse - 0.5)  # the network corrects the repeated returns, too
 
 
 def fill(patch: np.ndarray) -> np.ndarray:
@@ -106,7 +107,7 @@ def train(pairs: Pairs, epochs: int, seed: int) -> Finer:
     epochs, seed : of the training.
     """
     network = Finer(pairs.factor)
-    to_train, held_out = (some[pairs.returns.count[some] > 0] for some in divide(pairs.returns, seed))
+    to_train, held_out = divide(pairs.returns, seed, pairs.returns.count > 0)
 
     def loss(frames: np.ndarray, rng: np.random.Generator | None) -> torch.Tensor:
         turns = 0 if rng is None else int(rng.integers(4))
@@ -152,7 +153,7 @@ def predict(network: Finer | None, pairs: Pairs) -> np.ndarray:
 
 
 def main() -> None:
-    options = prepare_torch(parse(__doc__, epochs=20, flags=("repeat",)))
+    options = prepare_torch(parse(__doc__, epochs=50, flags=("repeat",)))
     test = Pairs(options.dataset, "test", options.most)
     network = (
         None if options.repeat else train(Pairs(options.dataset, "train", options.most), options.epochs, options.seed)
@@ -171,4 +172,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

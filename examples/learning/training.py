@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-import torch
+from pytorch import torch
 
 
 def prepare_torch(options: argparse.Namespace) -> argparse.Namespace:

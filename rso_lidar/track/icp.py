@@ -146,7 +146,9 @@ def align(points_m: np.ndarray, model: SampledMesh, guess: RigidTransform, steps
     return Alignment(body_from_lidar.inv(), float(np.sqrt(np.mean(off**2))), taken)
 
 
-def acquire(points_m: np.ndarray, model: SampledMesh, starts: int = 96, count: int = 1) -> list[Alignment]:
+def acquire(
+    points_m: np.ndarray, model: SampledMesh, starts: int = 96, count: int = 1, half_field_rad: float = np.inf
+) -> list[Alignment]:
     """Find poses lidar_from_body without a guess.
 
     A super-Fibonacci spiral (Alexa 2022) gives start attitudes, even over all rotations. Each is aligned for a few
@@ -162,6 +164,7 @@ def acquire(points_m: np.ndarray, model: SampledMesh, starts: int = 96, count: i
     model : of the target.
     starts : number of start attitudes.
     count : most poses to return.
+    half_field_rad : as in `misfit_m`.
 
     Returns
     -------
@@ -175,11 +178,11 @@ def acquire(points_m: np.ndarray, model: SampledMesh, starts: int = 96, count: i
     for rotation in _spread_rotations(starts):
         start = pose(middle - rotation.apply(model.middle_m), rotation)
         found = align(some, model, start, _COARSE_STEPS)
-        tried.append((misfit_m(found.pose, model, some, outline), found))
+        tried.append((misfit_m(found.pose, model, some, outline, half_field_rad), found))
     ranked = [found for _, found in sorted(tried, key=lambda one: one[0])]
     best = ranked[:3] if count == 1 else _select_unlike(ranked, model, count)
     finished = [align(points, model, found.pose) for found in best]
-    return sorted(finished, key=lambda found: misfit_m(found.pose, model, points, outline))[:count]
+    return sorted(finished, key=lambda found: misfit_m(found.pose, model, points, outline, half_field_rad))[:count]
 
 
 def find_outline(points_m: np.ndarray) -> Any:
@@ -189,8 +192,16 @@ def find_outline(points_m: np.ndarray) -> Any:
     return cKDTree(points_m[:, :2] / points_m[:, 2:])
 
 
-def misfit_m(lidar_from_body: RigidTransform, model: SampledMesh, points_m: np.ndarray, outline: Any) -> float:
+def misfit_m(
+    lidar_from_body: RigidTransform,
+    model: SampledMesh,
+    points_m: np.ndarray,
+    outline: Any,
+    half_field_rad: float = np.inf,
+) -> float:
     """Measure the misfit of a pose: rms distance of points from the model, plus that of the model from their outline.
+
+    Parts of the model outside the field of view are not compared with the outline.
 
     Parameters
     ----------
@@ -198,17 +209,24 @@ def misfit_m(lidar_from_body: RigidTransform, model: SampledMesh, points_m: np.n
     model : points of the target.
     points_m : points (n, 3) in lidar axes [m].
     outline : result of `find_outline`; distances from it are across the line of sight.
+    half_field_rad : half of the side of a square field of view [rad]; infinite for a target that is entirely inside.
 
     Returns
     -------
-    misfit [m]; infinite if the model is not entirely ahead of the lidar.
+    misfit [m]; infinite if the model is not entirely ahead of the lidar, or entirely outside the field of view.
     """
     apart, _ = model.tree.query(lidar_from_body.inv().apply(points_m))
     shown = lidar_from_body.apply(model.points_m[:: max(1, len(model.points_m) // _SILHOUETTE)])
     if not (shown[:, 2] > 0.0).all():
         return np.inf
-    beside, _ = outline.query(shown[:, :2] / shown[:, 2:])
-    return float(np.sqrt(np.mean(apart**2)) + np.sqrt(np.mean((beside * shown[:, 2]) ** 2)))
+    across, ahead_m = shown[:, :2] / shown[:, 2:], shown[:, 2]
+    if np.isfinite(half_field_rad):
+        inside = (np.abs(across) <= np.tan(half_field_rad)).all(axis=1)
+        if not inside.any():
+            return np.inf
+        across, ahead_m = across[inside], ahead_m[inside]
+    beside, _ = outline.query(across)
+    return float(np.sqrt(np.mean(apart**2)) + np.sqrt(np.mean((beside * ahead_m) ** 2)))
 
 
 def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> list[Alignment]:

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar.pose import pose
 from rso_lidar.track import PoseFollower, SampledMesh, acquire, align, measure_visible_centroid, sample_mesh
+from rso_lidar.track.icp import find_outline, misfit_m
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DEG = rl.units.DEG
@@ -58,6 +59,18 @@ def test_a_pose_is_found_without_a_guess(corners, model):
     assert turn_deg < 0.3
     assert off_m < 0.03
     assert len(acquire(points, model, starts=8)) == 1
+
+
+def test_parts_outside_the_field_are_no_misfit(corners, model):
+    points = cloud(corners, 6, 0.05)
+    half_field = 0.5 * float(np.arctan(np.abs(points[:, 0] / points[:, 2]).max()))
+    seen = points[(np.abs(points[:, :2] / points[:, 2:]) <= np.tan(half_field)).all(axis=1)]
+    outline = find_outline(seen)
+    assert 100 < len(seen) < len(points)
+    assert misfit_m(TRUE, model, seen, outline) > 1.0  # metres of panels and dishes
+    assert misfit_m(TRUE, model, seen, outline, half_field) < 0.5  # noise, and the distance between two points
+    aside = pose(np.array([100.0, 0.0, 0.0]), Rotation.identity()) * TRUE
+    assert misfit_m(aside, model, seen, outline, half_field) == np.inf
 
 
 def test_what_a_round_target_does_not_tell_stays_as_guessed():
