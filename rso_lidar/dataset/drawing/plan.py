@@ -134,7 +134,7 @@ class DatasetPlan:
 
     @cached_property
     def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Order of the classes, which repeats: class and rank of each sample of one round, and samples of each class in it."""
+        """Order of the classes, which repeats: class and rank of each sample of a round, and samples of each class in it."""
         counts = np.array([one.samples for one in self.spec.classes])
         period = counts // math.gcd(*counts.tolist())
         place = np.concatenate([(np.arange(n) + 0.5) / n for n in period])

@@ -1,4 +1,4 @@
-"""Noise draws of one pose: each is the frame that its own seed makes, and the rays are cast once where light has no noise."""
+"""Noise draws of one pose: each is the frame of its own seed, and rays are cast once where the light has no noise."""
 
 import numpy as np
 import pytest
