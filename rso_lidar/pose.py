@@ -71,6 +71,22 @@ def quaternion_xyzw(rotation: Rotation) -> np.ndarray:
     return quaternion
 
 
+def matrix_from_quaternion(quaternion_xyzw: np.ndarray) -> np.ndarray:
+    """Return the rotation matrices (…, 3, 3) of quaternions (…, 4) x, y, z, w of any length but zero.
+
+    The sums are written out: for a few quaternions this takes a tenth of the time of a `Rotation`.
+    """
+    q = np.asarray(quaternion_xyzw, dtype=float)
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    s = 2.0 / (x * x + y * y + z * z + w * w)
+    matrix = np.empty((*q.shape[:-1], 3, 3))
+    sx, sy, sz = s * x, s * y, s * z
+    matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2] = 1.0 - sy * y - sz * z, sx * y - sz * w, sx * z + sy * w
+    matrix[..., 1, 0], matrix[..., 1, 1], matrix[..., 1, 2] = sx * y + sz * w, 1.0 - sx * x - sz * z, sy * z - sx * w
+    matrix[..., 2, 0], matrix[..., 2, 1], matrix[..., 2, 2] = sx * z - sy * w, sy * z + sx * w, 1.0 - sx * x - sy * y
+    return matrix
+
+
 class Link:
     """Pose and rates of one set of axes (the child) in another (the parent); single, or batched over epochs.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from types import TracebackType
 from typing import Any, Self, overload
 
@@ -123,6 +122,7 @@ class Simulation:
                 **world,
             )
         self._flashes_ns = np.rint(epochs.time_s * _NS_PER_S).astype(np.int64)
+        self._follower = motion.FollowerMotion(self._course)
         self._suite = sensors.SensorSuite(scenario.sensor, scenario.seed)
         self._measured_s = _BEFORE_ALL_S
         self._flash_samples: list[Mapping[str, SensorSamples]] = []  # since the flash before
@@ -180,7 +180,7 @@ class Simulation:
     @property
     def samples(self) -> Mapping[str, SensorSamples]:
         """Samples of the other sensors that became available in the last step, by name."""
-        return join_samples(self._step_samples)
+        return self._suite.complete(join_samples(self._step_samples), self._follower.find)
 
     @property
     def truth(self) -> Truth:
@@ -271,6 +271,7 @@ class Simulation:
             As `step`.
         """
         self._check_step(command)
+        self._step_samples = []
         scenario, k = self.scenario, int(self._numbers[self._row])
         with scenario.locate_errors():
             truth = self._aim.at(self._course.at(self._row, command), command, scenario.rng(k, POINTING))
@@ -279,15 +280,16 @@ class Simulation:
                 truth = scenario.exposure.follow(truth, self._course, self._aim, self._row, lidar)
             before_s = float(scenario.epochs(np.array([k - 1])).time_s[0]) if k else _BEFORE_ALL_S
             self._measure(max(before_s, self._measured_s), truth.time_s)
+            samples = self._suite.complete(join_samples(self._flash_samples), self._follower.find)
         self._row, self._now_ns = self._row + 1, int(self._flashes_ns[self._row])
-        samples, self._flash_samples = join_samples(self._flash_samples), []
+        self._flash_samples = []
         return Moment(k, truth, lidar, scenario.rng(k, DETECTION), samples)
 
     def _measure(self, after_s: float, until_s: float) -> None:
         """Measure the samples of the other sensors that become available in an interval."""
         if not self.scenario.sensor:
             return
-        measured = self._suite.measure(after_s, until_s, partial(motion.find_follower_motion, self._course))
+        measured = self._suite.measure(after_s, until_s, self._follower.find)
         self._measured_s = until_s
         self._flash_samples.append(measured)
         self._step_samples.append(measured)

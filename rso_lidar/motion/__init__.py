@@ -13,7 +13,7 @@ from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Axes, Body
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle
 from rso_lidar.motion.course import Course, CourseState
-from rso_lidar.motion.follower_motion import find_follower_motion
+from rso_lidar.motion.follower_motion import FollowerMotion
 from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, sense, start, step
@@ -39,6 +39,7 @@ __all__ = [
     "FixedAttitude",
     "FixedPoint",
     "FollowSun",
+    "FollowerMotion",
     "HingeAxes",
     "Ideal",
     "LookAt",
@@ -65,7 +66,6 @@ __all__ = [
     "Tumble",
     "add_lidar",
     "compute_demand",
-    "find_follower_motion",
     "make_demand",
     "sense",
     "start",

@@ -62,6 +62,7 @@ class Course:
         if exposure_s > 0.0:  # a motion that ends during the last exposure is an error now
             self._near(slice(-1, None) if self._whole else slice(0, 1), np.array([-0.5, 0.5]) * exposure_s)
         self._blocks: dict[tuple[int, bytes], Truth] = {}
+        self._needed: dict[str, Sequence[Body]] = {}
         self._now_s = 0.0
 
     def at(self, row: int, command: Command | None) -> Truth:
@@ -121,15 +122,26 @@ class Course:
         """
         return self.moving(np.array([time_s])).at(0)
 
-    def moving(self, time_s: np.ndarray) -> Truth:
+    def moving(self, time_s: np.ndarray, *, for_body: Body | None = None) -> Truth:
         """Return the batch of truths at instants that are not after the present one, without PTU and lidar.
 
         Parameters
         ----------
         time_s : (time) instants [s].
+        for_body : the only body that is needed, with those on which it depends (None: all).
+
+        Returns
+        -------
+        truth of the instants.
         """
+        bodies = self.bodies
+        if for_body is not None:
+            if for_body.name not in self._needed:
+                needed = {one.name: one for one in list_dependencies(for_body, self.bodies)}
+                self._needed[for_body.name] = [*(needed | {for_body.name: for_body}).values()]
+            bodies = self._needed[for_body.name]
         with suppress_warnings():  # the flashes themselves have given all warnings
-            return self._at(Epochs(self.start_utc, time_s))
+            return self._at(Epochs(self.start_utc, time_s), bodies)
 
     def flights_of(self, body: Body) -> dict[str, Flight]:
         """Return the flights of a body's state-space models, as ``motion`` and ``attitude``.
@@ -199,8 +211,8 @@ class Course:
         """Compute the truth at instants about some flashes, flash by flash."""
         return self.moving(np.add.outer(self._epochs.time_s[rows], offsets_s).ravel())
 
-    def _at(self, epochs: Epochs) -> Truth:
-        return truth(self.bodies, epochs, local=self.is_local, sun_direction=self._sun, flights=self.flights)
+    def _at(self, epochs: Epochs, bodies: Sequence[Body] | None = None) -> Truth:
+        return truth(bodies or self.bodies, epochs, local=self.is_local, sun_direction=self._sun, flights=self.flights)
 
 
 def _make_flights(bodies: Sequence[Body]) -> dict[str, Flight]:

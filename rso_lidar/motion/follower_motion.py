@@ -8,25 +8,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import PropagationError
+from rso_lidar.errors import PropagationError, suppress_warnings
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.course import Course
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.motion.motions.motion import chief_of
+from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.proximity import find_plan
 from rso_lidar.orbit import moon_position_m
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import ROOT, length, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import BodyMotion, BodyState, Truth
+from rso_lidar.records.telemetry import ANGULAR_ACCELERATION, ATTITUDE, DYNAMICS, PLACE, SKY
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-_HALF_S = 0.5e-3  # half the step of a difference quotient: 1e-12 of rounding over it is 1e-9 of a rate
+_STEP_S = 1e-3  # of a difference quotient: rounding of 1e-12 becomes 1e-9 of the derivative
 
 
-def find_follower_motion(course: Course, time_s: np.ndarray) -> BodyMotion:
-    """Compute the true motion of the follower for its sensors.
+class FollowerMotion:
+    """True motion of the follower of a run, for its sensors.
 
     The specific force is the acceleration by thrust: in a proximity operation that of its plan, with a state-space motion
     f(t, x, u) - f(t, x, 0), so that a body without inputs is in free fall. In a local world, which has no gravitation, it is
@@ -34,45 +36,130 @@ def find_follower_motion(course: Course, time_s: np.ndarray) -> BodyMotion:
 
     Parameters
     ----------
-    course : of the run, at an instant that is not before the samples.
-    time_s : (time) instants, ascending [s].
-
-    Returns
-    -------
-    motion at these instants; `targets` holds those that orbit or stand, and `dynamics` the state-space models.
+    course : of the run.
     """
-    truth, follower = course.moving(time_s), course.bodies[-1]
-    link = truth.poses.link(ROOT, follower.name)
-    matrix = np.broadcast_to(link.matrix, (len(time_s), 3, 3))
-    body_from_inertial = np.swapaxes(matrix, -1, -2)
-    rate = np.broadcast_to(link.angular_velocity_rad_s, (len(time_s), 3))
-    state = truth.states[follower.name]
-    flights = course.flights_of(follower)
-    force = _find_specific_force(course, truth, time_s, flights)
-    sky: dict[str, np.ndarray] = {}
-    if not course.is_local:
-        moon = moon_position_m(Epochs(course.start_utc, time_s)) - state.position_m
-        distance = length(state.position_m)
-        sky = {
-            "sun_direction": np.broadcast_to(truth.sun_direction, (len(time_s), 3)),
-            "moon_direction": moon / length(moon)[:, None],
-            "earth_direction": -state.position_m / distance[:, None],
-            "earth_angle_rad": np.arcsin(np.minimum(units.EARTH_RADIUS_M / distance, 1.0)),
-        }
-    elif np.isfinite(truth.sun_direction).all():
-        sky = {"sun_direction": np.broadcast_to(truth.sun_direction, (len(time_s), 3))}
-    return BodyMotion(
-        time_s,
-        np.broadcast_to(state.position_m, (len(time_s), 3)),
-        np.broadcast_to(state.velocity_m_s, (len(time_s), 3)),
-        quaternion_xyzw(_as_rotation(matrix)),
-        rate,
-        rotate_vectors(body_from_inertial, force),
-        angular_acceleration_rad_s2=_find_angular_acceleration(course, follower, time_s, flights),
-        **sky,
-        targets=_find_targets(truth, follower),
-        dynamics=_list_dynamics(time_s, flights),
-    )
+
+    def __init__(self, course: Course) -> None:
+        self._course = course
+        self._follower = course.bodies[-1]
+        motion = self._follower.motion
+        self._rigid = motion if isinstance(motion, StateSpace) and motion.turns else None
+        self._ahead = (np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3)))  # instants, axes and rates of the chief
+
+    def find(self, time_s: np.ndarray, reads: frozenset[str], list_ahead: Callable[[], np.ndarray]) -> BodyMotion:
+        """Compute the motion at some instants.
+
+        Parameters
+        ----------
+        time_s : (time) instants, ascending, none after the present of the course [s].
+        reads : what is read of it, of `records.telemetry.ALL_READ`.
+        list_ahead : lists later instants [s], for which the axes of a chief without commands are computed ahead.
+
+        Returns
+        -------
+        motion at these instants; `targets` holds the other bodies, and `dynamics` the state-space models.
+        """
+        course, follower = self._course, self._follower
+        flights = course.flights_of(follower)
+        truth = None
+        if self._rigid is None or reads & {PLACE, SKY}:
+            truth = course.moving(time_s, for_body=None if reads & {PLACE, SKY} else follower)
+        shape = (len(time_s), 3)
+        if self._rigid is not None:
+            matrix, rate, force = self._follow_rigid_body(self._rigid, time_s, flights["motion"], list_ahead)
+        else:
+            assert truth is not None
+            link = truth.poses.link(ROOT, follower.name)
+            matrix = np.broadcast_to(link.matrix, (*shape, 3))
+            rate = np.broadcast_to(link.angular_velocity_rad_s, shape)
+            thrust = _find_specific_force(course, truth, time_s, flights)
+            force = rotate_vectors(np.swapaxes(matrix, -1, -2), thrust)
+        state = truth.states[follower.name] if truth else None
+        unread = np.broadcast_to(np.nan, (len(time_s), 4))
+        return BodyMotion(
+            time_s,
+            unread[:, :3] if state is None else np.broadcast_to(state.position_m, shape),
+            unread[:, :3] if state is None else np.broadcast_to(state.velocity_m_s, shape),
+            quaternion_xyzw(_as_rotation(matrix)) if ATTITUDE in reads else unread,
+            rate,
+            force,
+            angular_acceleration_rad_s2=(
+                _find_angular_acceleration(course, follower, time_s, flights) if ANGULAR_ACCELERATION in reads else None
+            ),
+            **(_find_sky(course, truth, time_s) if truth and SKY in reads else {}),
+            targets=_find_targets(truth, follower) if truth and PLACE in reads else {},
+            dynamics=_list_dynamics(time_s, flights) if DYNAMICS in reads else {},
+        )
+
+    def _follow_rigid_body(
+        self, motion: StateSpace, time_s: np.ndarray, flight: Flight, list_ahead: Callable[[], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Read attitude, angular velocity and specific force from the state of a rigid body.
+
+        Parameters
+        ----------
+        motion, flight : state-space model of place and attitude, and its flight.
+        time_s, list_ahead : as for `find`.
+
+        Returns
+        -------
+        inertial_from_body (time, 3, 3), angular velocity (time, 3) [rad/s] and specific force (time, 3) [m/s2] in body axes.
+        """
+        matrix, rate = motion.find_matrices(flight, time_s)  # axes_from_body
+        body_from_axes = np.swapaxes(matrix, -1, -2)
+        force = rotate_vectors(body_from_axes, flight.input_rates(time_s)[:, 3:6])
+        if motion.relative_to is None:
+            return matrix, rate, force
+        inertial_from_rtn, turning = self._find_chief_axes(motion.relative_to, time_s, list_ahead)
+        return np.matmul(inertial_from_rtn, matrix), rate + rotate_vectors(body_from_axes, turning), force
+
+    def _find_chief_axes(
+        self, name: str, time_s: np.ndarray, list_ahead: Callable[[], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Find inertial_from_rtn (time, 3, 3) of a chief, and its angular velocity (time, 3) in rtn axes [rad/s].
+
+        Without commands to the chief, the axes at coming instants are computed in the same batch and kept.
+
+        Parameters
+        ----------
+        name : of the chief.
+        time_s, list_ahead : as for `find`.
+        """
+        known_s, matrix, turning = self._ahead
+        rows = np.searchsorted(known_s, time_s)
+        if not len(known_s) or rows[-1] >= len(known_s) or not np.array_equal(known_s[rows], time_s):
+            is_commanded = any(flown.partition(".")[0] != self._follower.name for flown in self._course.flights)
+            known_s = time_s if is_commanded else np.unique(np.concatenate([time_s, list_ahead()]))
+            origin = next(body for body in self._course.bodies if body.name == name)
+            with suppress_warnings():
+                link = self._course.moving(known_s, for_body=origin).poses.link(ROOT, origin.origin)
+            matrix = np.broadcast_to(link.matrix, (len(known_s), 3, 3))
+            turning = np.broadcast_to(link.angular_velocity_rad_s, (len(known_s), 3))
+            self._ahead = known_s, matrix, turning
+            rows = np.searchsorted(known_s, time_s)
+        return matrix[rows], turning[rows]
+
+
+def _find_sky(course: Course, truth: Truth, time_s: np.ndarray) -> dict[str, np.ndarray]:
+    """Find the directions (time, 3) from the follower to Sun, Moon and Earth, and the angular radius (time) of the Earth.
+
+    Parameters
+    ----------
+    course, truth, time_s : the run, and its truth at the instants (time) [s].
+    """
+    shape = (len(time_s), 3)
+    if course.is_local:
+        has_sun = np.isfinite(truth.sun_direction).all()
+        return {"sun_direction": np.broadcast_to(truth.sun_direction, shape)} if has_sun else {}
+    position = truth.states[course.bodies[-1].name].position_m
+    moon = moon_position_m(Epochs(course.start_utc, time_s)) - position
+    distance = length(position)
+    return {
+        "sun_direction": np.broadcast_to(truth.sun_direction, shape),
+        "moon_direction": moon / length(moon)[:, None],
+        "earth_direction": -position / distance[:, None],
+        "earth_angle_rad": np.arcsin(np.minimum(units.EARTH_RADIUS_M / distance, 1.0)),
+    }
 
 
 def _as_rotation(matrix: np.ndarray) -> Rotation:
@@ -109,7 +196,7 @@ def _find_specific_force(course: Course, truth: Truth, time_s: np.ndarray, fligh
 
 def _find_angular_acceleration(
     course: Course, follower: Body, time_s: np.ndarray, flights: Mapping[str, Flight]
-) -> np.ndarray | None:
+) -> np.ndarray:
     """Find the rate of change of the follower's angular velocity (time, 3) in body axes [rad/s2].
 
     Parameters
@@ -121,38 +208,39 @@ def _find_angular_acceleration(
 
     Returns
     -------
-    It comes from the dynamics of the attitude where the follower has them; without commands it is a difference quotient.
-    None if neither is known.
+    It comes from the dynamics of the attitude where the follower has them, else from a difference quotient over 1 ms.
     """
     for place, model in (("attitude", follower.attitude), ("motion", follower.motion)):
         if isinstance(model, StateSpaceModel) and (entries := model.body_rate_entries) is not None:
             return flights[place].rates(time_s)[:, entries]
-    if course.flights:
-        return None
     return _differentiate(course, lambda at: at.poses.link(ROOT, follower.name).angular_velocity_rad_s, time_s)
 
 
 def _differentiate(course: Course, read: Callable[[Truth], np.ndarray], time_s: np.ndarray) -> np.ndarray:
-    """Differentiate what a truth holds by central differences over 1 ms, one-sided at the start and where it ends.
+    """Differentiate what a truth holds over 1 ms: centrally, or backward under commands and where a motion ends.
 
     Parameters
     ----------
-    course : of the run, without commands.
+    course : of the run.
     read : value (time, 3) of a batch of truths.
     time_s : (time) instants [s].
     """
-    before, after = np.maximum(time_s - _HALF_S, 0.0), time_s + _HALF_S
 
     def values(at_s: np.ndarray) -> np.ndarray:
-        return np.broadcast_to(read(course.moving(at_s)), (len(at_s), 3))
+        return np.broadcast_to(read(course.moving(at_s, for_body=course.bodies[-1])), (len(at_s), 3))
 
+    def quotient(back_s: float, on_s: float) -> np.ndarray:
+        before, after = np.maximum(time_s - back_s, 0.0), time_s + on_s
+        span_s = np.where(after > before, after - before, np.inf)  # nothing is known before t = 0
+        change: np.ndarray = (values(after) - values(before)) / span_s[:, None]
+        return change
+
+    if course.flights:
+        return quotient(_STEP_S, 0.0)
     try:
-        late = values(after)
-    except PropagationError:  # a motion that ends with the run
-        after = time_s
-        late = values(after)
-    change: np.ndarray = (late - values(before)) / (after - before)[:, None]
-    return change
+        return quotient(0.5 * _STEP_S, 0.5 * _STEP_S)
+    except PropagationError:
+        return quotient(_STEP_S, 0.0)
 
 
 def _find_targets(truth: Truth, follower: Body) -> dict[str, BodyState]:

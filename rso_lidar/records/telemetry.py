@@ -11,16 +11,23 @@ import numpy as np
 from rso_lidar.records.schema import Record, array
 from rso_lidar.records.truth import BodyState
 
+# What a sensor may read of a `BodyMotion`, beside angular velocity and specific force. Place: position, velocity and
+# targets. Sky: the directions.
+ATTITUDE, PLACE, SKY, DYNAMICS = "attitude", "place", "sky", "dynamics"
+ANGULAR_ACCELERATION = "angular_acceleration"
+ALL_READ = frozenset({ATTITUDE, PLACE, SKY, DYNAMICS, ANGULAR_ACCELERATION})
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BodyMotion(Record):
     """True motion of the follower at the epochs of samples: the input of sensors, and never part of an observation.
 
     Directions are unit vectors from the follower in inertial axes. They are NaN in a local world, and so is the angular
-    radius of the Earth. `targets` holds, by name, the state of each target relative to the follower's origin (target
-    minus follower) in inertial axes (time, xyz). `dynamics` holds arrays (time, entry) of the follower's user-defined
-    dynamics, where it has them: the state x and the input u of its motion as ``motion.state`` and ``motion.input``, those
-    of its attitude as ``attitude.state`` and ``attitude.input``.
+    radius of the Earth. Position, velocity and attitude are NaN where no
+    sensor reads them. `targets` holds, by name, the state of
+    each target relative to the follower's origin (target minus follower) in inertial axes (time, xyz). `dynamics` holds
+    arrays (time, entry) of the follower's user-defined dynamics, where it has them: the state x and the input u of its
+    motion as ``motion.state`` and ``motion.input``, those of its attitude as ``attitude.state`` and ``attitude.input``.
     """
 
     time_s: np.ndarray = array("time", "f8", "s", "instants since start_utc")
@@ -161,11 +168,14 @@ def join_samples(measured: Sequence[Mapping[str, SensorSamples]]) -> dict[str, S
     -------
     samples by name of the sensor.
     """
-    if len(measured) < 2:
-        return dict(measured[0]) if measured else {}
-    joined = {}
-    for name, first in measured[0].items():
-        fields = [field.name for field in dataclasses.fields(first)]
-        arrays = {field: np.concatenate([getattr(some[name], field) for some in measured]) for field in fields}
-        joined[name] = type(first)(**arrays)
-    return joined
+    series: dict[str, list[SensorSamples]] = {}
+    for some in measured:
+        for name, samples in some.items():
+            series.setdefault(name, []).append(samples)
+    return {name: one[0] if len(one) == 1 else _concatenate(one) for name, one in series.items()}
+
+
+def _concatenate(series: Sequence[SensorSamples]) -> SensorSamples:
+    fields = [field.name for field in dataclasses.fields(series[0])]
+    arrays = {field: np.concatenate([getattr(one, field) for one in series]) for field in fields}
+    return dataclasses.replace(series[0], **arrays)

@@ -11,6 +11,7 @@ from pydantic import Field
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Part, Seam, make_answer_error, name_object, read_member, to_real_array
 from rso_lidar.records import BodyMotion, SensorSamples, SensorState
+from rso_lidar.records.telemetry import ALL_READ
 from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
 from rso_lidar.sensors.gnss import Gnss, RelativeGnss
 from rso_lidar.sensors.inertial import Accelerometer, Gyro
@@ -68,6 +69,11 @@ def number_available_samples(sensor: Any, after_s: float, until_s: float) -> ran
     rate_hz, phase_s, latency_s = _schedule(sensor)
     after_s, until_s = math.nextafter(after_s, math.inf), math.nextafter(until_s, math.inf)
     return number_samples(rate_hz, phase_s + latency_s, after_s, until_s)
+
+
+def get_reads(sensor: Any) -> frozenset[str]:
+    """Return what a sensor reads of the follower's motion; a user's object may read everything."""
+    return sensor.reads if isinstance(sensor, SensorPart) else ALL_READ
 
 
 def time_sensor_samples(sensor: Any, numbers: range) -> np.ndarray:

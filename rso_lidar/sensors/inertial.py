@@ -15,6 +15,7 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.motion.mount import Mount
 from rso_lidar.part import NotNegative, Positive
 from rso_lidar.records import AccelerometerSamples, BodyMotion, GyroSamples, SensorState
+from rso_lidar.records.telemetry import ANGULAR_ACCELERATION
 from rso_lidar.sensors.random_errors import ErrorProcess
 from rso_lidar.sensors.sensor_part import SensorPart, check_correlation, flicker
 
@@ -126,6 +127,11 @@ class Gyro(InertialTriad):
             self.resolution_deg_h * units.DEG_H,
         )
 
+    @property
+    def reads(self) -> frozenset[str]:
+        """Nothing beside the angular velocity."""
+        return frozenset()
+
     def measure(
         self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
     ) -> tuple[GyroSamples, SensorState]:
@@ -170,6 +176,11 @@ class Accelerometer(InertialTriad):
             None if self.max_acceleration_g is None else self.max_acceleration_g * _G,
             self.resolution_ug * units.UG,
         )
+
+    @property
+    def reads(self) -> frozenset[str]:
+        """The angular acceleration, where the mount is away from the body's origin."""
+        return frozenset({ANGULAR_ACCELERATION} if any(self.mount.position_m) else ())
 
     def measure(
         self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None

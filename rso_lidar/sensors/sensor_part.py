@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Name, NotNegative, Part, Positive, Text
 from rso_lidar.records import SensorState
+from rso_lidar.records.telemetry import ALL_READ
 from rso_lidar.sensors.presets import merge_preset
 from rso_lidar.sensors.random_errors import ErrorModel, ErrorProcess, draw_errors, make_model
 
@@ -63,6 +64,11 @@ class SensorPart(Part):
     def _from_preset(cls, given: Any) -> Any:
         kind = cls.model_fields["type"].default if "type" in cls.model_fields else None
         return merge_preset(kind, given) if isinstance(given, dict) else given
+
+    @property
+    def reads(self) -> frozenset[str]:
+        """What the sensor reads of the follower's motion, beside its angular velocity and specific force."""
+        return ALL_READ
 
     # ------------------------------------------------------------------------------------------------ samples
 

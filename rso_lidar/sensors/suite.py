@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.records import BodyMotion, SensorSamples, SensorState
-from rso_lidar.sensors.choice import measure_samples, number_available_samples, time_sensor_samples
+from rso_lidar.sensors.choice import get_reads, measure_samples, number_available_samples, time_sensor_samples
 from rso_lidar.sensors.random_errors import make_key
+
+FindMotion = Callable[[np.ndarray, frozenset[str], Callable[[], np.ndarray]], BodyMotion]
+_AHEAD_S = 10.0
+_MOST_AHEAD = 512  # samples of a sensor whose instants are listed ahead
 
 
 class SensorSuite:
@@ -26,36 +32,80 @@ class SensorSuite:
         self._sensors = {str(sensor.name): sensor for sensor in sensors}
         self._keys = {name: make_key(seed, name) for name in self._sensors}
         self._states: dict[str, SensorState | None] = dict.fromkeys(self._sensors)
+        self._empty: dict[str, SensorSamples] = {}
 
-    def measure(
-        self, after_s: float, until_s: float, find_motion: Callable[[np.ndarray], BodyMotion]
-    ) -> dict[str, SensorSamples]:
+    def measure(self, after_s: float, until_s: float, find_motion: FindMotion) -> dict[str, SensorSamples]:
         """Measure the samples that become available in an interval, after_s < time <= until_s.
 
         Parameters
         ----------
         after_s, until_s : ends of the interval [s]; intervals follow one another.
-        find_motion : true motion of the follower at instants (time) [s], ascending.
+        find_motion : true motion of the follower: at instants (time) [s], ascending; what is read of it; and a function
+            that lists the instants of later samples, for what can be computed ahead.
 
         Returns
         -------
-        samples by name of the sensor; a sensor without a sample in the interval has samples of length 0.
+        samples by name of the sensor; sensors without a sample in the interval are left out.
         """
-        numbers = {name: number_available_samples(sensor, after_s, until_s) for name, sensor in self._sensors.items()}
-        times = {name: time_sensor_samples(self._sensors[name], of) for name, of in numbers.items()}
-        if not times:
+        numbers = {
+            name: found
+            for name, sensor in self._sensors.items()
+            if (found := number_available_samples(sensor, after_s, until_s))
+        }
+        if not numbers:
             return {}
+        times = {name: time_sensor_samples(self._sensors[name], of) for name, of in numbers.items()}
         instants = np.unique(np.concatenate(list(times.values())))
-        motion = find_motion(instants)
+        reads = frozenset[str]().union(*(get_reads(self._sensors[name]) for name in numbers))
+        motion = find_motion(instants, reads, partial(self._list_ahead, until_s))
         measured = {}
-        for name, sensor in self._sensors.items():
-            own = motion if len(times[name]) == len(instants) else motion.some(np.searchsorted(instants, times[name]))
-            with add_place(f"sensor '{name}'"):
-                samples, state = measure_samples(sensor, own, self._keys[name], numbers[name].start, self._states[name])
-            measured[name] = samples
-            if len(own.time_s):
-                self._states[name] = state
+        for name, of in numbers.items():
+            own = motion if len(of) == len(instants) else motion.some(np.searchsorted(instants, times[name]))
+            measured[name], self._states[name] = self._measure(name, own, of.start, self._states[name])
         return measured
+
+    def _measure(
+        self, name: str, motion: BodyMotion, first: int, state: SensorState | None
+    ) -> tuple[SensorSamples, SensorState]:
+        """Measure successive samples of one sensor.
+
+        Parameters
+        ----------
+        name : of the sensor.
+        motion, first, state : as `Sensor.measure` takes them.
+        """
+        with add_place(f"sensor '{name}'"):
+            return measure_samples(self._sensors[name], motion, self._keys[name], first, state)
+
+    def complete(self, measured: Mapping[str, SensorSamples], find_motion: FindMotion) -> dict[str, SensorSamples]:
+        """Add samples of length 0 for sensors without any, so that all sensors are there, in order.
+
+        Parameters
+        ----------
+        measured : samples by name of the sensor.
+        find_motion : as for `measure`.
+
+        Returns
+        -------
+        samples of all sensors by name.
+        """
+        missing = [name for name in self._sensors if name not in measured and name not in self._empty]
+        if missing:
+            reads = frozenset[str]().union(*(get_reads(self._sensors[name]) for name in missing))
+            motion = find_motion(np.zeros(1), reads, partial(np.empty, 0))
+            for name in missing:
+                samples, _ = self._measure(name, motion, 0, None)
+                arrays = {field.name: getattr(samples, field.name)[:0] for field in dataclasses.fields(samples)}
+                self._empty[name] = dataclasses.replace(samples, **arrays)
+        return {name: measured.get(name) or self._empty[name] for name in self._sensors}
+
+    def _list_ahead(self, after_s: float) -> np.ndarray:
+        """List the instants [s] of the samples that become available in some time after an instant, ascending."""
+        times = []
+        for sensor in self._sensors.values():
+            numbers = number_available_samples(sensor, after_s, after_s + _AHEAD_S)
+            times.append(time_sensor_samples(sensor, numbers[:_MOST_AHEAD]))
+        return np.unique(np.concatenate(times))
 
     def save(self) -> dict[str, SensorState | None]:
         """Return the present states, from which `restore` goes on."""

@@ -101,6 +101,50 @@ def test_perfect_sensors_measure_the_truth():
     np.testing.assert_allclose(turned.as_rotvec(), late_s[:, None] * rate, atol=1e-8)
 
 
+def tumble(_t, x, u):
+    """Free flight in rtn axes with thrust u, and a body of equal moments of inertia, which keeps its rate."""
+    qx, qy, qz, qw, wx, wy, wz = x[6:]
+    turned = (qw * wx - qz * wy + qy * wz, qz * wx + qw * wy - qx * wz, -qy * wx + qx * wy + qw * wz)
+    return np.array([*x[3:6], *u, *(0.5 * rate for rate in turned), -0.5 * (qx * wx + qy * wy + qz * wz), 0, 0, 0])
+
+
+def test_sensors_of_a_rigid_body_measure_the_truth():
+    """They read its state; the truth goes through the tree of axes. The two agree, also where another sensor samples."""
+    scenario = load(*PERFECT[:4], settings=("time.frame_rate_hz=2",))
+    body = rl.motion.StateSpace(
+        dynamics=tumble,
+        axes="rtn",
+        relative_to="stage",
+        layout="rigid_body",
+        initial_state=(3, -120, -2, 0.02, -0.15, 0.01, 0.5, 0.5, 0.5, 0.5, 0.01, 0.02, -0.03),
+        inputs=(0, 0, 0),
+    )
+    scenario = scenario.replace(follower=scenario.follower.replace(motion=body, attitude=None))
+    push = rl.Command(inputs={"follower": (0.0, 0.01, 0.0)})
+    with rl.Simulation(scenario) as simulation:
+        simulation.step()
+        while not simulation.is_over:
+            frame = simulation.step(push, dt_s=0.05)
+            samples, truth = simulation.samples, simulation.truth
+            link, along = (
+                truth.poses.link("inertial", "follower"),
+                truth.poses.link("inertial", "stage.rtn").matrix[:, 1],
+            )
+            for rate in samples["gyro"].angular_velocity_rad_s:
+                np.testing.assert_allclose(rate, link.angular_velocity_rad_s, atol=1e-12)
+    assert frame.index == 5
+    at = frame.observation.sensors["accelerometer"]
+    assert len(at.time_s) == 25
+    late_s = frame.time_s - at.time_s[-1]  # since then both have turned on: the body, and the axes of the thrust
+    back = late_s * along.angular_velocity_rad_s[2]
+    thrust = along.matrix @ [0.01 * np.sin(back), 0.01 * np.cos(back), 0.0]
+    turn = Rotation.from_rotvec(late_s * link.angular_velocity_rad_s)
+    body_from_inertial = link.rotation.inv()
+    np.testing.assert_allclose(
+        at.specific_force_m_s2[-1], turn.apply(body_from_inertial.apply(0.01 * along)), atol=1e-8
+    )
+
+
 def test_a_saved_simulation_goes_on_with_the_same_samples(scenario):
     with rl.Simulation(scenario) as simulation:
         simulation.step()

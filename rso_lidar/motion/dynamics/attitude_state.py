@@ -11,6 +11,7 @@ from pydantic import AfterValidator
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, warn
 from rso_lidar.part import UNIT_NORM_WITHIN, Text
+from rso_lidar.pose import matrix_from_quaternion
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -84,6 +85,25 @@ def attitude_from_state(
             f"attitude_state = {QUATERNION}"
         )
     return Rotation.from_euler(order.upper(), angles), rates
+
+
+def matrix_from_state(
+    state: np.ndarray, attitude_state: str, label: str, time_s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Read attitudes as matrices, and body rates, from states.
+
+    Parameters
+    ----------
+    state, attitude_state, label, time_s : as for `attitude_from_state`.
+
+    Returns
+    -------
+    axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s].
+    """
+    if attitude_state == QUATERNION:
+        return matrix_from_quaternion(state[:, :4]), state[:, 4:7]
+    rotation, rates = attitude_from_state(state, attitude_state, label, time_s)
+    return rotation.as_matrix(), rates
 
 
 def _read_angles(numbers: np.ndarray, attitude_state: str) -> tuple[str, np.ndarray]:

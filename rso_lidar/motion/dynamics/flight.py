@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import functools
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -67,20 +68,24 @@ class StateSpaceModel(Part):
         return wrap_dynamics(find_function(self.dynamics), self.label, len(self.initial_state))
 
 
-class _Piece(NamedTuple):
-    """A stretch of a flight under constant inputs (m,), from the state (n,) at `begin_s`."""
+class Piece(NamedTuple):
+    """A stretch of a flight under constant inputs (m,), from the state (n,) at `begin_s`; None for a solution not begun."""
 
     begin_s: float
     inputs: np.ndarray
     state: np.ndarray
-    solution: OdeSolution | ShortSolution
+    solution: OdeSolution | ShortSolution | None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle what the solution begins with, and not the solution."""
+        return Piece, (self.begin_s, self.inputs, self.state, None)
 
 
 @dataclass(frozen=True, eq=False)
 class FlightState:
-    """State of a flight: for each of its pieces the start [s], the inputs (m,) and the state (n,) at the start."""
+    """State of a flight: its pieces, and the span of time whose pieces are no longer kept [s]."""
 
-    pieces: tuple[tuple[float, np.ndarray, np.ndarray], ...]
+    pieces: tuple[Piece, ...]
     lost_s: tuple[float, float]
 
 
@@ -92,9 +97,11 @@ class Flight:
         self._function = model.function()
         state, inputs = np.array(model.initial_state, dtype=float), np.array(model.inputs, dtype=float)
         self._pieces = [self._begin_piece(0.0, inputs, state)]
+        self._begins_s = [0.0]
+        self._last: tuple[tuple[float, int, float] | None, np.ndarray] = (None, state)  # the instant evaluated last
         self._lost_s = (np.inf, -np.inf)
 
-    def _begin_piece(self, begin_s: float, inputs: np.ndarray, state: np.ndarray) -> _Piece:
+    def _begin_piece(self, begin_s: float, inputs: np.ndarray, state: np.ndarray) -> Piece:
         """Begin a piece of the flight; only the first begins without a command.
 
         Parameters
@@ -114,40 +121,45 @@ class Flight:
             if begin_s > 0.0
             else OdeSolution(derivative, state, panel_s=_PANEL_S, name=model.label, **tolerances)
         )
-        return _Piece(begin_s, inputs, state, solution)
+        return Piece(begin_s, inputs, state, solution)
 
     def save(self) -> FlightState:
         """Return the present state, from which `restore` goes on."""
-        return FlightState(tuple(piece[:3] for piece in self._pieces), self._lost_s)
+        return FlightState(tuple(self._pieces), self._lost_s)
 
     def restore(self, state: FlightState) -> None:
         """Go on from a state that a flight of the same model saved."""
-        known = {id(piece.state): piece for piece in self._pieces}
-        self._pieces = [known.get(id(piece[2])) or self._begin_piece(*piece) for piece in state.pieces]
+        self._pieces = [
+            piece if piece.solution is not None else self._begin_piece(*piece[:3]) for piece in state.pieces
+        ]
+        self._begins_s = [piece.begin_s for piece in self._pieces]
+        self._last = None, self._pieces[0].state
         self._lost_s = state.lost_s
 
     def hold(self, time_s: float, inputs: np.ndarray) -> None:
         """Hold new inputs from `time_s` [s] on, which must not be earlier than the previous command."""
         inputs, last = np.array(inputs, dtype=float, ndmin=1), self._pieces[-1]
-        if inputs.shape != last.inputs.shape or not np.all(np.isfinite(inputs)):
+        if inputs.shape != last.inputs.shape or not np.isfinite(inputs).all():
             raise ScenarioError(
                 f"command: inputs of {self.model.label} are {inputs.tolist()!s:.60}: give {len(last.inputs)} finite "
                 "numbers, one for each of its `inputs`"
             )
-        if np.array_equal(inputs, last.inputs):
+        if (inputs == last.inputs).all():
             return
         state = self(np.array([time_s]))[0]
         if last.begin_s == time_s:
-            del self._pieces[-1]
+            del self._pieces[-1], self._begins_s[-1]
         self._pieces.append(self._begin_piece(time_s, inputs, state))
+        self._begins_s.append(time_s)
         if len(self._pieces) > _KEPT + 1:
             self._lost_s = (min(self._lost_s[0], self._pieces[1].begin_s), self._pieces[2].begin_s)
-            del self._pieces[1]
+            del self._pieces[1], self._begins_s[1]
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
         """Integrate x (time, n) to `time_s` (time,) [s]."""
         times = np.asarray(time_s, dtype=float)
-        piece = self._piece(times)
+        if len(times) == 1 and self._last[0] == (key := (times.item(), len(self._begins_s), self._begins_s[-1])):
+            return self._last[1]
         lost = (times > self._lost_s[0]) & (times < self._lost_s[1])
         if lost.any():
             raise PropagationError(
@@ -155,11 +167,23 @@ class Flight:
                 f"because more than {_KEPT} commands followed: request later instants",
                 lost,
             )
+        number = self._find_pieces(times)
+        if len(times) == 1:
+            states = self._evaluate_piece(number[0], times)
+            states.flags.writeable = False
+            self._last = key, states
+            return states
         states = np.empty((len(times), len(self.model.initial_state)))
-        for number in np.unique(piece):
-            rows = piece == number
-            states[rows] = self._pieces[number].solution(times[rows] - self._pieces[number].begin_s)
+        for one in set(number):
+            rows = np.array(number) == one
+            states[rows] = self._evaluate_piece(one, times[rows])
         return states
+
+    def _evaluate_piece(self, number: int, time_s: np.ndarray) -> np.ndarray:
+        """Integrate x (time, n) to instants (time) [s] of one piece."""
+        piece = self._pieces[number]
+        assert piece.solution is not None
+        return piece.solution(time_s - piece.begin_s)
 
     def rates(self, time_s: np.ndarray) -> np.ndarray:
         """Evaluate x' (time, n) at `time_s` (time,) [s], under the inputs that are held from there on."""
@@ -172,7 +196,7 @@ class Flight:
 
     def inputs_at(self, time_s: np.ndarray) -> np.ndarray:
         """Return the inputs (time, m) that are held from `time_s` (time,) [s] on."""
-        held = [self._pieces[number].inputs for number in self._piece(np.asarray(time_s, dtype=float))]
+        held = [self._pieces[number].inputs for number in self._find_pieces(time_s)]
         inputs: np.ndarray = np.array(held).reshape(len(held), len(self.model.inputs))
         return inputs
 
@@ -185,19 +209,13 @@ class Flight:
         share : factor of the inputs.
         """
         times = np.asarray(time_s, dtype=float)
-        inputs = [share * self._pieces[number].inputs for number in self._piece(times)]
+        inputs = [share * self._pieces[number].inputs for number in self._find_pieces(times)]
         rows = [self._function(t, x, u) for t, x, u in zip(times.tolist(), self(times), inputs, strict=True)]
         return np.array(rows, dtype=float).reshape(len(times), len(self.model.initial_state))
 
-    @property
-    def begins_s(self) -> np.ndarray:
-        """Instants from which new inputs are held [s]."""
-        return np.array([piece.begin_s for piece in self._pieces])
-
-    def _piece(self, times: np.ndarray) -> np.ndarray:
-        """Find the number (time) of the piece that contains each instant."""
-        piece: np.ndarray = np.maximum(np.searchsorted(self.begins_s, times, side="right") - 1, 0)
-        return piece
+    def _find_pieces(self, time_s: np.ndarray) -> list[int]:
+        """Find the number (time) of the piece that contains each instant [s]."""
+        return [max(bisect.bisect_right(self._begins_s, one) - 1, 0) for one in np.asarray(time_s).tolist()]
 
 
 def fly_open_loop(model: StateSpaceModel) -> Flight:

@@ -94,7 +94,7 @@ def wrap_dynamics(function: Function, label: str, n: int) -> Function:
         ScenarioError
             If the function fails, or if its result is not (n,) finite numbers.
         """
-        x, u = np.array(x), np.array(u)
+        x, u = x.copy(), u.copy()
         x.flags.writeable = u.flags.writeable = False  # f must not change the state by writing into its arguments
         try:
             rates = np.asarray(function(t, x, u), dtype=float)
@@ -109,7 +109,7 @@ def wrap_dynamics(function: Function, label: str, n: int) -> Function:
                 f"{label}: returned the shape {rates.shape} at t = {t:g} s; return one derivative for each of the {n} "
                 "entries of the state"
             )
-        if not np.all(np.isfinite(rates)):
+        if not np.isfinite(rates).all():
             raise ScenarioError(
                 f"{label}: returned {rates.tolist()!s:.60} at t = {t:g} s; return finite numbers for this state"
             )

@@ -182,8 +182,7 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
     commands = _select_commands(state, command, latency)
     tick, rest_s = _split_time(until_s)
     travel = ptu.response.travel_rad
-    scenario = demand(np.array([until_s]))[0]
-    demanded = _pair(_apply_command(scenario, command))
+    demanded = _find_demanded(demand, command, until_s)
 
     if isinstance(ptu.response, Ideal):
         angle, rate = _follow_demand(ptu.response, demand, commands, until_s, latency)
@@ -238,6 +237,7 @@ def _pair(angles: np.ndarray) -> Pair:
 
 
 def _check_command(command: Command) -> Command:
+    """Check the angles of a command, and return a command of these alone."""
     for name in ("pan_rad", "tilt_rad"):
         angle = getattr(command, name)
         number = isinstance(angle, int | float | np.floating | np.integer) and not isinstance(angle, bool)
@@ -245,7 +245,7 @@ def _check_command(command: Command) -> Command:
             raise ScenarioError(
                 f"command: {name} is {angle!r:.60}: return an angle, or None to keep the scenario's demand"
             )
-    return command
+    return Command(command.pan_rad, command.tilt_rad)
 
 
 def _split_time(time_s: float) -> tuple[int, float]:
@@ -253,6 +253,20 @@ def _split_time(time_s: float) -> tuple[int, float]:
     tick = math.floor(time_s * TICKS_PER_S + 1e-6)
     rest_s = time_s - tick / TICKS_PER_S
     return tick, rest_s if rest_s > 1e-9 else 0.0
+
+
+def _find_demanded(demand: Demand, command: Command, time_s: float) -> Pair:
+    """Return pan and tilt [rad] that a command or else the scenario demands.
+
+    Parameters
+    ----------
+    demand : of the scenario, evaluated for the axes without a command only.
+    command : the command.
+    time_s : instant [s].
+    """
+    if command.pan_rad is not None and command.tilt_rad is not None:
+        return float(command.pan_rad), float(command.tilt_rad)
+    return _pair(_apply_command(demand(np.array([time_s]))[0], command))
 
 
 def _apply_command(angles: np.ndarray, command: Command) -> np.ndarray:
@@ -304,7 +318,11 @@ def _sample_demand(
     -------
     demanded pan and tilt (tick, 2) [rad].
     """
-    demanded = np.array(demand(np.maximum(np.arange(first, end) - latency, 0) / TICKS_PER_S), dtype=float)
+    both = all(command.pan_rad is not None and command.tilt_rad is not None for _, command in commands)
+    if commands and commands[0][0] <= first and both:
+        demanded = np.empty((end - first, 2))
+    else:
+        demanded = np.array(demand(np.maximum(np.arange(first, end) - latency, 0) / TICKS_PER_S), dtype=float)
     ends = [tick for tick, _ in commands[1:]] + [end]
     for (begin, command), finish in zip(commands, ends, strict=True) if commands else ():
         rows = slice(max(begin - first, 0), max(finish - first, 0))

@@ -14,6 +14,7 @@ from rso_lidar.motion.dynamics.attitude_state import (
     attitude_from_state,
     check_attitude,
     count_entries,
+    matrix_from_state,
 )
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
@@ -144,3 +145,17 @@ class StateSpace(StateSpaceModel, PlacedMotion):
         axes_from_body (time), and the body rates (time, 3) [rad/s].
         """
         return attitude_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)
+
+    def find_matrices(self, flight: Flight, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Integrate the attitude of a rigid body.
+
+        Parameters
+        ----------
+        flight : of this model.
+        time_s : instants (time,) [s].
+
+        Returns
+        -------
+        axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s].
+        """
+        return matrix_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)
