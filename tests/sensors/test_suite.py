@@ -126,23 +126,18 @@ def test_sensors_of_a_rigid_body_measure_the_truth():
         while not simulation.is_over:
             frame = simulation.step(push, dt_s=0.05)
             samples, truth = simulation.samples, simulation.truth
-            link, along = (
-                truth.poses.link("inertial", "follower"),
-                truth.poses.link("inertial", "stage.rtn"),
-            )
+            link, axes = (truth.poses.link("inertial", name) for name in ("follower", "stage.rtn"))
             for rate in samples["gyro"].angular_velocity_rad_s:
                 np.testing.assert_allclose(rate, link.angular_velocity_rad_s, atol=1e-12)
     assert frame.index == 5
     at = frame.observation.sensors["accelerometer"]
     assert len(at.time_s) == 25
     late_s = frame.time_s - at.time_s[-1]  # since then both have turned on: the body, and the axes of the thrust
-    back = late_s * along.angular_velocity_rad_s[2]
-    thrust = along.matrix @ [0.01 * np.sin(back), 0.01 * np.cos(back), 0.0]
+    back = late_s * axes.angular_velocity_rad_s[2]
+    thrust = axes.matrix @ [0.01 * np.sin(back), 0.01 * np.cos(back), 0.0]
     turn = Rotation.from_rotvec(late_s * link.angular_velocity_rad_s)
-    body_from_inertial = link.rotation.inv()
-    np.testing.assert_allclose(
-        at.specific_force_m_s2[-1], turn.apply(body_from_inertial.apply(0.01 * along)), atol=1e-8
-    )
+    felt = turn.apply(link.rotation.inv().apply(thrust))
+    np.testing.assert_allclose(at.specific_force_m_s2[-1], felt, atol=1e-8)
 
 
 def test_a_saved_simulation_goes_on_with_the_same_samples(scenario):
