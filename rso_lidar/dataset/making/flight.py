@@ -30,7 +30,6 @@ def list_kept(labels: OptionalLabels) -> tuple[str, ...]:
         "hits",
         "signal",
         "photons",
-        *(("prediction",) if labels.prediction else ()),
         *(("oversampled",) if labels.oversampled else ()),
     )
 
@@ -44,7 +43,8 @@ def fly_sample(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[LabelledFram
     sample : of the plan.
     """
     drawn = list_numbers(sample)
-    for step, frame, command in _fly(plan, sample):
+    for step, flown, command in _fly(plan, sample):
+        frame = _predict(plan, sample, flown, command)
         yield label(plan, sample, frame, step, 0), drawn
         for draw, seed in enumerate(sample.seeds[1:], 1):
             yield label(plan, sample, _draw_again(plan, sample, frame, command, seed), step, draw), drawn
@@ -90,6 +90,23 @@ def _fly(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[int, Frame, Comman
             return
 
 
+def _predict(plan: DatasetPlan, sample: Sample, frame: Frame, command: Command | None) -> Frame:
+    """Add the prediction of each pixel to what a frame keeps, if the labels of the dataset hold it.
+
+    Parameters
+    ----------
+    plan, sample : of the dataset.
+    frame : of the sample.
+    command : under which it was made.
+    """
+    if not plan.spec.labels.prediction:
+        return frame
+    photons: Any = frame.kept["photons"]
+    part = sample.scenario.instrument.at(frame.time_s, command).detector
+    found = detector.predict_pixels(photons, part, frame.labels.range_m, by_table=not plan.spec.draws_detector)
+    return replace(frame, kept={**frame.kept, "prediction": found})
+
+
 def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Command | None, seed: int) -> Frame:
     """Make a frame again from the same poses, with the noise of another seed.
 
@@ -108,7 +125,8 @@ def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Comman
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(frame.index, DETECTION))))
     if lidar.bounces > 1 or lidar.laser.has_jitter:
         kept = list_kept(plan.spec.labels)
-        return flash(scenario, frame.truth, rng, 1, lidar=lidar, index=frame.index, keep=kept)
+        again = flash(scenario, frame.truth, rng, 1, lidar=lidar, index=frame.index, keep=kept)
+        return _predict(plan, sample, again, command)
     photons: Any = frame.kept["photons"]
     reading, _ = detector.detect(photons, lidar.detector, rng, 1)
     return replace(frame, observation=replace(frame.observation, reading=reading))

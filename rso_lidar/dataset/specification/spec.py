@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from rso_lidar.dataset.specification.distributions import Choice, Law, WholeNumber
 from rso_lidar.dataset.specification.tables import (
     ClassOfTargets,
     Clutter,
@@ -25,6 +26,15 @@ from rso_lidar.part import Count, Name, Text, Whole
 from rso_lidar.scenario.mission.validation import FilePart
 
 MOST_SAMPLES = 10**8
+_MEASURED = ("lidar.detector.", "lidar.laser.pulse_")  # fields on which the table of scatter depends, except:
+_UNMEASURED = (
+    "lidar.detector.camera_seed",
+    "lidar.detector.armed_from_m",
+    "lidar.detector.armed_to_m",
+    "lidar.detector.gate.delay_ns",
+    "lidar.laser.pulse_rate_hz",
+)
+_FEW = 32  # values of a law for whole numbers, for which that table is filled
 
 
 class DatasetSpec(FilePart):
@@ -95,6 +105,14 @@ class DatasetSpec(FilePart):
         """Number of samples of a full shard."""
         return max(1, self.shard_frames // self.frames_per_sample)
 
+    @property
+    def draws_detector(self) -> bool:
+        """Whether nearly every sample has another detector or pulse, so that a table of one serves no other."""
+        return any(
+            one.field.startswith(_MEASURED) and one.field not in _UNMEASURED and not _has_few_values(one.law)
+            for one in self.variable
+        )
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         _check_names("classes", [one.name for one in self.classes])
@@ -122,6 +140,11 @@ class DatasetSpec(FilePart):
             for one in self.classes:
                 if one.empty:
                     raise ValueError(f"split: class '{one.name}' has no model to split by; take the type random")
+
+
+def _has_few_values(law: Law) -> bool:
+    """Return whether a law draws from a list, or from a few whole numbers."""
+    return isinstance(law, Choice) or (isinstance(law, WholeNumber) and law.high - law.low < _FEW)
 
 
 def _check_names(place: str, names: list[str]) -> None:

@@ -7,6 +7,7 @@ from rso_lidar import sampling
 from rso_lidar.dataset.drawing.plan import make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, label, list_kept
+from rso_lidar.detector.bench import scatter_table
 from rso_lidar.records.schema import specs
 from rso_lidar.simulate import simulate
 from tests.dataset.bench_for_tests import make_spec
@@ -39,7 +40,7 @@ def test_each_draw_is_the_frame_of_its_seed(tmp_path, monkeypatch, settings, cas
     flown = [frame for frame, _ in fly_sample(plan, sample)]
     monkeypatch.undo()
     assert len(calls) == 2 * casts and len(flown) == 6
-    keep = list_kept(spec.labels)
+    keep = (*list_kept(spec.labels), "prediction")
     for draw, seed in enumerate(sample.seeds):
         alone = simulate(sample.scenario.replace(seed=seed), frames=sample.frames, threads=1, keep=keep)
         for step, frame in enumerate(alone):
@@ -48,3 +49,27 @@ def test_each_draw_is_the_frame_of_its_seed(tmp_path, monkeypatch, settings, cas
                 ours, theirs = np.asarray(getattr(found, name)), np.asarray(getattr(expected, name))
                 assert ours.tobytes() == theirs.tobytes(), name
     assert not np.array_equal(flown[0].range_m, flown[1].range_m, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("field", "law", "is_drawn"),
+    [
+        ("lidar.laser.pulse_fwhm_ns", {"type": "uniform", "low": 6, "high": 10}, True),
+        ("lidar.laser.pulse_fwhm_ns", {"type": "choice", "values": [6, 10]}, False),
+        ("lidar.laser.energy_mj", {"type": "uniform", "low": 6, "high": 10}, False),
+        ("lidar.detector.camera_seed", {"type": "whole", "low": 0, "high": 1000}, False),
+        ("lidar.detector.apd.gain", {"type": "normal", "mean": 10, "sigma": 1, "low": 8, "high": 12}, True),
+    ],
+)
+def test_no_table_is_filled_for_a_detector_of_one_sample(tmp_path, field, law, is_drawn):
+    variable = [{"field": field, "law": law}]
+    spec = make_spec(tmp_path, variable=variable, draws=1, labels={"prediction": True})
+    assert spec.draws_detector is is_drawn
+    if not is_drawn:
+        return
+    plan = make_plan(spec)
+    filled = scatter_table._try_levels.cache_info().misses
+    ((frame, _),) = fly_sample(plan, draw_sample(plan, 0))
+    assert scatter_table._try_levels.cache_info().misses == filled
+    lit = frame.detection_probability > 0.9
+    assert lit.any() and (0.003 < frame.range_sigma_m[lit]).all() and (frame.range_sigma_m[lit] < 0.3).all()
