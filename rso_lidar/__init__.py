@@ -3,7 +3,7 @@
 Here is what scripts build scenarios from, and what runs them. Each room holds the rest: `rl.orbit`, `rl.rpo` and
 `rl.motion` further motions and attitudes, `rl.scene` further materials, `rl.optics` and `rl.detector` what a lens and a
 detector are made of, `rl.sensors` the spacecraft's other sensors, `rl.records` what the stages hand on, `rl.study` and
-`rl.track` what is asked of the result.
+`rl.track` what is asked of the result, and `rl.loop` what connects a run to other programs.
 
 >>> import rso_lidar as rl
 >>> rl.Laser(energy_mj=50).wavelength_nm
@@ -21,6 +21,7 @@ from rso_lidar import (
     dataset,
     detector,
     export,
+    loop,
     motion,
     optics,
     orbit,
@@ -157,6 +158,7 @@ __all__ = [
     "detector",
     "export",
     "flash",
+    "loop",
     "motion",
     "open",
     "optics",

@@ -3,7 +3,7 @@
 import glob
 import importlib.metadata
 import time
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +16,7 @@ from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice
+from rso_lidar.loop.live.live_view import DEFAULT_ADDRESS, LiveView
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import simulate
@@ -49,6 +50,12 @@ def run(
     ] = None,
     overwrite: Overwrite = False,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show frames live to viewers of the Foxglove protocol on this machine.")
+    ] = False,
+    live_at: Annotated[
+        str | None, typer.Option("--live-at", metavar="HOST:PORT", help="Address of the live view (127.0.0.1:8765).")
+    ] = None,
 ) -> None:
     """Simulate a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
@@ -71,6 +78,7 @@ def run(
         _refuse_other_runs(output, identity)
     tally = Tally()
     done = 0
+    view = _open_view(scenario, live_at) if live or live_at is not None else None
     recorder = export.Recorder(
         output,
         scenario.source,
@@ -80,7 +88,7 @@ def run(
         changing_lens=scenario.lidar.changes_lens,
     )
     set_advice(lambda: to_one_line(_describe_kept_frames(recorder, len(numbers), resume=resume)))
-    with recorder:
+    with recorder, view or nullcontext():
         done = recorder.written
         if done:
             echo(f"continuing after {done} of {len(numbers)} frames")
@@ -89,9 +97,25 @@ def run(
                 left = numbers[done:].tolist()
                 for frame in simulate(scenario, frames=left, threads=threads, workers=workers, keep=kept):
                     recorder.write(frame)
+                    if view is not None:
+                        view.show(frame)
                     tally.add(frame)
                     bar.advance()
     echo(tally.table(output, done))
+    if view is not None:
+        echo(f"live view   {view.shown:,} frames shown, {view.dropped:,} dropped")
+
+
+def _open_view(scenario: Scenario, address: str | None) -> LiveView:
+    """Open the live view, and print where it is.
+
+    Parameters
+    ----------
+    scenario, address : the scenario, and the address that the user gave, if any.
+    """
+    view = LiveView(scenario, DEFAULT_ADDRESS if address is None else address)
+    echo(f"live view   {view.url} (in Lichtblick or Foxglove: open a connection, Foxglove WebSocket)", err=True)
+    return view
 
 
 def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:

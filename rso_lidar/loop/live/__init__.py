@@ -1,0 +1,1 @@
+"""Live views: frames shown to viewers while they are made."""
