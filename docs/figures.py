@@ -1,4 +1,4 @@
-"""Draw the figures of the instrument, orbits, studies and models pages: ``python docs/figures.py`` writes docs/pictures/.
+"""Draw the figures of the pages in docs: ``python docs/figures.py`` writes docs/pictures/.
 
 It takes a minute or two on one core. Every curve of the instrument is what the detector's chain makes of a plate on the
 bench, with fixed seeds; nothing is drawn from a formula but what says so. A name or two on the command line draws these
@@ -1021,6 +1021,51 @@ def _fall_free(_time_s: float, state: np.ndarray, _inputs: np.ndarray) -> np.nda
     return np.concatenate([state[3:], np.zeros(3)])
 
 
+def _allan_deviation(values: np.ndarray, rate_hz: float, averaging_s: np.ndarray) -> np.ndarray:
+    """Return the overlapping Allan deviation (averaging time) of samples (sample)."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    found = []
+    for count in np.rint(averaging_s * rate_hz).astype(int):
+        means = (total[count:] - total[:-count]) / count
+        found.append(math.sqrt(0.5 * float(np.mean((means[count:] - means[:-count]) ** 2))))
+    return np.array(found)
+
+
+def allan() -> Any:
+    """Return the Allan deviation of ten hours of a gyro at rest, and the terms of its datasheet."""
+    figure = new_figure(
+        9.6, 4.8, "Ten hours of a gyro at rest",
+        "overlapping Allan deviation of the preset stim300_gyro, and of one with a rate random walk of 2 deg/h/√h; lines: "
+        "IEEE Std 952",
+    )  # fmt: skip
+    axes = figure.subplots()
+    rate_hz, averaging_s = 25.0, np.geomspace(0.2, 12_000.0, 60)
+    time_s = np.arange(round(10.0 * 3600.0 * rate_hz)) / rate_hz
+    zero = np.zeros((len(time_s), 3))
+    upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(time_s), 1))
+    at_rest = rl.records.BodyMotion(time_s, zero, zero, upright, zero, zero)
+    for walk_deg_h_rth, colour in ((0.0, BLUE), (2.0, RED)):
+        gyro = rl.sensors.Gyro(
+            name="gyro", preset="stim300_gyro", rate_hz=rate_hz, rate_random_walk_deg_h_rth=walk_deg_h_rth
+        )
+        samples, _ = gyro.measure(at_rest, rl.sensors.make_key(1, "gyro"), 0)
+        for k, axis in enumerate((samples.angular_velocity_rad_s / units.DEG_H).T):
+            label = "preset, three axes" if walk_deg_h_rth == 0.0 else "with a rate random walk"
+            deviation = _allan_deviation(axis, rate_hz, averaging_s)
+            axes.plot(averaging_s, deviation, ".-", color=colour, ms=3, lw=0.7, label=label if k == 0 else None)
+    floor = gyro.bias_instability_deg_h
+    for label, line, style in (
+        ("angle random walk 0.15 deg/√h", 0.15 * 60.0 / np.sqrt(averaging_s), "--"),
+        (f"bias instability {floor:g} deg/h", np.full_like(averaging_s, floor), ":"),
+        ("rate random walk 2 deg/h/√h", 2.0 * np.sqrt(averaging_s / 3.0 / 3600.0), "-."),
+    ):
+        axes.plot(averaging_s, line, style, color=hex_colour(INK), lw=0.9, label=label)
+    axes.set(xscale="log", yscale="log", ylim=(0.1, 30.0))
+    style_axes(axes, x="Averaging time [s]", y="Allan deviation [deg/h]")
+    key(axes)
+    return figure
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "counts": counts,
     "detection": detection,
@@ -1040,6 +1085,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "models": models,
     "stray_light": stray_light,
     "smear": smear,
+    "allan": allan,
     "published": published,
     "second_bounce": second_bounce,
 }

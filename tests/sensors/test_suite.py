@@ -68,6 +68,21 @@ def test_samples_arrive_with_the_next_flash_and_do_not_depend_on_the_steps(scena
                 np.testing.assert_array_equal(getattr(samples, field), getattr(other.observation.sensors[name], field))
 
 
+def test_samples_do_not_depend_on_other_sensors_and_their_rates():
+    alone = fly(load(PERFECT[0].replace("}", ", angle_random_walk_deg_rth=0.1}")))
+    beside = fly(
+        load(
+            '{type="gyro", name="other", rate_hz=33, angle_random_walk_deg_rth=0.1}',
+            PERFECT[0].replace("}", ", angle_random_walk_deg_rth=0.1}"),
+            PERFECT[3],
+        )
+    )
+    for one, other in zip(alone, beside, strict=True):
+        rates = [frame.observation.sensors["gyro"].angular_velocity_rad_s for frame in (one, other)]
+        np.testing.assert_array_equal(*rates)
+        assert len(other.observation.sensors["other"].time_s) != len(rates[0]) or one.index == 0
+
+
 def test_frames_alone_have_the_samples_of_a_run(scenario):
     whole = list(rl.simulate(scenario))
     (alone,) = rl.simulate(scenario, frames=[2])
