@@ -180,7 +180,15 @@ def test_every_picture_is_shown_and_every_figure_drawn():
     assert {file.stem for file in PICTURES} == figures | {"tdrs_approach", "growth"}
     told = "".join(
         (DOCS / page).read_text(encoding="utf-8")
-        for page in ("physics.md", "instrument.md", "orbits.md", "studies.md", "models.md", "calibration.md", "sensors.md")
+        for page in (
+            "physics.md",
+            "instrument.md",
+            "orbits.md",
+            "studies.md",
+            "models.md",
+            "calibration.md",
+            "sensors.md",
+        )
     )
     assert {name for name in figures if f"](pictures/{name}.png)" in told} == figures
 
