@@ -11,7 +11,7 @@ from rso_lidar.cli.info_follow import follow_recording
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import count_bytes
-from rso_lidar.records import Frame
+from rso_lidar.records import Frame, SensorSamples
 
 _EVERY_S = 2.0
 
@@ -70,11 +70,31 @@ def _describe_more(frames: export.Recording, first: Frame) -> list[str]:
         lines.append(f"returns     up to {first.observation.reading.return_range_m.shape[-1]} of a pixel")
     if frames.kept:
         lines.append(f"kept        {', '.join(frames.kept)}")
+    lines += [f"sensor      {_describe_sensor(name, frames.sensors[name])}" for name in frames.sensors]
     if first.truth.sunlit:
         shares = {name: frames.dataset(f"truth/{name}/sunlit")[:] for name in first.truth.sunlit}
         text = [f"{name} {_format_span(share.min(), share.max())}" for name, share in shares.items()]
         lines.append(f"sunlight    {', '.join(text)}")
     return lines
+
+
+def _describe_sensor(name: str, samples: SensorSamples) -> str:
+    """Describe the samples of a sensor: what they are, how many, their rate, and how many are valid.
+
+    Parameters
+    ----------
+    name : of the sensor.
+    samples : of the whole recording.
+    """
+    count, text = len(samples.time_s), f"{name}: {type(samples).__name__}"
+    if not count:
+        return f"{text}, no samples"
+    steps_s = np.diff(samples.time_s)
+    rate = f" at {1.0 / np.median(steps_s):.4g} Hz" if count > 1 else ""
+    valid = f", {samples.valid.mean():.1%} valid" if not samples.valid.all() else ""
+    return (
+        f"{text}, {count:,} sample{'s' * (count > 1)}{rate}, {samples.time_s[0]:g} to {samples.time_s[-1]:g} s{valid}"
+    )
 
 
 def _format_span(low: float, high: float) -> str:

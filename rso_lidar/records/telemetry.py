@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.records.schema import Record, array
+from rso_lidar.records.schema import Record, array, specs
 from rso_lidar.records.truth import BodyState
 
 # What a sensor may read of a `BodyMotion`, beside angular velocity and specific force. Place: position, velocity and
@@ -176,6 +176,6 @@ def join_samples(measured: Sequence[Mapping[str, SensorSamples]]) -> dict[str, S
 
 
 def _concatenate(series: Sequence[SensorSamples]) -> SensorSamples:
-    fields = [field.name for field in dataclasses.fields(series[0])]
+    fields = [field for field in specs(type(series[0])) if getattr(series[0], field) is not None]
     arrays = {field: np.concatenate([getattr(one, field) for one in series]) for field in fields}
     return dataclasses.replace(series[0], **arrays)

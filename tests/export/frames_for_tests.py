@@ -16,6 +16,7 @@ from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (
     BodyState,
     Frame,
+    GyroSamples,
     Labels,
     Observation,
     Oversampled,
@@ -23,10 +24,13 @@ from rso_lidar.records import (
     PixelPrediction,
     PtuAngles,
     Reading,
+    SensorSamples,
     Source,
     TargetEntry,
     Truth,
     Waveforms,
+    WheelSamples,
+    array,
 )
 
 PARENTS = {
@@ -63,8 +67,51 @@ def line_of_sight(shape, zoom=1.0):
 _SIGHT = {}
 
 
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class FourSamples(SensorSamples):
+    """Samples of a sensor with fields of four types."""
+
+    current_a: np.ndarray = array("sample diode row", "f4", "A", "currents of six photodiodes")
+    code: np.ndarray = array("sample", "i2", "1", "state of the sensor")
+    is_lit: np.ndarray = array("sample diode", "?", "1", "whether a photodiode is lit")
+    extra: np.ndarray | None = array("sample", "f8", "V", "a voltage that this sensor has not", optional=True)
+
+
+SENSORS = {"gyro": (1, 5, 6, 5), "wheels": (0, 0, 2, 2), "own sensor": (0, 1, 0, 1)}  # samples in frames 0, 1, 2, …
+
+
+def make_sensors(k, rng, counts):
+    """Return the samples of three sensors in frame k, `counts` of each in the first frames, and then the last of them."""
+    found = {}
+    for name, of_frames in counts.items():
+        n = of_frames[min(k, len(of_frames) - 1)]
+        time_s = 0.1 * (k - 1) + 0.1 * np.arange(1, n + 1) / max(n, 1)
+        common = time_s - 0.01, time_s, rng.uniform(size=n) < 0.7
+        if name == "gyro":
+            rates = rng.normal(size=(n, 3))
+            rates[~common[2]] = np.nan  # as in an outage
+            found[name] = GyroSamples(*common, rates)
+        elif name == "wheels":
+            found[name] = WheelSamples(*common, rng.normal(size=(n, 4)), np.empty((n, 0)))
+        else:
+            code = rng.integers(-100, 100, n)
+            found[name] = FourSamples(*common, rng.normal(size=(n, 2, 3)), code, rng.uniform(size=(n, 2)) < 0.5)
+    return found
+
+
 def make_frame(
-    k=0, seed=1, shape=(12, 10), *, ptu=True, source=SOURCE, lit=0.2, settings=None, returns=False, keep=(), zoom=1.0
+    k=0,
+    seed=1,
+    shape=(12, 10),
+    *,
+    ptu=True,
+    source=SOURCE,
+    lit=0.2,
+    settings=None,
+    returns=False,
+    keep=(),
+    zoom=1.0,
+    sensors=None,
 ):
     """Return frame k of a made-up run; the same for the same arguments. `zoom` is a number, or a function of k."""
     rng = np.random.default_rng([seed, k])
@@ -112,6 +159,7 @@ def make_frame(
         settings={"focal_length_m": 0.2, "energy_j": 0.05} if settings is None else settings,
         line_of_sight=sight,
         pan_tilt_rad=rng.normal(size=2) if ptu else None,
+        sensors=make_sensors(k, np.random.default_rng([seed, k, 7]), sensors or {}),
     )
     pointing = None
     if ptu:
@@ -225,6 +273,9 @@ def assert_same(a, b):
     assert a.source == b.source
     assert dict(a.observation.settings) == dict(b.observation.settings)
     assert_same_record(a.observation.reading, b.observation.reading)
+    assert list(a.observation.sensors) == list(b.observation.sensors)
+    for name, samples in a.observation.sensors.items():
+        assert_same_record(samples, b.observation.sensors[name])
     assert_same_record(a.labels, b.labels)
     assert list(a.kept) == list(b.kept)
     for name in a.kept:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.layout.attributes import get_array_attributes, get_root_attributes
+from rso_lidar.export.layout.attributes import get_array_attributes, get_root_attributes, get_sensor_attributes
 from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_variables
 from rso_lidar.export.writer.frame_stream import count_frame_bytes, match_entries, take_first, to_json
 from rso_lidar.export.writer.lens_tables import LensNumbers
@@ -29,8 +29,9 @@ def write_npz(
     """Write frames to a compressed NPZ file and return its path; all frames are held in memory.
 
     Arrays have the names and dtypes of the HDF5 layout (``range``, ``labels/target``, ``truth/tdrs/position``), with
-    time as the first dimension. ``attributes`` is a JSON text with units, long_name and dims of each array. Its entry
-    ``/`` holds the attributes of the recording, such as its pose tree.
+    time as the first dimension. The samples of a sensor are one series (sample, …) without padding. ``attributes`` is a
+    JSON text with units, long_name and dims of each array. Its entry ``/`` holds the attributes of the recording, such
+    as its pose tree.
 
     Parameters
     ----------
@@ -60,7 +61,8 @@ def write_npz(
         numbers.append(lenses.number(frame.line_of_sight))
         if len(lenses) > len(tables):
             tables.append(np.asarray(frame.line_of_sight))
-    arrays = {name: np.stack(columns.pop(name)) for name in found}
+    joins = {name: np.concatenate if variable.is_series else np.stack for name, variable in found.items()}
+    arrays = {name: joins[name](columns.pop(name)) for name in found}
     if len(lenses) > 1:
         arrays["lens"] = np.array(numbers, LENS.dtype)
     arrays["line_of_sight"] = np.stack(tables) if len(lenses) > 1 else tables[0]
@@ -104,10 +106,15 @@ def _describe_arrays(first: Frame, found: dict[str, Variable], *, changing: bool
     changing : whether the lens changes.
     """
     source = first.source
-    root = get_root_attributes(source) | {"tree": get_parents(first), "states": list(first.truth.states)}
+    root = (
+        get_root_attributes(source)
+        | get_sensor_attributes(first)
+        | {"tree": get_parents(first), "states": list(first.truth.states)}
+    )
     described: dict[str, Any] = {"/": {**to_json(root), "targets": json.loads(root["targets"]), "seed": source.seed}}
     for name, variable in found.items():
-        described[name] = to_json(get_array_attributes(variable, source)) | {"dims": ["time", *variable.spec.dims]}
+        dims = [*["time"] * (not variable.is_series), *variable.spec.dims]
+        described[name] = to_json(get_array_attributes(variable, source)) | {"dims": dims}
     sight = specs(Observation)["line_of_sight"]
     dims = ["lens_number"] * changing + list(sight.dims)
     described["line_of_sight"] = {"units": sight.unit, "long_name": sight.meaning, "dims": dims}

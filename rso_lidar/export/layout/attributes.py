@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError
+from rso_lidar.export.layout import sensor_samples
 from rso_lidar.export.layout.datasets import TIME, Variable
 from rso_lidar.export.layout.target_table import tabulate_targets
-from rso_lidar.records import SCHEMA_VERSION, Source
+from rso_lidar.records import SCHEMA_VERSION, Frame, Source
 
 AXES = (
     "inertial: GCRS, or the root of a local world. lidar: +z boresight, +x right (columns grow with it), +y down (rows "
@@ -25,6 +26,15 @@ SCALES = {  # what the coordinate of a dimension means
     "fine_row": "row of the oversampled image, 0 at the top",
     "fine_col": "column of the oversampled image, 0 at the left",
 }
+_TIME_LINE = ("units", "calendar", "units_metadata", "comment")  # attributes of /time that other times have, too
+
+
+def get_scale_meaning(path: str) -> str:
+    """Return what the coordinate of a counted dimension means, such as that at ``sensors/gyro/sample``."""
+    dim = path.rpartition("/")[2]
+    if path.startswith(f"{sensor_samples.GROUP}/"):
+        return "number of the sample in its frame" if dim == "sample" else f"number along {dim.replace('_', ' ')}"
+    return SCALES[dim]
 
 
 def get_array_attributes(variable: Variable, source: Source) -> dict[str, Any]:
@@ -32,10 +42,27 @@ def get_array_attributes(variable: Variable, source: Source) -> dict[str, Any]:
     if variable.path == "time":
         return dict(get_time_attributes(source.start_utc))
     found: dict[str, Any] = {"units": variable.spec.unit, "long_name": variable.spec.meaning}
+    if variable.is_series and variable.path.rpartition("/")[2] in sensor_samples.TIMES:
+        found |= {name: get_time_attributes(source.start_utc)[name] for name in _TIME_LINE}
     if variable.path == "labels/target" and source.targets:
         found["flag_values"] = np.arange(len(source.targets), dtype=variable.spec.dtype)
         found["flag_meanings"] = " ".join(target.name for target in source.targets)
     return found
+
+
+def get_sensor_attributes(frame: Frame) -> dict[str, str]:
+    """Return the attribute of a recording that states its sensors; none where a frame has no sensors."""
+    sensors = frame.observation.sensors
+    return {"sensors": json.dumps(sensor_samples.describe_sensors(sensors), indent=1)} if sensors else {}
+
+
+def get_group_attributes(frame: Frame) -> dict[str, dict[str, str]]:
+    """Return the attributes of the groups of sensors, by path."""
+    described = sensor_samples.describe_sensors(frame.observation.sensors)
+    return {
+        f"{sensor_samples.GROUP}/{name}": {"record": one["record"], "long_name": one["about"]}
+        for name, one in described.items()
+    }
 
 
 def get_root_attributes(source: Source) -> dict[str, Any]:

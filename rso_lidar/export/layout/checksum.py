@@ -13,6 +13,7 @@ from rso_lidar.kernels import kernel
 CHECKSUM_BYTES = 4  # of a checksum behind a chunk
 _LARGE = 2**36  # as much as 2**21 words make; 2**63 / 2**36 words more would be needed for too large a sum
 TEXTS = ("title", "scenario", "start_utc", "seed", "versions", "targets")  # attributes of the root
+OPTIONAL_TEXTS = ("sensors",)
 TREE = ("tree", "states")  # attributes of /truth
 
 
@@ -67,7 +68,8 @@ def compute_texts_crc32(file: Any) -> int:
 
     HDF5 protects all its metadata with checksums, except the heap that holds texts of variable length.
     """
-    texts = [*_list_texts(file.attrs, TEXTS), *_list_texts(file["truth"].attrs, TREE)]
+    optional = [name for name in OPTIONAL_TEXTS if name in file.attrs]
+    texts = [*_list_texts(file.attrs, (*TEXTS, *optional)), *_list_texts(file["truth"].attrs, TREE)]
     return zlib.crc32("\0".join(texts).encode("utf-8", "surrogateescape"))
 
 

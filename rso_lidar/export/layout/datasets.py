@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.layout import intermediates
+from rso_lidar.export.layout import intermediates, sensor_samples
 from rso_lidar.pose import ROOT, PoseTree
 from rso_lidar.records import ArraySpec, BodyState, Frame, Labels, PtuAngles, Reading, specs
 
@@ -24,6 +24,7 @@ READING = {"range": "range_m", "intensity": "intensity_counts", "saturated": "sa
 RETURNS = {"returns/range": "return_range_m", "returns/intensity": "return_intensity_counts"}
 LABELS = {f"labels/{field.name}": field.name for field in dataclasses.fields(Labels) if field.default is not None}
 MORE_LABELS = {f"labels/{name}": name for name in specs(Labels) if f"labels/{name}" not in LABELS}
+_LEAST_COMPRESSED_BYTES = 1024
 _F8 = np.dtype("f8")
 _XYZ = ("xyz",)
 NODE = {
@@ -82,6 +83,16 @@ class Variable:
         return "row" in self.spec.dims or "fine_row" in self.spec.dims
 
     @property
+    def is_series(self) -> bool:
+        """Whether an entry holds a varying number of samples, and has room for `shape[0]` of them."""
+        return sensor_samples.is_series(self.path)
+
+    @property
+    def is_compressed(self) -> bool:
+        """Whether entries are compressed: below some 1 kB they would hardly become smaller."""
+        return self.is_image or self.frame_bytes >= _LEAST_COMPRESSED_BYTES
+
+    @property
     def fill(self) -> float | int | None:
         """Fill value for missing data, or None where zero serves."""
         if self.path in ("time", "frame_index", "lens"):
@@ -101,14 +112,25 @@ class Variable:
         return (1, *self.shape)
 
 
-def list_variables(frame: Frame) -> dict[str, Variable]:
-    """List the datasets of a recording with such frames, by path."""
+def list_variables(frame: Frame, capacities: sensor_samples.Capacities | None = None) -> dict[str, Variable]:
+    """List the datasets of a recording with such frames, by path.
+
+    Parameters
+    ----------
+    frame : any frame of the recording.
+    capacities : samples of each sensor for which an entry has room (None: as the frame needs).
+    """
+    room = sensor_samples.grow_capacities(frame.observation.sensors, capacities or {})
     found = _list_required(frame) | list_optional(frame)
     sizes = {"row": frame.range_m.shape[0], "col": frame.range_m.shape[1], "xyz": 3, "quaternion": 4}
     made = {}
     for path, value in collect_values(frame).items():
         own = dict(zip(found[path].dims, np.shape(value), strict=False))  # of returns, samples and the fine grid
-        made[path] = Variable(path, found[path], tuple((own | sizes)[dim] for dim in found[path].dims))
+        if sensor_samples.is_series(path):
+            own["sample"] = room[sensor_samples.get_sensor(path)]
+            made[path] = Variable(path, found[path], tuple(own.values()))
+        else:
+            made[path] = Variable(path, found[path], tuple((own | sizes)[dim] for dim in found[path].dims))
     for path, variable in made.items():
         if 0 in variable.shape:
             raise RecordingError(
@@ -147,6 +169,7 @@ def list_optional(frame: Frame) -> dict[str, ArraySpec]:
     found = {path: specs(Reading)[name] for path, name in RETURNS.items() if getattr(reading, name) is not None}
     found |= {path: specs(Labels)[name] for path, name in MORE_LABELS.items() if getattr(labels, name) is not None}
     found |= {f"truth/{name}/sunlit": SUNLIT for name in frame.truth.sunlit}
+    found |= sensor_samples.list_arrays(frame.observation.sensors)
     return found | intermediates.list_arrays(frame.kept)
 
 
@@ -183,6 +206,7 @@ def collect_values(frame: Frame) -> dict[str, Any]:
         if (value := getattr(record, name)) is not None
     }
     found |= intermediates.collect_arrays(frame.kept, frame.range_m.shape)
+    found |= sensor_samples.collect_arrays(observation.sensors)
     found |= {f"settings/{name}": value for name, value in observation.settings.items()}
     if truth.pointing is not None:
         found |= {path: getattr(truth.pointing, name)[place] for path, name, place in POINTING}

@@ -13,10 +13,23 @@ import numpy as np
 from rso_lidar.errors import RecordingError, RsoLidarError
 from rso_lidar.export.layout import intermediates
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, MORE_LABELS, POINTING, READING, RETURNS
+from rso_lidar.export.layout.sensor_samples import GROUP
 from rso_lidar.export.reader.recording_file import RecordingFile
+from rso_lidar.export.reader.sensor_series import SensorSeries
 from rso_lidar.export.reader.stored_array import StoredArray
 from rso_lidar.pose import Link, PoseTree
-from rso_lidar.records import BodyState, Frame, Labels, Observation, PtuAngles, Reading, Record, Truth, specs
+from rso_lidar.records import (
+    BodyState,
+    Frame,
+    Labels,
+    Observation,
+    PtuAngles,
+    Reading,
+    Record,
+    SensorSamples,
+    Truth,
+    specs,
+)
 
 _READ_AT_ONCE = 128  # frames of small vectors, which are kept until another one is asked for
 
@@ -26,6 +39,9 @@ class Recording(RecordingFile, Sequence[Frame]):
 
     The temporary file of a running or killed simulation can be read like a finished recording. It has the frames that
     were complete when it was opened, and `complete` is False.
+
+    `sensors` holds the samples of other sensors by name, each as one series over all frames:
+    ``recording.sensors["gyro"].time_s``.
 
     A recording can be pickled, such as for the processes of a data loader. Each process opens the file itself.
     """
@@ -39,6 +55,8 @@ class Recording(RecordingFile, Sequence[Frame]):
         """
         super().__init__(path)
         self._rows: dict[str, tuple[int, np.ndarray]] = {}
+        with self.watched("sensors"):
+            self.sensors = SensorSeries(self)
 
     # ---------------------------------------------------------------------------------------------------- as a sequence
 
@@ -174,6 +192,7 @@ class Recording(RecordingFile, Sequence[Frame]):
             settings={name: float(self._row(f"settings/{name}", k)) for name in self._settings},
             line_of_sight=self._sight_of(int(self._row("lens", k)) if self.changes_lens else 0),
             pan_tilt_rad=None if pointing is None else pointing.measured_rad,
+            sensors=self._samples(k),
         )
         sun = self._row("truth/sun_direction", k)
         sunlit = {name: float(self._row(f"truth/{name}/sunlit", k)) for name in self._sunlit}
@@ -185,6 +204,11 @@ class Recording(RecordingFile, Sequence[Frame]):
             source=self.source,
             kept={group: self._kept_record(group, k) for group in self.kept},
         )
+
+    def _samples(self, k: int) -> dict[str, SensorSamples]:
+        """Return the samples of each sensor in one frame."""
+        rows = {path: self._row(path, k) for path in self.paths if path.startswith(f"{GROUP}/")} if self.sensors else {}
+        return {name: self.sensors.select(name, rows) for name in self.sensors}
 
     def _arrays(self, names: Mapping[str, str], k: int) -> dict[str, np.ndarray]:
         """Return one entry of each of these datasets that the recording has, by name in the record."""

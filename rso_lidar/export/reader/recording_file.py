@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import operator
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -89,6 +89,11 @@ class RecordingFile:
     def changes_lens(self) -> bool:
         """Whether the recording has lines of sight of several lenses."""
         return "lens" in self._datasets
+
+    @property
+    def paths(self) -> Collection[str]:
+        """Paths of all datasets with an entry for each frame."""
+        return self._datasets.keys()
 
     def handle(self, path: str) -> Any:
         """Return the h5py dataset or Zarr array at a path; errors of its library are not translated.
@@ -206,6 +211,7 @@ class RecordingFile:
             group: {name: float(self._file[group].attrs[name]) for name in intermediates.CONSTANTS.get(group, ())}
             for group in self.kept
         }
+        self.sensors_text: str = attributes.get("sensors", "{}")
         self._count = int(self._datasets["time"].shape[0])
         for path, dataset in self._datasets.items():
             if dataset.shape[0] < self._count:

@@ -7,6 +7,7 @@ from typing import Any
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.layout.checksum import is_intact
+from rso_lidar.export.layout.sensor_samples import GROUP, is_series, pad
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.writer.lens_tables import LensTables
 
@@ -27,6 +28,9 @@ def copy_frames(file: Any, old: Recording, paths: Collection[str]) -> None:
     """
     for path in sorted(paths):
         have, make, count = old.handle(path), file[path], len(old)
+        if is_series(path) and have.shape[1] < make.shape[1]:
+            _copy_samples(make, old, path)
+            continue
         if _get_layout(have) != _get_layout(make):
             raise RecordingError(f"{old.path}: {path} is stored in another way; give --overwrite to start again")
         make.resize(count, axis=0)
@@ -37,6 +41,25 @@ def copy_frames(file: Any, old: Recording, paths: Collection[str]) -> None:
                 if mask or not is_intact(chunk):
                     raise ValueError(f"the checksum of frame {k} is wrong")
             make.id.write_direct_chunk(place, chunk)
+
+
+def _copy_samples(make: Any, old: Recording, path: str) -> None:
+    """Copy the samples of a sensor to longer entries.
+
+    Parameters
+    ----------
+    make : the new dataset, empty.
+    old : recording of the interrupted run.
+    path : of the dataset.
+    """
+    make.resize(len(old), axis=0)
+    for k in range(len(old)):
+        make[k] = pad(old.read(path, k), make.shape[1], make.fillvalue)
+
+
+def get_capacities(old: Recording | None) -> dict[str, int]:
+    """Return for how many samples of each sensor the entries of a recording have room; none without a recording."""
+    return {} if old is None else {name: old.handle(f"{GROUP}/{name}/time_s").shape[1] for name in old.sensors}
 
 
 def copy_lenses(file: Any, old: Recording, lenses: LensTables) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.layout import intermediates
 from rso_lidar.export.layout.datasets import Variable, collect_values, get_parents
+from rso_lidar.export.layout.sensor_samples import pad
 from rso_lidar.records import Frame
 
 
@@ -41,6 +42,8 @@ def _check_frame(place: Path, found: object) -> Frame:
 def match_entries(place: Path, frame: Frame, first: Frame, variables: Mapping[str, Variable]) -> dict[str, np.ndarray]:
     """Return the entry of each variable, by path, after checking that a frame matches the first one.
 
+    Samples of sensors are not padded to their entry.
+
     Parameters
     ----------
     place : output, for messages.
@@ -53,19 +56,42 @@ def match_entries(place: Path, frame: Frame, first: Frame, variables: Mapping[st
         raise RecordingError(f"{where}: its tree of axes differs from the first frame's; write it to another file")
     if frame.line_of_sight.shape != first.line_of_sight.shape:
         raise RecordingError(f"{where}: has other rows or columns than the first; write it to another file")
-    if intermediates.get_constants(frame.kept) != intermediates.get_constants(first.kept):
-        raise RecordingError(f"{where}: kept waveforms are sampled otherwise than the first's; write to another file")
     filled = collect_values(frame)
     if filled.keys() != variables.keys():
         odd = ", ".join(sorted(filled.keys() ^ variables.keys()))
         raise RecordingError(f"{where}: {odd}: not in every frame; write it to another file")
+    if intermediates.get_constants(frame.kept) != intermediates.get_constants(first.kept):
+        raise RecordingError(f"{where}: kept waveforms are sampled otherwise than the first's; write to another file")
+    ours, theirs = ({n: type(of).__name__ for n, of in f.observation.sensors.items()} for f in (frame, first))
+    if ours != theirs:
+        raise RecordingError(f"{where}: its sensors have other samples than the first's; write it to another file")
     found = {}
     for path, value in filled.items():
         variable = variables[path]
-        if np.shape(value) != variable.shape:
+        start = 1 if variable.is_series else 0
+        if np.shape(value)[start:] != variable.shape[start:]:
             raise RecordingError(f"{where}: {path}: needs the shape {variable.shape}, not {np.shape(value)}")
-        found[path] = np.asarray(value, dtype=variable.spec.dtype)
+        found[path] = np.asarray(value, dtype=variable.spec.dtype, order="C")
     return found
+
+
+def pad_entries(entries: Mapping[str, np.ndarray], variables: Mapping[str, Variable]) -> dict[str, np.ndarray]:
+    """Return entries with the samples of sensors padded to the length that their variables have.
+
+    Parameters
+    ----------
+    entries : from `match_entries`.
+    variables : by path.
+    """
+    return {
+        path: pad(value, variables[path].shape[0], variables[path].fill) if variables[path].is_series else value
+        for path, value in entries.items()
+    }
+
+
+def pad_all(column: Iterable[np.ndarray], variable: Variable) -> list[np.ndarray]:
+    """Return the entries of a variable of samples, padded to its length."""
+    return [pad(values, variable.shape[0], variable.fill) for values in column]
 
 
 def count_frame_bytes(variables: Mapping[str, Variable]) -> int:

@@ -13,13 +13,23 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.export.layout import intermediates
-from rso_lidar.export.layout.attributes import SCALES, get_array_attributes, get_root_attributes, get_time_attributes
+from rso_lidar.export.layout.attributes import (
+    get_array_attributes,
+    get_group_attributes,
+    get_root_attributes,
+    get_scale_meaning,
+    get_sensor_attributes,
+    get_time_attributes,
+)
 from rso_lidar.export.layout.checksum import compute_texts_crc32
 from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_optional, list_variables
+from rso_lidar.export.layout.sensor_samples import Capacities, is_series
 from rso_lidar.records import Frame, Observation, Source, specs
 
 
-def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = False) -> dict[str, Variable]:
+def lay_out(
+    file: Any, source: Source, frame: Frame, *, changing_lens: bool = False, capacities: Capacities | None = None
+) -> dict[str, Variable]:
     """Create all datasets of a recording in an empty h5py file, and return them by path.
 
     Parameters
@@ -28,13 +38,14 @@ def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = Fa
     source : of the frames.
     frame : any frame of the recording.
     changing_lens : store a table of lines of sight that grows, and the number of each frame's in /lens.
+    capacities : samples of each sensor for which there is room in a frame (None: as this frame needs).
     """
-    found = list_variables(frame)
+    found = list_variables(frame, capacities)
     more = list(list_optional(frame))
     if changing_lens:
         found["lens"] = Variable("lens", LENS, ())
         more.append("lens")
-    _write_attributes(file, get_root_attributes(source))
+    _write_attributes(file, get_root_attributes(source) | get_sensor_attributes(frame))
     _write_attributes(file, {"optional_datasets": json.dumps(more)})
     scales = {"time": _make_dataset(file, found["time"], get_time_attributes(source.start_utc))}
     scales["time"].make_scale("time")
@@ -53,7 +64,7 @@ def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = Fa
     _write_attributes(
         file["truth"], {"tree": json.dumps(get_parents(frame)), "states": json.dumps(list(frame.truth.states))}
     )
-    for group, held in intermediates.get_constants(frame.kept).items():
+    for group, held in (intermediates.get_constants(frame.kept) | get_group_attributes(frame)).items():
         _write_attributes(file[group], held)
     _write_attributes(file["truth"], {"texts_crc32": np.uint32(compute_texts_crc32(file))})
     return found
@@ -97,8 +108,9 @@ def _make_own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]
     """
     sizes = zip(variable.spec.dims, variable.shape, strict=True)
     group = dataset.parent
+    common = ("xyz", "quaternion") if is_series(variable.path) else scales  # others of a sensor are its own
     return {
-        dim: group[dim] if dim in group else _make_scale(group, dim, size) for dim, size in sizes if dim not in scales
+        dim: group[dim] if dim in group else _make_scale(group, dim, size) for dim, size in sizes if dim not in common
     }
 
 
@@ -112,7 +124,7 @@ def _make_scale(group: Any, dim: str, size: int) -> Any:
     size : of the dimension.
     """
     made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", fletcher32=True)
-    _write_attributes(made, {"units": "1", "long_name": SCALES[dim]})
+    _write_attributes(made, {"units": "1", "long_name": get_scale_meaning(made.name.strip("/"))})
     made.make_scale(dim)
     return made
 
@@ -126,7 +138,7 @@ def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) 
     variable : shape, dtype, chunks and fill value.
     attributes : to write.
     """
-    squeeze = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if variable.is_image else {}
+    squeeze = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if variable.is_compressed else {}
     made = file.create_dataset(
         variable.path,
         shape=(0, *variable.shape),

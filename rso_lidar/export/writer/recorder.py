@@ -12,6 +12,7 @@ import hashlib
 import io
 import os
 import secrets
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -19,12 +20,14 @@ from typing import Any, Self
 import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.layout import datasets, intermediates
+from rso_lidar.export.layout import datasets
+from rso_lidar.export.layout.sensor_samples import grow_capacities
 from rso_lidar.export.reader.hdf5_file import TEMPORARY, describe_failure, get_end_of_file, get_errno, read_superblock
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.export.writer.chunks import ChunkWriter
-from rso_lidar.export.writer.continuation import copy_frames, copy_lenses
+from rso_lidar.export.writer.continuation import copy_frames, copy_lenses, get_capacities
+from rso_lidar.export.writer.frame_stream import match_entries, pad_entries
 from rso_lidar.export.writer.lens_tables import LensTables, is_same_memory
 from rso_lidar.export.writer.temporary_file import InterferenceError, TemporaryFile
 from rso_lidar.files import advise_on_write, check_writable, hold_lock
@@ -116,6 +119,7 @@ class Recorder:
         self._first: Frame | None = None
         self._superblock = b""
         self._variables: dict[str, datasets.Variable] = {}
+        self._capacities: dict[str, int] = {}  # samples of each sensor for which an entry has room
         self._chunks: ChunkWriter | None = None
 
     def __enter__(self) -> Self:
@@ -199,11 +203,13 @@ class Recorder:
         import h5py
 
         self._first = first
+        self._capacities = grow_capacities(first.observation.sensors, self._capacities or get_capacities(old))
         changing = bool(self._changing_lens) or (old is not None and old.changes_lens)
         starting = self.temporary.with_name(f"{self.temporary.name}.starting")
         image = io.BytesIO()  # made in memory, for HDF5 crashes where it cannot write a new dataset
         with h5py.File(image, "w", libver=_LIBVER) as draft:  # HDF5 before 2.0 gives no image with a true checksum
-            self._variables = hdf5_layout.lay_out(draft, self._source, first, changing_lens=changing)
+            lay_out = partial(hdf5_layout.lay_out, changing_lens=changing, capacities=self._capacities)
+            self._variables = lay_out(draft, self._source, first)
         with self._watched(), self._swept(starting), contextlib.ExitStack() as undone:
             starting.unlink(missing_ok=True)  # of a killed run; or a link, which must not be written through
             with starting.open("x+b") as stream:
@@ -240,9 +246,8 @@ class Recorder:
             raise
 
     def _begin_again(self) -> None:
-        """Copy the recording to a new file with room for several lines of sight."""
+        """Copy the recording to a new file, with room for several lines of sight or for more samples of sensors."""
         assert self._first is not None
-        self._changing_lens = True
         with self._watched():
             self._chunks = None
             self._file.close()
@@ -257,27 +262,14 @@ class Recorder:
         """Return the entry of each dataset, after checking that the frame fits the file."""
         first = self._first
         assert first is not None
-        place = f"{self.path}: frame {frame.index}"
-        if datasets.get_parents(frame) != datasets.get_parents(first):
-            raise RecordingError(f"{place}: its tree of axes differs from the first frame's; record it to another file")
-        other_lens = self._has_other_lens(frame, first, place)
-        filled = datasets.collect_values(frame)
-        if filled.keys() != self._variables.keys() - {"lens"}:
-            odd = ", ".join(sorted(filled.keys() ^ (self._variables.keys() - {"lens"})))
-            raise RecordingError(f"{place}: {odd}: not in every frame; record it to another file")
-        if intermediates.get_constants(frame.kept) != intermediates.get_constants(first.kept):
-            raise RecordingError(
-                f"{place}: kept waveforms are sampled otherwise than the first's; record to another file"
-            )
-        entries = {}
-        for path, value in filled.items():
-            variable = self._variables[path]
-            entry = entries[path] = np.asarray(value, dtype=variable.spec.dtype, order="C")
-            if entry.shape != variable.shape:
-                raise RecordingError(f"{place}: {path}: needs the shape {variable.shape}, not {entry.shape}")
-        if other_lens:
+        other_lens = self._has_other_lens(frame, first, f"{self.path}: frame {frame.index}")
+        held = {path: one for path, one in self._variables.items() if path != "lens"}
+        entries = match_entries(self.path, frame, first, held)
+        room = grow_capacities(frame.observation.sensors, self._capacities)
+        if other_lens or room != self._capacities:
+            self._changing_lens, self._capacities = other_lens or self._changing_lens, room
             self._begin_again()
-        return entries
+        return pad_entries(entries, self._variables)
 
     def _has_other_lens(self, frame: Frame, first: Frame, place: str) -> bool:
         """Return whether a new file with room for several lenses is needed; refuse a frame that must not differ.

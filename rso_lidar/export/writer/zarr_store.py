@@ -10,6 +10,7 @@ import json
 import os
 import warnings
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,18 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout import intermediates
-from rso_lidar.export.layout.attributes import SCALES, get_array_attributes, get_root_attributes
+from rso_lidar.export.layout.attributes import (
+    SCALES,
+    get_array_attributes,
+    get_group_attributes,
+    get_root_attributes,
+    get_scale_meaning,
+    get_sensor_attributes,
+)
 from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_optional, list_variables
 from rso_lidar.export.reader.zarr_file import add_metadata_crc32, open_zarr
 from rso_lidar.export.writer.folders import check_folder, draft_folder
-from rso_lidar.export.writer.frame_stream import count_frame_bytes, match_entries, take_first, to_json
+from rso_lidar.export.writer.frame_stream import count_frame_bytes, match_entries, pad_all, take_first, to_json
 from rso_lidar.export.writer.lens_tables import LensNumbers
 from rso_lidar.records import Frame, Observation, specs
 
@@ -82,15 +90,14 @@ class ZarrWriter:
         self._lenses = LensNumbers()
         self._numbers: list[int] = []  # of the line of sight of each frame
         self._root = zarr.open_group(folder, mode="a", zarr_format=3)  # "w" would make the folder anew
-        self._root.attrs.update(to_json(get_root_attributes(first.source)))
+        self._root.attrs.update(to_json(get_root_attributes(first.source) | get_sensor_attributes(first)))
         self._arrays = {name: self._array(variable) for name, variable in self._variables.items()}
-        self._scales()
         for name, parent in get_parents(first).items():
             self._root[f"truth/{name}"].attrs["parent"] = parent
         self._root["truth"].attrs.update(
             {"tree": json.dumps(get_parents(first)), "states": json.dumps(list(first.truth.states))}
         )
-        for group, held in intermediates.get_constants(first.kept).items():
+        for group, held in (intermediates.get_constants(first.kept) | get_group_attributes(first)).items():
             self._root[group].attrs.update(held)
 
     def add(self, frame: Frame) -> None:
@@ -105,8 +112,9 @@ class ZarrWriter:
             self._flush()
 
     def finish(self) -> None:
-        """Write the last shard, /lens if the lens changed, and the consolidated metadata; then check the store."""
+        """Write the last shard, the scales, /lens if the lens changed, and the metadata; then check the store."""
         self._flush()
+        self._scales()
         changed = len(self._lenses) > 1
         if changed:
             numbers = np.array(self._numbers, LENS.dtype)
@@ -182,11 +190,16 @@ class ZarrWriter:
         for variable in self._variables.values():
             group = variable.path.rpartition("/")[0]
             own = zip(variable.spec.dims, variable.shape, strict=True)
-            sizes |= {f"{group}/{dim}": size for dim, size in own if dim in SCALES and dim not in ("row", "col")}
+            common = (
+                ("xyz", "quaternion") if variable.is_series else ("row", "col", *set(variable.spec.dims) - {*SCALES})
+            )
+            sizes |= {f"{group}/{dim}": size for dim, size in own if dim not in common}
         for path, size in sizes.items():
             dim = path.rpartition("/")[2]
             stated = {"dtype": np.dtype("i4"), "dims": (dim,), "fill": None}
-            made = self._create(path, (size,), (size,), None, stated, {"units": "1", "long_name": SCALES[dim]})
+            made = self._create(
+                path, (size,), (size,), None, stated, {"units": "1", "long_name": get_scale_meaning(path)}
+            )
             made[:] = np.arange(size, dtype="i4")
 
     def _add_sight(self, line_of_sight: np.ndarray) -> None:
@@ -215,8 +228,29 @@ class ZarrWriter:
         count = len(self._waiting["time"])
         for name, column in self._waiting.items():
             if count:
+                if self._variables[name].is_series:
+                    self._make_room(name, max(map(len, column)))
+                    column = pad_all(column, self._variables[name])
                 array, end = self._arrays[name], self._written + count
                 array.resize((end, *array.shape[1:]))
                 array[self._written : end] = np.stack(column)
-                column.clear()
+                self._waiting[name].clear()
         self._written += count
+
+    def _make_room(self, name: str, count: int) -> None:
+        """Write an array of samples anew where its entries have no room for so many samples.
+
+        Parameters
+        ----------
+        name : path of the array.
+        count : number of samples.
+        """
+        variable = self._variables[name]
+        if count <= variable.shape[0]:
+            return
+        written = self._root[name][:]
+        variable = self._variables[name] = replace(variable, shape=(count + 1, *variable.shape[1:]))
+        del self._root[name]
+        self._arrays[name] = self._array(variable)
+        if len(written):
+            self._resized(name, len(written))[:] = np.stack(pad_all(written, variable))
