@@ -1,4 +1,4 @@
-"""A dataset that is cheap to make: small calibration bodies before a sensor of 16 x 16 pixels."""
+"""A dataset that is cheap to make: small bodies before a sensor of 16 x 16 pixels with the fast detector."""
 
 from pathlib import Path
 
@@ -10,8 +10,14 @@ name = "bodies on a bench"
 world = { axes = "local" }
 time = { start_utc = 2024-09-17T12:00:00Z, duration_s = 2, frame_rate_hz = 5 }
 follower = { motion = { type = "fixed", position_m = [0, 0, 0] } }
-lidar = { preset = "gsfl_1064", receiver = { n_rows = 16, n_cols = 16, fov_deg = 2.0, rays_per_pixel = 4 } }
-target = [{ name = "body", model = "plate", motion = { type = "fixed", position_m = [300, 0, 0] } }]
+[[target]]
+name = "body"
+model = "plate"
+motion = { type = "fixed", position_m = [300, 0, 0] }
+[lidar]
+preset = "gsfl_1064"
+detector = { type = "empirical" }
+receiver = { n_rows = 16, n_cols = 16, fov_deg = 2.0, rays_per_pixel = 4 }
 """
 SPEC = """
 version = 1

@@ -13,7 +13,7 @@ from tests.dataset.bench_for_tests import SCENARIO, make_spec
 
 
 def test_a_view_places_the_target(tmp_path):
-    mount = "mount = { position_m = [0.3, -0.2, 0.1], euler_zyx_deg = [20, 5, 3] }, receiver"
+    mount = "mount = { position_m = [0.3, -0.2, 0.1], euler_zyx_deg = [20, 5, 3] }\nreceiver"
     spec = make_spec(tmp_path)
     (tmp_path / "bench.toml").write_text(SCENARIO.replace("receiver", mount, 1), encoding="utf-8")
     plan = make_plan(spec)

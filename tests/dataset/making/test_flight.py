@@ -12,7 +12,8 @@ from rso_lidar.records.schema import specs
 from rso_lidar.simulate import simulate
 from tests.dataset.bench_for_tests import make_spec
 
-SUNLIT = ("world.sun_direction=[-1, 0.2, 0.1]", "lidar.receiver.filter_width_nm=10.0")
+GSFL = 'lidar.detector={type="gsfl"}'
+SUNLIT = (GSFL, "world.sun_direction=[-1, 0.2, 0.1]", "lidar.receiver.filter_width_nm=10.0")
 ALL_LABELS = {"part_visibility": True, "oversampled": True}
 
 
@@ -63,7 +64,7 @@ def test_each_draw_is_the_frame_of_its_seed(tmp_path, monkeypatch, settings, cas
 )
 def test_no_table_is_filled_for_a_detector_of_one_sample(tmp_path, field, law, is_drawn):
     variable = [{"field": field, "law": law}]
-    spec = make_spec(tmp_path, variable=variable, draws=1, labels={"prediction": True})
+    spec = make_spec(tmp_path, variable=variable, draws=1, labels={"prediction": True}, set=(GSFL,))
     assert spec.draws_detector is is_drawn
     if not is_drawn:
         return

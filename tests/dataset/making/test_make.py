@@ -70,7 +70,7 @@ def test_a_file_that_changed_is_refused(tmp_path):
     classes = [{"name": "ground", "samples": 2}]
     ground = 'target.body.terrain={type="height_field",file="ground.npy",cell_m=1.0}'
     spec = make_spec(tmp_path, classes=classes, set=(ground,), split={"type": "random", "test": 0.0}, draws=1)
-    bench = (tmp_path / "bench.toml").read_text(encoding="utf-8").replace('model = "plate", ', "")
+    bench = (tmp_path / "bench.toml").read_text(encoding="utf-8").replace('model = "plate"\n', "")
     (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
     made = rl.dataset.make(spec, tmp_path / "made", workers=1)
     assert made.models == ("height_field",)
