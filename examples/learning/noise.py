@@ -9,17 +9,18 @@ import argparse
 
 import numpy as np
 from arguments import run
-from frames import FRAME_COLUMNS, Returns, directions, load_returns
+from frames import FRAME_COLUMNS, Returns, directions, find_group, load_returns
 from shape import INTENSITY, classifier, measure_shape
 
 import rso_lidar as rl
+from rso_lidar.dataset.torch import RedrawNoise
 from rso_lidar.errors import DatasetError
 
-ARRAYS = ("true_range_m", "detection_probability", "range_sigma_m", "target", "intrinsics_px")
+REDRAW = RedrawNoise()  # the augmentation of `rl.dataset.torch`, which needs no torch
 
 
 def draw_returns(folder: str, split: str, frames: np.ndarray, times: int, rng: np.random.Generator) -> Returns:
-    """Draw the noise of frames again from the labels: which pixels report, and at what range.
+    """Draw the noise of frames again from the labels, and find the returns of the target among the reports.
 
     Parameters
     ----------
@@ -29,29 +30,31 @@ def draw_returns(folder: str, split: str, frames: np.ndarray, times: int, rng: n
     rng : random generator.
     """
     part = rl.dataset.open(folder).split(split)
-    points, pixels, counts = [], [], []
+    points, pixels, bright, counts, reports = [], [], [], [], []
     sight: dict[bytes, np.ndarray] = {}
     for frame in frames:
-        one = {name: values[0] for name, values in part.read([int(frame)], ARRAYS).items()}
+        one = {name: values[0] for name, values in part.read([int(frame)], (*REDRAW.needs, "intrinsics_px")).items()}
         key = one["intrinsics_px"].tobytes()
         if key not in sight:
-            sight[key] = directions(one["target"].shape, one["intrinsics_px"])
-        pixel = np.argwhere((one["target"] >= 0) & (one["detection_probability"] > 0.0))
-        at = tuple(pixel.T)
+            sight[key] = directions(one["range_m"].shape, one["intrinsics_px"])
         for _ in range(times):
-            reports = rng.random(len(pixel)) < one["detection_probability"][at]
-            sigma = np.nan_to_num(one["range_sigma_m"][at])
-            range_m = one["true_range_m"][at] + sigma * rng.standard_normal(len(pixel))
-            points.append((range_m[:, None] * sight[key][at])[reports])
-            pixels.append(pixel[reports])
-            counts.append(int(reports.sum()))
+            again = REDRAW(one, rng)
+            pixel = np.argwhere(np.isfinite(again["range_m"]))
+            at = tuple(pixel.T)
+            point, intensity = again["range_m"][at][:, None] * sight[key][at], again["intensity_counts"][at]
+            kept = find_group(point, intensity.astype(np.float32))
+            points.append(point[kept])
+            pixels.append(pixel[kept])
+            bright.append(intensity[kept])
+            counts.append(int(kept.sum()))
+            reports.append(len(pixel))
     rows = np.repeat(frames, times)
     return Returns(
         start=np.concatenate([[0], np.cumsum(counts)]),
         point_m=np.concatenate(points).astype(np.float32),
         pixel=np.concatenate(pixels).astype(np.int16),
-        intensity=np.ones(sum(counts), np.float32),
-        reports=np.array(counts),
+        intensity=np.concatenate(bright).astype(np.float32),
+        reports=np.array(reports),
         columns={name: np.asarray(part.column(name))[rows] for name in FRAME_COLUMNS},
     )
 
