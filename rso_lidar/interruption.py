@@ -25,6 +25,7 @@ _ending = threading.Lock()  # acquired by the thread that ends the process: the 
 _critical = threading.RLock()
 _removals: list[Callable[[], object]] = []
 _advice: Callable[[], str] | None = None
+_taker: Callable[[int], object] | None = None
 _is_watched = False
 
 
@@ -67,6 +68,11 @@ def _wait_for_signal(pipe: int) -> None:
 
 def _end(number: int) -> None:
     """End this process after a signal: remove temporary files, print one line, exit with status 128 + n."""
+    global _taker
+    if _taker is not None:
+        take, _taker = _taker, None
+        take(number)
+        return
     if not _ending.acquire(blocking=False):
         return  # the command has finished and is exiting
     _critical.acquire(timeout=_CRITICAL_S)
@@ -90,6 +96,20 @@ def set_advice(advice: Callable[[], str] | None) -> None:
     """Set the text that an interrupted command prints: what is kept, and how to resume. None prints nothing."""
     global _advice  # noqa: PLW0603  # a process runs one command
     _advice = advice
+
+
+@contextmanager
+def take_first_signal(take: Callable[[int], object]) -> Iterator[None]:
+    """Call `take` with the number of the first signal inside this context, in another thread; the next one ends the process.
+
+    It is for a command that runs until it is interrupted, and then completes what it has begun.
+    """
+    global _taker  # noqa: PLW0603  # a process runs one command
+    _taker = take
+    try:
+        yield
+    finally:
+        _taker = None
 
 
 @contextmanager

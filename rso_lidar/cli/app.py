@@ -27,6 +27,7 @@ COMMANDS = {
     "catalog": "List the objects of a catalogue, or write a selection of them.",
     "encounters": "List the close approaches of one object to a catalogue.",
     "run": "Simulate a scenario and record its frames with truth and labels.",
+    "serve": "Serve a simulation to flight software in another process.",
     "export": "Write a recording in another format.",
     "info": "Print what a recording holds.",
     "plot": "Draw frames of a recording, their trajectory or curves.",

@@ -8,6 +8,7 @@ from rso_lidar.scenario.tables.finding import Finding
 from rso_lidar.scenario.tables.fragment import Fragment
 from rso_lidar.scenario.tables.joints import Joint
 from rso_lidar.scenario.tables.lidar import Lidar
+from rso_lidar.scenario.tables.link import DataLink
 from rso_lidar.scenario.tables.schedule import Schedule
 from rso_lidar.scenario.tables.target import Follower, Target
 from rso_lidar.scenario.tables.terrain import CratersAndBoulders, HeightField
@@ -17,6 +18,7 @@ __all__ = [
     "Constraints",
     "Corridor",
     "CratersAndBoulders",
+    "DataLink",
     "FacetMaterials",
     "Finding",
     "Follower",

@@ -12,8 +12,8 @@ from rso_lidar.scenario import Scenario
 ROOT = Path(__file__).resolve().parents[2]
 UNITS = {  # how a name ends, and what its description says in brackets
     "m": "m", "km": "km", "mm": "mm", "um": "µm", "nm": "nm", "s": "s", "ns": "ns", "deg": "deg", "rad": "rad",
-    "mj": "mJ", "m_s": "m/s", "m_s2": "m/s²", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "mhz": "MHz", "kg": "kg",
-    "kg_m2": "kg m²", "m2": "m²", "n": "N", "per_s": "1/s", "per_sr": "1/sr", "per_v": "1/V", "na": "nA", "nf": "nF",
+    "j": "J", "mj": "mJ", "m_s": "m/s", "m_s2": "m/s²", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "mhz": "MHz",
+    "kg": "kg", "kg_m2": "kg m²", "m2": "m²", "n": "N", "per_s": "1/s", "per_sr": "1/sr", "per_v": "1/V", "na": "nA", "nf": "nF",
     "ohm": "Ω", "counts": "counts", "photons": "photons", "electrons": "electrons", "rev_day": "rev/day",
     "deg_rth": "deg/√h", "deg_h": "deg/h", "deg_h_rth": "deg/h/√h", "m_s_rth": "m/s/√h", "ug": "µg", "ug_rth": "µg/√h",
     "g": "g", "ppm": "ppm", "mrad": "mrad", "arcsec": "arcsec", "rpm": "rpm", "n_m": "N m",
@@ -125,6 +125,8 @@ NO_SUFFIX = {  # name: why it needs none
     "within": "in the unit of the quantity that it bounds",
     "confidence": "a probability",
     "probability": "a probability",
+    "drop_probability": "a probability",
+    "sequence": "the number of a request",
 }
 
 

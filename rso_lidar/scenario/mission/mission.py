@@ -26,6 +26,7 @@ from rso_lidar.scenario.mission.validation import read_toml, validate_tables, va
 from rso_lidar.scenario.tables.constraints import Constraints
 from rso_lidar.scenario.tables.finding import Finding
 from rso_lidar.scenario.tables.lidar import Lidar
+from rso_lidar.scenario.tables.link import DataLink
 from rso_lidar.scenario.tables.target import Follower, Target
 from rso_lidar.scenario.tables.world import Time, World
 from rso_lidar.scene import Surface
@@ -56,6 +57,11 @@ class Mission(Part):
     lidar: Lidar = Field(description="Instrument.")
     sensor: tuple[AnySensor, ...] = Field(
         default=(), description="Other sensors of the follower, whose samples reach a controller with the next flash."
+    )
+    link: DataLink | None = Field(
+        default=None,
+        description="Delays and losses between the instrument and flight software, for `serve`; none if omitted. A run does "
+        "not use it.",
     )
     constraints: Constraints | None = Field(
         default=None,

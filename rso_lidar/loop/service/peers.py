@@ -1,0 +1,108 @@
+"""The clients of a server: who has said hello, who drives, and what each may ask."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rso_lidar.loop.service.endpoints import Security
+from rso_lidar.loop.service.requests import HelloRequest, Request
+
+MOST_CLIENTS = 64
+_FOR_OBSERVERS = ("hello", "describe", "observation", "truth")
+
+
+class RefusalError(Exception):
+    """A request that is not answered; `code` is the reason as a program reads it."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class _Peer:
+    """A client that has said hello."""
+
+    name: str
+    is_driver: bool
+    connection: int  # number of its socket, by which libzmq reports that it has gone
+
+
+class Peers:
+    """The clients that have said hello, with one driver at a time.
+
+    Parameters
+    ----------
+    security : who may connect.
+    tell : prints a line of the log.
+    """
+
+    def __init__(self, security: Security, tell: Callable[[str], None]) -> None:
+        self._security, self._tell = security, tell
+        self._peers: dict[bytes, _Peer] = {}
+
+    def admit(self, identity: bytes, connection: int, request: Request) -> None:
+        """Check that a client may make a request, and note who says hello.
+
+        Parameters
+        ----------
+        identity : of the client.
+        connection : number of its socket.
+        request : that it makes.
+
+        Raises
+        ------
+        RefusalError
+            If it may not.
+        """
+        if isinstance(request, HelloRequest):
+            self._greet(identity, connection, request)
+            return
+        kind = request.request
+        if (peer := self._peers.get(identity)) is None:
+            raise RefusalError("no_session", f"{kind}: comes from a client that has not said hello; say hello first")
+        if not peer.is_driver and kind not in _FOR_OBSERVERS:
+            raise RefusalError("forbidden", f"{kind}: is for the driver, and this client is an observer")
+
+    def _greet(self, identity: bytes, connection: int, request: HelloRequest) -> None:
+        """Make a client a driver or an observer.
+
+        Parameters
+        ----------
+        identity, connection : of the client, and number of its socket.
+        request : its hello.
+        """
+        if not self._security.accepts(request.token):
+            raise RefusalError("forbidden", "hello: has no token, or a wrong one; give the token of the server")
+        is_driver = request.role == "driver"
+        drivers = [peer.name for key, peer in self._peers.items() if peer.is_driver and key != identity]
+        if is_driver and drivers:
+            raise RefusalError(
+                "busy", f"hello: {drivers[0]!r} is the driver already; end it first, or say hello as an observer"
+            )
+        if identity not in self._peers and len(self._peers) >= MOST_CLIENTS:
+            raise RefusalError("busy", f"hello: {MOST_CLIENTS} clients are connected already; end one first")
+        self._peers[identity] = _Peer(request.client, is_driver, connection)
+        self._tell(f"client      {request.client} is here as {request.role}")
+
+    def find(self, connection: int) -> list[bytes]:
+        """Return the identities of the clients on a connection.
+
+        Parameters
+        ----------
+        connection : number of its socket.
+        """
+        return [identity for identity, peer in self._peers.items() if peer.connection == connection]
+
+    def forget(self, identity: bytes, what: str) -> None:
+        """Forget a client, if it is known.
+
+        Parameters
+        ----------
+        identity : of the client.
+        what : happened to it, for the log.
+        """
+        if (peer := self._peers.pop(identity, None)) is not None:
+            waits = "; the simulation waits for another" if peer.is_driver else ""
+            self._tell(f"client      {peer.name} {what}{waits}")

@@ -1,0 +1,194 @@
+"""Requests of flight software, as parts: what each may say, in which units, and how a text is checked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError
+
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.part import Flag, NotNegative, Number, Part, Positive, Text, Whole, explain
+from rso_lidar.records import Command
+
+SCHEMA = {"name": "rso_lidar.loop", "version": 1}
+GREATEST_NS = 2**62  # 146 years, and a 64-bit integer in every language
+
+Nanoseconds = Annotated[Whole, Field(ge=0, le=GREATEST_NS)]
+
+
+class CommandRequest(Part):
+    """A command, as `rl.Command`: what is left out, or null, is the scenario's."""
+
+    pan_rad: Number | None = Field(default=None, description="Pan of the PTU; positive to the left [rad].")
+    tilt_rad: Number | None = Field(default=None, description="Tilt of the PTU; positive upward [rad].")
+    focal_length_m: Positive | None = Field(default=None, description="Focal length of a zoom lens [m].")
+    divergence_rad: Positive | None = Field(default=None, description="Full divergence of an actuated diffuser [rad].")
+    energy_j: Positive | None = Field(default=None, description="Energy of one pulse [J].")
+    gate_delay_s: NotNegative | None = Field(default=None, description="Two-way delay at which a range gate opens [s].")
+    inputs: dict[str, Annotated[tuple[Number, ...], Field(max_length=1000)]] | None = Field(
+        default=None, description="Inputs u of state-space models, by the name of the body, each in its own unit."
+    )
+
+    def to_command(self) -> Command:
+        """Return the record of this command."""
+        return Command(**{name: getattr(self, name) for name in type(self).model_fields})
+
+
+class Request(Part):
+    """What every request may say."""
+
+    request: str = Field(description="Kind of the request.")
+    sequence: Annotated[Whole, Field(ge=0, le=2**53)] = Field(
+        default=0, description="Number of the request, of the client's choice; the reply repeats it."
+    )
+
+
+class HelloRequest(Request):
+    """Begins the conversation: the first request on every connection."""
+
+    request: Literal["hello"] = Field(description="Kind of the request.")
+    version: Literal[1] = Field(description="Version of the schema that the client speaks.")
+    role: Literal["driver", "observer"] = Field(
+        default="driver", description="A driver steps the simulation; there is one at a time. An observer only reads."
+    )
+    client: Annotated[Text, Field(max_length=100)] = Field(default="?", description="Name for the server's log.")
+    token: Annotated[Text, Field(max_length=1000)] | None = Field(
+        default=None, description="Secret of a server that was started with one."
+    )
+
+
+class DescribeRequest(Request):
+    """Asks what does not change: times, pixels, PTU, inputs, link; and for the line of sight of the pixels."""
+
+    request: Literal["describe"] = Field(description="Kind of the request.")
+
+
+class StepRequest(Request):
+    """Goes to the next flash, or on by a time, under a command."""
+
+    request: Literal["step"] = Field(description="Kind of the request.")
+    command: CommandRequest | None = Field(default=None, description="Command; null or left out is an empty one.")
+    dt_ns: Annotated[Whole, Field(ge=1, le=10**18)] | None = Field(
+        default=None, description="Length of the step [ns]; null or left out: to the next flash."
+    )
+    stamp_ns: Nanoseconds | None = Field(
+        default=None,
+        description="When the command was given, since start_utc [ns]; null or left out: as soon as it could have been.",
+    )
+
+
+class ResetRequest(Request):
+    """Goes back to t = 0, before the first flash."""
+
+    request: Literal["reset"] = Field(description="Kind of the request.")
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] | None = Field(
+        default=None, description="Seed of all noise; null or left out: the scenario's."
+    )
+
+
+class ObservationRequest(Request):
+    """Asks for the latest reading once more."""
+
+    request: Literal["observation"] = Field(description="Kind of the request.")
+
+
+class TruthRequest(Request):
+    """Asks for the true poses at the present time, of a server that was started with --truth."""
+
+    request: Literal["truth"] = Field(description="Kind of the request.")
+
+
+class SaveRequest(Request):
+    """Has the server keep the present state; the reply names it."""
+
+    request: Literal["save"] = Field(description="Kind of the request.")
+
+
+class RestoreRequest(Request):
+    """Goes on from a state that the server keeps."""
+
+    request: Literal["restore"] = Field(description="Kind of the request.")
+    state: Text = Field(description="Name of the state, from the reply to `save`.")
+    forget: Flag = Field(default=False, description="Whether the server forgets the state afterwards.")
+
+
+class ShutdownRequest(Request):
+    """Ends the server; a recording is completed."""
+
+    request: Literal["shutdown"] = Field(description="Kind of the request.")
+
+
+REQUESTS: dict[str, type[Request]] = {
+    "hello": HelloRequest,
+    "describe": DescribeRequest,
+    "step": StepRequest,
+    "reset": ResetRequest,
+    "observation": ObservationRequest,
+    "truth": TruthRequest,
+    "save": SaveRequest,
+    "restore": RestoreRequest,
+    "shutdown": ShutdownRequest,
+}
+
+
+def parse_request(header: bytes) -> Any:
+    """Return the request that a header holds.
+
+    Parameters
+    ----------
+    header : UTF-8 text of a JSON object.
+
+    Raises
+    ------
+    ScenarioError
+        If it is no JSON object, or no request.
+    """
+    tree = parse_json(header, "request")
+    kind = tree.get("request")
+    if not isinstance(kind, str) or kind not in REQUESTS:
+        known = ", ".join(REQUESTS)
+        guess = did_you_mean(kind, REQUESTS) if isinstance(kind, str) else ""
+        raise ScenarioError(f"request: {kind!r:.60} is not known{guess} (known: {known})")
+    try:
+        return REQUESTS[kind].model_validate(tree)
+    except ValidationError as error:
+        raise ScenarioError(f"{kind}: {explain(error, REQUESTS[kind], tree)}") from None
+
+
+def parse_json(text: bytes, where: str) -> dict[str, Any]:
+    """Return the JSON object of a text.
+
+    Parameters
+    ----------
+    text : UTF-8.
+    where : start of error messages.
+
+    Raises
+    ------
+    ScenarioError
+        If it is no JSON object, holds NaN or an infinity, or a key twice.
+    """
+    try:
+        tree = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_join_pairs)
+    except RecursionError:
+        raise ScenarioError(f"{where}: is nested too deeply; send a flat JSON object") from None
+    except ValueError as error:  # of JSON and of UTF-8
+        raise ScenarioError(f"{where}: is not JSON in UTF-8 ({error!s:.100}); send a JSON object") from None
+    if not isinstance(tree, dict):
+        raise ScenarioError(f"{where}: is {type(tree).__name__} and not an object; send a JSON object")
+    return tree
+
+
+def _refuse_constant(word: str) -> float:
+    raise ValueError(f"{word} is no JSON number")
+
+
+def _join_pairs(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    joined: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in joined:
+            raise ValueError(f"the key {key!r:.40} occurs twice")
+        joined[key] = value
+    return joined

@@ -1,0 +1,327 @@
+"""The server: sockets around a session, one driver at a time, deadlines of the wall clock, and a stream of readings."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
+from rso_lidar.loop.service.deadlines import Deadlines
+from rso_lidar.loop.service.endpoints import Security, import_zmq, load_keys
+from rso_lidar.loop.service.peers import Peers, RefusalError
+from rso_lidar.loop.service.requests import Request, parse_request
+from rso_lidar.loop.service.session import Answer, Session
+from rso_lidar.loop.service.wire_format import encode
+
+MOST_REQUEST_BYTES = 65_536  # of one part of a message; libzmq closes the connection of who sends more
+_WAITING = 16  # messages of one client that wait; a slow reader of the stream loses those beyond
+_POLL_S = 0.1  # within which a signal is noticed
+_SLEEP_S = 0.002  # before a deadline, where polling is too coarse
+_LINGER_MS = 500  # to send the last reply
+
+
+@dataclass
+class _Due:
+    """A reply that is ready and waits for its deadline."""
+
+    due_s: float
+    envelope: list[bytes]
+    parts: list[Any]
+    is_published: bool
+
+
+class Server:
+    """Serves a session on a request socket and, where asked for, a stream of readings; a context manager.
+
+    Parameters
+    ----------
+    session : answers the requests.
+    bind : address of the request socket.
+
+    Other Parameters
+    ----------------
+    publish : address of the stream; None for none.
+    security : who may connect.
+    deadlines : deadlines of the wall clock; None for lock-step as fast as it goes.
+    tell : prints a line of the log.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        bind: str = "tcp://127.0.0.1:5571",
+        *,
+        publish: str | None = None,
+        security: Security | None = None,
+        deadlines: Deadlines | None = None,
+        tell: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        self._session, self._deadlines = session, deadlines
+        self._security = security or Security()
+        self._security.check("--bind", bind)
+        if publish is not None:
+            self._security.check("--publish", publish, is_stream=True)
+        self._bind, self._publish = bind, publish
+        self._zmq = import_zmq("serve")
+        self._open = ExitStack()
+        self._peers = Peers(self._security, tell)
+        self._due: _Due | None = None
+        self._sequence = self._published = 0
+        self.endpoint, self.stream = bind, publish  # as bound, with the numbers of ports
+        self._is_done = False
+
+    def __enter__(self) -> Self:
+        with ExitStack() as undone:
+            context = undone.enter_context(self._zmq.Context())
+            context.set(self._zmq.MAX_SOCKETS, 64)
+            self._authenticate(context, undone)
+            self._requests = self._make_socket(context, undone, self._zmq.ROUTER)
+            self._requests.set(self._zmq.ROUTER_MANDATORY, 1)  # a reply to who has gone is an error, not nothing
+            self._monitor = self._requests.get_monitor_socket(self._zmq.Event.DISCONNECTED)
+            undone.enter_context(self._monitor)
+            undone.callback(self._requests.disable_monitor)
+            self.endpoint = self._bind_socket(self._requests, "--bind", self._bind)
+            self._stream: Any = None
+            if self._publish is not None:
+                self._stream = self._make_socket(context, undone, self._zmq.PUB)
+                self.stream = self._bind_socket(self._stream, "--publish", self._publish)
+            self._poller = self._zmq.Poller()
+            self._poller.register(self._requests, self._zmq.POLLIN)
+            self._poller.register(self._monitor, self._zmq.POLLIN)
+            self._open = undone.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.close()
+
+    def _authenticate(self, context: Any, undone: ExitStack) -> None:
+        """Accept only clients with known CURVE keys, where keys are given."""
+        if self._security.client_keys is None:
+            return
+        from zmq.auth.thread import ThreadAuthenticator
+
+        if not self._security.client_keys.is_dir():
+            raise ScenarioError(
+                f"--curve-clients {self._security.client_keys}: is no folder; name that of the .key files"
+            )
+        keeper = ThreadAuthenticator(context)
+        keeper.start()
+        undone.callback(keeper.stop)
+        try:
+            keeper.configure_curve(domain="*", location=str(self._security.client_keys))
+        except (OSError, ValueError) as failure:
+            raise ScenarioError(
+                f"--curve-clients {self._security.client_keys}: {failure}; mend the .key file"
+            ) from None
+
+    def _make_socket(self, context: Any, undone: ExitStack, kind: int) -> Any:
+        """Make a socket of the server, with bounds on what clients can make it hold.
+
+        Parameters
+        ----------
+        context, undone : of ZeroMQ, and what is closed at the end.
+        kind : of the socket.
+        """
+        zmq = self._zmq
+        made = undone.enter_context(context.socket(kind))
+        made.setsockopt(zmq.MAXMSGSIZE, MOST_REQUEST_BYTES)
+        made.setsockopt(zmq.SNDHWM, _WAITING)
+        made.setsockopt(zmq.RCVHWM, _WAITING)
+        made.setsockopt(zmq.LINGER, _LINGER_MS)
+        made.setsockopt(zmq.TCP_KEEPALIVE, 1)  # the kernel answers for a process that is stopped in a debugger, too
+        made.setsockopt(zmq.TCP_KEEPALIVE_IDLE, 10)
+        made.setsockopt(zmq.TCP_KEEPALIVE_INTVL, 5)
+        made.setsockopt(zmq.TCP_KEEPALIVE_CNT, 3)
+        made.setsockopt(zmq.IPV6, "[" in f"{self._bind}{self._publish}")
+        if self._security.server_key is not None:
+            made.curve_publickey, made.curve_secretkey = load_keys(self._security.server_key)
+            made.curve_server = True
+        return made
+
+    def _bind_socket(self, made: Any, option: str, endpoint: str) -> str:
+        """Bind a socket and return its address.
+
+        Parameters
+        ----------
+        made : the socket.
+        option, endpoint : the address, and the option that gave it.
+        """
+        try:
+            made.bind(endpoint)
+        except self._zmq.ZMQError as error:
+            raise ScenarioError(f"{option} {endpoint}: cannot be used ({error.strerror}); choose another") from None
+        bound: bytes = made.get(self._zmq.LAST_ENDPOINT)
+        return bound.rstrip(b"\0").decode()
+
+    # ---------------------------------------------------------------------------------------------------- the loop
+
+    def run(self, is_stopped: Callable[[], bool] = lambda: False) -> None:
+        """Serve until a client shuts the server down.
+
+        Parameters
+        ----------
+        is_stopped : asked ten times a second whether to end.
+
+        Raises
+        ------
+        RunError
+            If a deadline was missed that must not be, or a recording cannot be written.
+        """
+        while not self._is_done and not is_stopped():
+            ready = dict(self._poller.poll(self._find_timeout_ms()))
+            if ready:
+                self._note_disconnections()
+                self._receive()
+            self._send_due()
+        if self._stream is not None:
+            self._publish_event("shutdown")
+
+    def _find_timeout_ms(self) -> int:
+        left_s = _POLL_S if self._due is None else min(_POLL_S, self._due.due_s - time.monotonic() - _SLEEP_S)
+        return max(0, int(left_s * 1e3))
+
+    def _send_due(self) -> None:
+        """Send the reply that waits, if its time has come."""
+        if self._due is None:
+            return
+        left_s = self._due.due_s - time.monotonic()
+        if left_s > _SLEEP_S:
+            return
+        if left_s > 0.0:
+            time.sleep(left_s)
+        due, self._due = self._due, None
+        self._send(due.envelope, due.parts)
+        if due.is_published and self._stream is not None:
+            self._published += 1
+            self._stream.send_multipart([b"reading", *due.parts], self._zmq.NOBLOCK, copy=False)
+
+    def _note_disconnections(self) -> None:
+        """Forget the clients whose connections have ended."""
+        from zmq.utils.monitor import recv_monitor_message
+
+        while self._monitor.poll(0):
+            gone = int(recv_monitor_message(self._monitor)["value"])
+            for identity in self._peers.find(gone):
+                self._forget(identity, "has gone")
+
+    def _forget(self, identity: bytes, what: str) -> None:
+        """Forget a client, and the reply that waits for it."""
+        if self._due is not None and self._due.envelope[0] == identity:
+            self._due = None
+        self._peers.forget(identity, what)
+
+    # ------------------------------------------------------------------------------------------------ one request
+
+    def _receive(self) -> None:
+        """Receive one message, if there is one, and answer it."""
+        try:
+            frames = self._requests.recv_multipart(self._zmq.NOBLOCK, copy=False)
+        except self._zmq.Again:
+            return
+        asked_s = time.monotonic()
+        parts = [frame.bytes for frame in frames]
+        # A request socket sends an empty part before the request; what is before it goes back with the reply.
+        split = parts.index(b"", 1) + 1 if b"" in parts[1:] else 1
+        envelope, body = parts[:split], parts[split:]
+        sequence = 0
+        try:
+            if len(body) != 1:
+                raise RefusalError(
+                    "bad_request", f"request: has {len(body)} parts and not 1; send an empty part and the header"
+                )
+            request = parse_request(body[0])
+            sequence = request.sequence
+            self._peers.admit(envelope[0], frames[-1].get(self._zmq.SRCFD), request)
+            if self._due is not None and self._due.envelope[0] == envelope[0]:
+                raise RefusalError("busy", f"{request.request}: comes before the reply to the one before; wait for it")
+            self._answer(envelope, request, asked_s)
+        except RefusalError as refusal:
+            self._refuse(envelope, sequence, refusal.code, str(refusal))
+        except RunError as error:
+            self._refuse(envelope, sequence, "failed", str(error))
+            raise
+        except RsoLidarError as error:
+            self._refuse(envelope, sequence, "bad_request", str(error))
+
+    def _answer(self, envelope: list[bytes], request: Request, asked_s: float) -> None:
+        """Answer a request, or have the answer wait for its deadline.
+
+        Parameters
+        ----------
+        envelope : for the reply.
+        request : to be answered.
+        asked_s : when it arrived on the clock [s].
+        """
+        next_ns = self._session.linked.next_flash_ns
+        skip = self._deadlines is not None and next_ns is not None and self._deadlines.has_passed(next_ns)
+        answer = self._session.answer(request, skip=skip)
+        due_s = asked_s
+        if self._deadlines is not None and answer.is_step:
+            due_s = self._deadlines.time_reply(self._session.linked.time_ns, asked_s, skipped=answer.is_skipped)
+        if request.request in ("reset", "restore"):
+            if self._deadlines is not None:
+                self._deadlines.begin()
+            self._publish_event(request.request)
+        parts = self._encode(answer, request)
+        self._is_done = answer.ends
+        if answer.is_step:
+            self._due = _Due(due_s, envelope, parts, answer.has_reading)
+        else:
+            self._send(envelope, parts)
+
+    def _encode(self, answer: Answer, request: Request) -> list[Any]:
+        """Return the parts of the reply to a request."""
+        header = {
+            "reply": request.request,
+            "ok": True,
+            "sequence": self._count(),
+            "request_sequence": request.sequence,
+            "overruns": self._deadlines.overruns if self._deadlines else 0,
+            **answer.header,
+        }
+        return encode(header, answer.arrays)
+
+    def _count(self) -> int:
+        self._sequence += 1
+        return self._sequence
+
+    def _refuse(self, envelope: list[bytes], sequence: int, code: str, message: str) -> None:
+        """Send the reply that says why a request has no answer.
+
+        Parameters
+        ----------
+        envelope : for the reply.
+        sequence : of the request.
+        code : of the reason.
+        message : *where: what: what to do*.
+        """
+        error = {"code": code, "message": message}
+        header = {
+            "reply": "error",
+            "ok": False,
+            "sequence": self._count(),
+            "request_sequence": sequence,
+            "error": error,
+        }
+        self._send(envelope, encode(header))
+
+    def _send(self, envelope: list[bytes], parts: list[Any]) -> None:
+        """Send a reply; a client that has gone, or reads nothing, is forgotten."""
+        try:
+            self._requests.send_multipart([*envelope, *parts], self._zmq.NOBLOCK, copy=False)
+        except self._zmq.Again:
+            self._forget(envelope[0], "does not read its replies")
+        except self._zmq.ZMQError:  # EHOSTUNREACH
+            self._forget(envelope[0], "has gone")
+
+    def _publish_event(self, event: str) -> None:
+        if self._stream is not None:
+            self._published += 1
+            header = {"event": event, "sequence": self._published}
+            self._stream.send_multipart([b"event", *encode(header)], self._zmq.NOBLOCK)

@@ -1,0 +1,229 @@
+"""Answers to the requests of flight software, without sockets: a simulation, the states that are kept, a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.loop.service.flight_recorder import FlightRecorder
+from rso_lidar.loop.service.linked_simulation import Delivery, LinkedSimulation, LinkedState
+from rso_lidar.loop.service.requests import (
+    DescribeRequest,
+    HelloRequest,
+    ObservationRequest,
+    Request,
+    ResetRequest,
+    RestoreRequest,
+    SaveRequest,
+    ShutdownRequest,
+    StepRequest,
+    TruthRequest,
+)
+from rso_lidar.loop.service.wire_format import WireArray, list_reading, list_truth
+from rso_lidar.records import Observation, SensorSamples, specs
+from rso_lidar.stepping import Simulation
+
+MOST_STATES = 64  # kept at once; each holds a frame
+_SIGHT = "line_of_sight"
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """An answer to a request: header and arrays of the message, and what the server has to know of it."""
+
+    header: dict[str, Any]
+    arrays: list[WireArray] = field(default_factory=list)
+    is_step: bool = False
+    is_skipped: bool = False
+    has_reading: bool = False
+    ends: bool = False
+
+
+class Session:
+    """A simulation that answers requests.
+
+    Parameters
+    ----------
+    simulation : under commands.
+    tells_truth : whether requests for the truth are answered.
+    recorder : of all frames made; None for none.
+    """
+
+    def __init__(
+        self, simulation: Simulation, *, tells_truth: bool = False, recorder: FlightRecorder | None = None
+    ) -> None:
+        self.linked = LinkedSimulation(simulation)
+        self.tells_truth, self._recorder = tells_truth, recorder
+        self._seed = simulation.scenario.seed
+        self._states: dict[str, LinkedState] = {}
+        self._names = 0
+        self._sight: np.ndarray | None = None  # the line of sight that the driver has
+
+    def answer(self, request: Request, *, skip: bool = False) -> Answer:
+        """Answer a request.
+
+        Parameters
+        ----------
+        request : from `parse_request`.
+        skip : whether the flash of a step is left out.
+
+        Returns
+        -------
+        Answer
+
+        Raises
+        ------
+        ScenarioError
+            If the request is not possible; the simulation is then as before.
+        RunError
+            If the recording cannot be written.
+        """
+        match request:
+            case StepRequest():
+                return self._step(request, skip=skip)
+            case HelloRequest() | DescribeRequest():
+                self._sight = None if isinstance(request, HelloRequest) and request.role == "driver" else self._sight
+                return Answer(self._state() | {"describe": self._describe()}, self._list_sight())
+            case ObservationRequest():
+                return self._observe()
+            case TruthRequest():
+                return self._tell_truth()
+            case ResetRequest():
+                return self._reset(request.seed)
+            case SaveRequest():
+                return self._save()
+            case RestoreRequest():
+                return self._restore(request)
+            case ShutdownRequest():
+                return Answer(self._state(), ends=True)
+        raise ScenarioError(f"request: {type(request).__name__} has no answer")
+
+    def _state(self) -> dict[str, Any]:
+        """Return what every answer says."""
+        linked = self.linked
+        return {"time_ns": linked.time_ns, "next_flash_ns": linked.next_flash_ns, "is_over": linked.is_over}
+
+    def _describe(self) -> dict[str, Any]:
+        """Return what does not change, as far as flight software may know it."""
+        scenario = self.linked.simulation.scenario
+        receiver = scenario.lidar.receiver
+        return {
+            "title": scenario.name,
+            "start_utc": scenario.time.start_utc.isoformat(),
+            "n_frames": scenario.time.n_frames,
+            "frame_rate_hz": scenario.time.frame_rate_hz,
+            "n_rows": receiver.n_rows,
+            "n_cols": receiver.n_cols,
+            "has_ptu": scenario.ptu is not None,
+            "seed": scenario.seed,
+            "link": self.linked.link.model_dump(),
+            "tells_truth": self.tells_truth,
+            "is_recorded": self._recorder is not None,
+        }
+
+    def _list_sight(self) -> list[WireArray]:
+        """List the line of sight of the latest reading, or else the one that the scenario plans now."""
+        simulation, delivered = self.linked.simulation, self.linked.delivered
+        if delivered is not None and delivered.observation is not None:
+            values = delivered.observation.line_of_sight
+        else:
+            values = simulation.scenario.instrument.at(simulation.time_s).receiver.line_of_sight
+        return [WireArray(_SIGHT, specs(Observation)[_SIGHT], values)]
+
+    def _step(self, request: StepRequest, *, skip: bool) -> Answer:
+        """Step, and record a frame that was made."""
+        command = request.command.to_command() if request.command else None
+        delivery = self.linked.step(
+            command, dt_ns=request.dt_ns, stamp_ns=request.stamp_ns, skip=skip and request.dt_ns is None
+        )
+        if self.linked.frame is not None and self._recorder is not None:
+            self._recorder.write(self.linked.frame)
+        return self._deliver(delivery, self.linked.samples, is_step=True)
+
+    def _observe(self) -> Answer:
+        """Return the latest reading once more, with the samples of its observation."""
+        latest = self.linked.delivered
+        return self._deliver(latest, latest.observation.sensors if latest and latest.observation else {}, is_step=False)
+
+    def _deliver(self, delivery: Delivery | None, samples: Mapping[str, SensorSamples], *, is_step: bool) -> Answer:
+        """Return the answer that holds samples, and a reading if there is one.
+
+        Parameters
+        ----------
+        delivery : of the flash.
+        samples : of the other sensors.
+        is_step : whether it answers a step; else it holds the line of sight, changed or not.
+        """
+        header = self._state() | {"frame": None}
+        observation = delivery.observation if delivery else None
+        is_new = not is_step
+        if delivery is not None:
+            header["frame"] = {
+                "index": delivery.index,
+                "status": delivery.status,
+                "t_emission_ns": delivery.t_emission_ns,
+                "t_available_ns": delivery.t_available_ns,
+            }
+        if observation is not None:
+            header["frame"]["time_s"] = observation.time_s
+            header["frame"]["settings"] = {
+                name: value if math.isfinite(value) else None for name, value in observation.settings.items()
+            }
+            sight = observation.line_of_sight
+            if is_step:
+                is_new = self._sight is None or not (sight is self._sight or np.array_equal(sight, self._sight))
+                self._sight = sight
+        header["records"], arrays = list_reading(observation, samples, with_line_of_sight=is_new)
+        return Answer(
+            header,
+            arrays,
+            is_step=is_step,
+            is_skipped=delivery is not None and delivery.status == "skipped",
+            has_reading=observation is not None,
+        )
+
+    def _tell_truth(self) -> Answer:
+        if not self.tells_truth:
+            raise ScenarioError(
+                "truth: is not for flight software; start the server with --truth where it may be asked"
+            )
+        truth = self.linked.simulation.truth
+        header = self._state() | {
+            "time_s": float(truth.time_s),
+            "parents": {name: truth.poses.parent(name) for name in truth.poses},
+            "sunlit": {name: float(share) for name, share in truth.sunlit.items()},
+        }
+        return Answer(header, list_truth(truth))
+
+    def _reset(self, seed: int | None) -> Answer:
+        if self._recorder is not None:
+            self._recorder.check_next()
+            self._recorder.complete()
+        self.linked.reset(self._seed if seed is None else seed)
+        self._sight = None
+        return Answer(self._state() | {"seed": self.linked.simulation.scenario.seed})
+
+    def _save(self) -> Answer:
+        if len(self._states) >= MOST_STATES:
+            raise ScenarioError(f"save: {MOST_STATES} states are kept already; restore one with forget = true")
+        self._names += 1
+        name = f"state-{self._names}"
+        self._states[name] = self.linked.save()
+        return Answer(self._state() | {"state": name})
+
+    def _restore(self, request: RestoreRequest) -> Answer:
+        if self._recorder is not None:
+            raise ScenarioError(
+                "restore: a recording goes on from frame to frame; start the server without -o to go back"
+            )
+        if request.state not in self._states:
+            raise ScenarioError(f"restore: no state '{request.state:.40}' is kept; give the name that save returned")
+        state = self._states.pop(request.state) if request.forget else self._states[request.state]
+        self.linked.restore(state)
+        self._sight = None
+        return Answer(self._state())

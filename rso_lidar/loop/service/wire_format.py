@@ -1,0 +1,291 @@
+"""Messages of the server: a JSON header that lists arrays, and the arrays as raw little-endian bytes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from rso_lidar import records
+from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.export.layout.datasets import INERTIAL, NODE, SUN, compute_lidar_poses
+from rso_lidar.loop.service.requests import SCHEMA, parse_json
+from rso_lidar.pose import Link, PoseTree
+from rso_lidar.records import (
+    ArraySpec,
+    BodyState,
+    Observation,
+    PtuAngles,
+    Reading,
+    Record,
+    SensorSamples,
+    Truth,
+    specs,
+)
+
+AnyRecord = TypeVar("AnyRecord", bound=Record)
+
+_DTYPES = {"|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f4", "<f8"}
+
+
+@dataclass(frozen=True, eq=False)
+class WireArray:
+    """One array of a message: its path, its statement and its values."""
+
+    path: str
+    spec: ArraySpec
+    values: np.ndarray
+
+
+def list_record(path: str, record: Record) -> Iterator[WireArray]:
+    """Yield the arrays of a record, with the statements of its fields.
+
+    Parameters
+    ----------
+    path : before the names of the fields, with a slash at its end, or empty.
+    record : whose arrays are sent; those that are None are not.
+    """
+    for name, spec in specs(type(record)).items():
+        if (values := getattr(record, name)) is not None:
+            yield WireArray(f"{path}{name}", spec, values)
+
+
+def list_reading(
+    observation: Observation | None, samples: Mapping[str, SensorSamples], *, with_line_of_sight: bool = False
+) -> tuple[dict[str, str], list[WireArray]]:
+    """List the arrays of a reading and of samples of other sensors.
+
+    Parameters
+    ----------
+    observation : whose reading and angles are sent; None for none.
+    samples : of the other sensors, by name.
+    with_line_of_sight : whether the receiver does not have the present line of sight yet.
+
+    Returns
+    -------
+    classes
+        of the records, by their paths.
+    arrays
+        in the order of the message.
+    """
+    inside: dict[str, Record] = {f"sensors/{name}": some for name, some in samples.items()}
+    arrays: list[WireArray] = []
+    if observation is not None:
+        inside = {"reading": observation.reading, **inside}
+        own = list_record("", observation)
+        arrays += [one for one in own if with_line_of_sight or one.path != "line_of_sight"]
+    for path, record in inside.items():
+        arrays += list_record(f"{path}/", record)
+    return {path: type(record).__name__ for path, record in inside.items()}, arrays
+
+
+def list_truth(truth: Truth) -> list[WireArray]:
+    """List the arrays of the truth at one epoch, with the paths and meanings that they have in a recording.
+
+    Parameters
+    ----------
+    truth : at one epoch.
+    """
+    from scipy.spatial.transform import Rotation
+
+    arrays = [WireArray("truth/sun_direction", SUN, truth.sun_direction)]
+    for name, matrix in compute_lidar_poses(truth.poses).items():
+        link = truth.poses[name]
+        quaternions = Rotation.from_matrix(np.array([link.matrix, matrix[:3, :3]])).as_quat(canonical=True)
+        from_parent = (link.translation_m, quaternions[0], link.velocity_m_s, link.angular_velocity_rad_s)
+        values = (*from_parent, matrix[:3, 3], quaternions[1])
+        arrays += [
+            WireArray(f"truth/{name}/{path}", spec, value)
+            for (path, spec), value in zip(NODE.items(), values, strict=True)
+        ]
+    for name, state in truth.states.items():
+        arrays += [
+            WireArray(f"truth/{name}/{path}", specs(BodyState)[field], getattr(state, field))
+            for path, field in INERTIAL.items()
+        ]
+    if truth.pointing is not None:
+        arrays += list_record("ptu/", truth.pointing)
+    return arrays
+
+
+def encode(header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any]:
+    """Return the parts of a message: the JSON header in UTF-8, then the bytes of each array.
+
+    Parameters
+    ----------
+    header : of the message, without schema and arrays.
+    arrays : in the order in which they are sent.
+    """
+    packed = [_to_little_endian(one.values) for one in arrays]
+    listed = [
+        {
+            "name": one.path,
+            "dtype": values.dtype.str,
+            "shape": values.shape,
+            "unit": one.spec.unit,
+            "dims": one.spec.dims,
+            "meaning": one.spec.meaning,
+        }
+        for one, values in zip(arrays, packed, strict=True)
+    ]
+    text = json.dumps({"schema": SCHEMA, **header, "arrays": listed}, allow_nan=False)
+    return [text.encode(), *(values.data if values.size else b"" for values in packed)]
+
+
+def _to_little_endian(values: Any) -> np.ndarray:
+    array = np.asarray(values)
+    return np.require(array, array.dtype.newbyteorder("<"), "C")
+
+
+def decode(parts: Sequence[Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return the header of a message and its arrays by path.
+
+    Parameters
+    ----------
+    parts : bytes of the header and of each array.
+
+    Raises
+    ------
+    RunError
+        If they are no message of this schema.
+    """
+    try:
+        header = parse_json(bytes(parts[0]), "reply")
+    except (IndexError, ScenarioError) as error:
+        raise RunError(f"reply: is none of an rso-lidar server ({error}); check the endpoint") from None
+    if header.get("schema") != SCHEMA:
+        raise RunError(
+            f"reply: has the schema {header.get('schema')!r:.60}, and this client speaks {SCHEMA}; use equal versions"
+        )
+    listed = header.get("arrays", [])
+    if not isinstance(listed, list) or len(listed) != len(parts) - 1:
+        raise RunError(f"reply: lists other arrays than its {len(parts) - 1} parts; use equal versions")
+    return header, dict(map(_read_array, listed, parts[1:]))
+
+
+def _read_array(entry: Any, data: Any) -> tuple[str, np.ndarray]:
+    """Return path and values of one array of a message."""
+    try:
+        path, dtype, shape = str(entry["name"]), str(entry["dtype"]), tuple(map(int, entry["shape"]))
+    except (KeyError, TypeError, ValueError):
+        path, dtype, shape = f"{entry!r:.60}", "", ()
+    size = len(memoryview(data).cast("B")) if len(data) else 0
+    if dtype not in _DTYPES or min(shape, default=0) < 0 or math.prod(shape) * np.dtype(dtype).itemsize != size:
+        raise RunError(
+            f"reply: the array {path} of {dtype or '?'} {shape} does not fit its {size} bytes; use equal versions"
+        )
+    return path, np.frombuffer(data, dtype).reshape(shape) if size else np.zeros(shape, dtype)
+
+
+def build_observation(
+    header: dict[str, Any],
+    arrays: dict[str, np.ndarray],
+    line_of_sight: np.ndarray,
+    samples: Mapping[str, SensorSamples],
+) -> Observation:
+    """Build the record of an observation from a message.
+
+    Parameters
+    ----------
+    header, arrays : from `decode`.
+    line_of_sight : (row, col, xyz) in force.
+    samples : of the other sensors since the reading before, by name.
+    """
+    reading = _build_record("reading", Reading, arrays)
+    frame = header["frame"]
+    return Observation(
+        frame["time_s"],
+        reading,
+        frame["settings"],
+        line_of_sight,
+        pan_tilt_rad=arrays.get("pan_tilt_rad"),
+        sensors=samples,
+    )
+
+
+def build_samples(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str, SensorSamples]:
+    """Build the samples of other sensors from a message, by name.
+
+    Parameters
+    ----------
+    header, arrays : from `decode`.
+    """
+    built = {}
+    for path, name in header.get("records", {}).items():
+        if path.startswith("sensors/"):
+            cls = getattr(records, name, None)
+            if not (isinstance(cls, type) and issubclass(cls, SensorSamples)):
+                raise RunError(f"reply: {path} is a {name!r:.40}, which this version does not know; use equal versions")
+            built[path.removeprefix("sensors/")] = _build_record(path, cls, arrays)
+    return built
+
+
+def _build_record(path: str, cls: type[AnyRecord], arrays: dict[str, np.ndarray]) -> AnyRecord:
+    """Build one record of a message.
+
+    Parameters
+    ----------
+    path, cls : of the record, and its class.
+    arrays : of the message, by path.
+    """
+    return cls(**{field: arrays[f"{path}/{field}"] for field in specs(cls) if f"{path}/{field}" in arrays})
+
+
+def build_truth(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Truth:
+    """Build the truth at one epoch from a message.
+
+    Parameters
+    ----------
+    header, arrays : from `decode`.
+    """
+    from scipy.spatial.transform import Rotation
+
+    links = {}
+    for name in header["parents"]:
+        position, quaternion, velocity, rate = (
+            arrays[f"truth/{name}/{path}"]
+            for path in ("parent_position", "parent_quaternion", "velocity", "angular_velocity")
+        )
+        links[name] = Link((position, Rotation.from_quat(quaternion).as_matrix()), velocity, rate)
+    states = {
+        name: BodyState(*(arrays[f"truth/{name}/{path}"] for path in INERTIAL))
+        for name in header["parents"]
+        if f"truth/{name}/inertial_position" in arrays
+    }
+    pointing = None
+    if "ptu/actual_rad" in arrays:
+        pointing = PtuAngles(**{name: arrays[f"ptu/{name}"] for name in specs(PtuAngles)})
+    tree = PoseTree(header["parents"], links)
+    return Truth(header["time_s"], tree, states, arrays["truth/sun_direction"], pointing, header.get("sunlit", {}))
+
+
+def encode_request(kind: str, sequence: int, fields: dict[str, Any]) -> bytes:
+    """Return the header of a request.
+
+    Parameters
+    ----------
+    kind : of the request.
+    sequence : its number.
+    fields : further keys; None is left out.
+
+    Raises
+    ------
+    ScenarioError
+        If a number is not finite.
+    """
+    given = {name: value for name, value in fields.items() if value is not None}
+    try:
+        text = json.dumps({"request": kind, "sequence": sequence, **given}, allow_nan=False, default=_to_json)
+    except (TypeError, ValueError) as error:
+        raise ScenarioError(f"{kind}: cannot be sent ({error}); give finite numbers") from None
+    return text.encode()
+
+
+def _to_json(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{value!r:.40} is no number")

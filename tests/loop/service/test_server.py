@@ -1,0 +1,77 @@
+"""A simulation over a socket: the same bits as in one process, one driver, and clear answers to what is wrong."""
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from tests.loop.service.serving import serving
+
+pytest.importorskip("zmq", reason="pyzmq is not installed: the extra 'loop'")
+
+
+def pointing():
+    return rl.track.Pointing(gate_m=20.0, lead_s=0.16)
+
+
+def test_a_loop_over_the_socket_has_the_bits_of_simulate(scenario):
+    controller = pointing()
+    with serving(scenario) as server, rl.loop.Client(server.endpoint, timeout_s=30) as client:
+        flashes = [client.step()]
+        while not client.is_over:
+            flashes.append(client.step(controller(client.observation)))
+        truth = client.truth
+    frames = list(rl.simulate(scenario, pointing()))
+    assert len(flashes) == len(frames) == 8
+    for flash, frame in zip(flashes, frames, strict=True):
+        seen = flash.observation
+        assert (flash.index, flash.status) == (frame.index, "delivered")
+        assert flash.t_emission_ns == flash.t_available_ns == round(frame.time_s * 1e9)
+        np.testing.assert_array_equal(seen.reading.range_m, frame.range_m)
+        np.testing.assert_array_equal(seen.reading.intensity_counts, frame.intensity_counts)
+        np.testing.assert_array_equal(seen.pan_tilt_rad, frame.observation.pan_tilt_rad)
+        np.testing.assert_array_equal(seen.line_of_sight, frame.line_of_sight)
+        assert seen.settings == frame.observation.settings
+    last = frames[-1].truth
+    assert truth.time_s == last.time_s
+    assert set(truth.poses) == set(last.poses)
+    np.testing.assert_allclose(
+        truth.pose("lidar", "stage").as_matrix(), last.pose("lidar", "stage").as_matrix(), rtol=0, atol=1e-9
+    )
+    np.testing.assert_array_equal(truth.states["stage"].velocity_m_s, last.states["stage"].velocity_m_s)
+    np.testing.assert_array_equal(truth.pointing.demand_rad, last.pointing.demand_rad)
+
+
+def test_reset_save_and_restore_over_the_socket(scenario):
+    with serving(scenario) as server, rl.loop.Client(server.endpoint, timeout_s=30) as client:
+        first = client.step()
+        client.step(rl.Command(pan_rad=0.7))
+        state = client.save()
+        third = client.step(rl.Command(pan_rad=np.float64(0.72)))
+        client.restore(state)
+        assert client.time_s == 0.5
+        again = client.step(rl.Command(pan_rad=0.72))
+        np.testing.assert_array_equal(again.observation.pan_tilt_rad, third.observation.pan_tilt_rad)
+        client.reset()
+        assert client.observation is None
+        same = client.step()
+        np.testing.assert_array_equal(same.observation.reading.range_m, first.observation.reading.range_m)
+        client.reset(seed=99)
+        other = client.step()
+        assert not np.array_equal(other.observation.pan_tilt_rad, first.observation.pan_tilt_rad)
+        with pytest.raises(rl.ScenarioError, match="no state 'state-7' is kept"):
+            client.restore("state-7")
+
+
+def test_one_driver_at_a_time_and_the_next_one_goes_on(scenario):
+    with serving(scenario) as server:
+        with rl.loop.Client(server.endpoint, name="first", timeout_s=30) as client:
+            client.step()
+            with pytest.raises(rl.ScenarioError, match="'first' is the driver already; end it first"):
+                rl.loop.Client(server.endpoint, timeout_s=30)
+            with rl.loop.Client(server.endpoint, role="observer", timeout_s=30) as watcher:
+                assert watcher.read().index == 0
+                with pytest.raises(rl.ScenarioError, match="step: is for the driver"):
+                    watcher.step()
+        with rl.loop.Client(server.endpoint, name="second", timeout_s=30) as client:
+            assert client.time_s == 0.0
+            assert client.step().index == 1
