@@ -35,10 +35,10 @@ RELATIVE = sensors.RelativeGnss(
 )  # fmt: skip
 PARTS = {"gyro": GYRO, "star_tracker": TRACKER, "gnss": GNSS, "relative_gnss": RELATIVE}
 BODY_FROM_LIDAR, ORIGIN_M = lidar_from_ptu().inv().as_matrix(), np.array([0.2, 0.0, 0.4])
-FIX_SIGMA_M = np.array([0.05, 0.05, 0.02])  # across the line of sight, and along it
+FIX_SIGMA_M = np.array([0.005, 0.005, 0.02])  # across the line of sight, and along it
 START = np.array([7e6, 0, 0, 0, 4.66e3, 5.87e3, -30.0, 100.0, 20.0, 0.05, -0.1, 0.02])
 ACCELERATIONS = {"own": 1e-3, "target": 3e-4}  # m/s²/√Hz
-TUMBLE = motion.Tumble(inertia_kg_m2=(10.0, 20.0, 25.0), body_rate_deg_s=(0.3, 0.5, -0.2))
+TUMBLE = motion.Tumble(inertia_kg_m2=(10.0, 20.0, 25.0), body_rate_deg_s=(2.0, 3.0, -1.5))
 SIGMA = np.repeat([10.0, 0.3, 3.0, 0.1, 0.01], 3)  # of the estimate at the start
 
 
