@@ -125,3 +125,17 @@ def test_samples_that_come_late_are_an_error():
         navigation.predict(4.0)
     with pytest.raises(ScenarioError, match="has no gnss"):
         navigation.update_position(5.0, zero, zero)
+
+
+def test_the_error_of_an_attitude_turns_with_the_body():
+    """It is fixed in inertial axes: after a turn of 30 degrees about z, its axes in the body have turned back by as much."""
+    zero, angle = np.zeros(3), np.pi / 6.0
+    spread = np.diag([1e-2] * 12 + [4.0, 1.0, 2.0])
+    estimate = track.NavigationEstimate(0.0, np.array([7e6, 0.0, 0.0]), zero, zero, zero, np.eye(3), spread)
+    gyro = sensors.Gyro(name="gyro", rate_hz=1.0)
+    navigation = track.NavigationFilter(estimate, gyro=gyro)
+    navigation.add_rate(0.0, np.array([0.0, 0.0, angle]))
+    turned = navigation.estimate(1.0)
+    rotation = Rotation.from_euler("z", angle).as_matrix()
+    np.testing.assert_allclose(turned.inertial_from_body, rotation, atol=1e-12)
+    np.testing.assert_allclose(turned.covariance[12:, 12:], rotation.T @ spread[12:, 12:] @ rotation, atol=1e-12)
