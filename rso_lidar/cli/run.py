@@ -16,7 +16,9 @@ from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice
-from rso_lidar.loop.live.live_view import DEFAULT_ADDRESS, LiveView
+from rso_lidar.loop.live.live_view import LiveView
+from rso_lidar.loop.live.queued_view import QueuedView
+from rso_lidar.loop.live.rerun_view import RerunView
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import simulate
@@ -56,6 +58,9 @@ def run(
     live_at: Annotated[
         str | None, typer.Option("--live-at", metavar="HOST:PORT", help="Address of the live view (127.0.0.1:8765).")
     ] = None,
+    live_with: Annotated[
+        str | None, typer.Option("--live-with", metavar="VIEWER", help="Viewer of the live view: foxglove or rerun.")
+    ] = None,
 ) -> None:
     """Simulate a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
@@ -78,7 +83,8 @@ def run(
         _refuse_other_runs(output, identity)
     tally = Tally()
     done = 0
-    view = _open_view(scenario, live_at) if live or live_at is not None else None
+    is_live = live or live_at is not None or live_with is not None
+    view = _open_view(scenario, live_at, live_with or "foxglove") if is_live else None
     recorder = export.Recorder(
         output,
         scenario.source,
@@ -106,15 +112,20 @@ def run(
         echo(f"live view   {view.shown:,} frames shown, {view.dropped:,} dropped")
 
 
-def _open_view(scenario: Scenario, address: str | None) -> LiveView:
+def _open_view(scenario: Scenario, address: str | None, viewer: str) -> QueuedView:
     """Open the live view, and print where it is.
 
     Parameters
     ----------
     scenario, address : the scenario, and the address that the user gave, if any.
+    viewer : kind of the viewer.
     """
-    view = LiveView(scenario, DEFAULT_ADDRESS if address is None else address)
-    echo(f"live view   {view.url} (in Lichtblick or Foxglove: open a connection, Foxglove WebSocket)", err=True)
+    if viewer not in ("foxglove", "rerun"):
+        raise ScenarioError(f"--live-with {viewer:.40}: no such viewer (known: foxglove, rerun)")
+    made = RerunView if viewer == "rerun" else LiveView
+    view = made(scenario) if address is None else made(scenario, address)
+    how = f"rerun {view.url}" if viewer == "rerun" else "in Lichtblick or Foxglove: a connection, Foxglove WebSocket"
+    echo(f"live view   {view.url} ({how})", err=True)
     return view
 
 

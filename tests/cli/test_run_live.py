@@ -27,3 +27,7 @@ def test_a_run_is_shown_and_recorded(call, bench, tmp_path):
 )
 def test_other_addresses_are_refused(refused, address, said):
     refused(("-o", "x.h5", "--live-at", address), said)
+
+
+def test_other_viewers_are_refused(refused):
+    refused(("-o", "x.h5", "--live-with", "paraview"), "no such viewer (known: foxglove, rerun)")

@@ -1,32 +1,26 @@
 """A live view: a server that shows frames to viewers of the Foxglove protocol while they are made.
 
-Frames go into a short queue, and a thread of their own turns them into messages. Where that thread or a viewer is too
-slow, frames are left out and the simulation does not wait. A viewer that joins late receives the meshes and the latest
-frame at once.
+A viewer that joins late receives the meshes and the latest frame at once.
 """
 
 from __future__ import annotations
 
-import threading
-from collections import deque
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from rso_lidar.errors import RecordingError, ScenarioError, warn
 from rso_lidar.loop.live.frame_messages import PTU_SCHEMA, TARGETS, WRITERS, stamp_of, write_targets
+from rso_lidar.loop.live.queued_view import QueuedView
 from rso_lidar.loop.network_address import NetworkAddress, parse_address, require_loopback
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 
 DEFAULT_ADDRESS = "127.0.0.1:8765"  # the port of the Foxglove protocol
-_BACKLOG = 4  # frames that wait for the thread
 _MESSAGES = 64  # that wait for one viewer in the library, which drops the oldest of more
-_ENDS_S = 5.0  # time for the frames that still wait at the end
 
 
-class LiveView:
+class LiveView(QueuedView):
     """A server for viewers of the Foxglove protocol, such as Lichtblick and Foxglove; a context manager.
 
     >>> with LiveView(scenario) as view:  # doctest: +SKIP
@@ -59,15 +53,12 @@ class LiveView:
         asked = parse_address(address, where)
         require_loopback(asked, where, "the live view")
         fox = _import_foxglove()
+        super().__init__()
         if shapes is None:
             shapes = [Shape(surface.name, surface.corners) for surface in scenario.surfaces]
         self._shapes = tuple(shapes)
-        self._waiting: deque[Frame] = deque()
-        self._changed = threading.Condition()
         self._latest: Frame | None = None
         self._targets: Any = None
-        self._is_busy = self._is_closed = False
-        self._dropped = self._shown = 0
         self._context = context = fox.Context()  # channels are advertised only while it lives
         try:
             self._server = fox.start_server(
@@ -84,80 +75,18 @@ class LiveView:
             raise ScenarioError(f"live view: {asked.text}: cannot be opened ({reason}); choose another port") from None
         self.address = NetworkAddress(asked.host, int(self._server.port))
         self._channels = _make_channels(context, has_ptu=scenario.ptu is not None)
-        self._thread = threading.Thread(target=self._publish_all, name="live view", daemon=True)
-        self._thread.start()
+        self._start()
 
     @property
     def url(self) -> str:
         """Address for the viewer, such as ``ws://127.0.0.1:8765``."""
         return f"ws://{self.address.text}"
 
-    @property
-    def shown(self) -> int:
-        """Number of frames that were handed to the viewers."""
-        return self._shown
-
-    @property
-    def dropped(self) -> int:
-        """Number of frames that were left out because newer ones came first."""
-        return self._dropped
-
-    def show(self, frame: Frame) -> None:
-        """Show a frame; never waits for a viewer.
-
-        Parameters
-        ----------
-        frame : the next frame. If too many wait, the oldest of them is dropped.
-        """
-        with self._changed:
-            if self._is_closed:
-                return
-            if len(self._waiting) >= _BACKLOG:
-                self._waiting.popleft()
-                self._dropped += 1
-            self._waiting.append(frame)
-            self._changed.notify_all()
-
-    def close(self) -> None:
-        """Show the frames that wait, for a few seconds at most, and close the server."""
-        with self._changed:
-            if self._is_closed:
-                return
-            self._changed.wait_for(lambda: not self._waiting and not self._is_busy, timeout=_ENDS_S)
-            self._is_closed = True
-            self._dropped += len(self._waiting)
-            self._waiting.clear()
-            self._changed.notify_all()
-        self._thread.join(timeout=_ENDS_S)
+    def _stop(self) -> None:
+        """Close the server."""
         for channel in self._channels.values():
             channel.close()
         self._server.stop()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _publish_all(self) -> None:
-        """Publish frames until the view is closed; the work of the thread."""
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._waiting or self._is_closed)
-                if self._is_closed:
-                    return
-                frame, self._is_busy = self._waiting.popleft(), True
-            try:
-                self._publish(frame)
-            except Exception as error:  # a view that fails must not end the run that it shows
-                warn(f"live view: frame {frame.index} could not be shown ({' '.join(str(error).split()):.120})")
-            finally:
-                with self._changed:
-                    self._is_busy = False
-                    self._shown += 1
-                    self._changed.notify_all()
 
     def _publish(self, frame: Frame) -> None:
         """Publish one frame to all viewers that subscribe to a topic of it."""

@@ -81,7 +81,7 @@ def write_rerun(
     rerun = import_rerun(str(place))
     thumbnails, _ = pick(frames, _LOOKED_AT, Thumbnail.of)
     lasts_s = thumbnails[-1].time_s - thumbnails[0].time_s
-    scene = _Scene(rerun, frames[0], lasts_s, tuple(shapes), Scale.of(thumbnails), colour)
+    scene = RerunScene(rerun, frames[0], lasts_s, tuple(shapes), Scale.of(thumbnails), colour)
     with write_atomically(place) as draft:
         stream = rerun.RecordingStream(APPLICATION, recording_id=_identity(frames[0]), send_properties=False)
         stream.save(draft, default_blueprint=scene.blueprint())
@@ -190,7 +190,7 @@ def world_of(frame: Frame) -> str:
     return poses.parent(names[0]) if names else ROOT
 
 
-class _Scene:
+class RerunScene:
     """Scene being written: paths of its axes, scale of colours, meshes."""
 
     def __init__(

@@ -11,7 +11,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.loop.live import live_view
+from rso_lidar.loop.live import queued_view
 from rso_lidar.loop.live.frame_messages import WRITERS, stamp_of
 from rso_lidar.loop.live.live_view import LiveView
 
@@ -156,7 +156,7 @@ def test_a_frame_that_cannot_be_shown_ends_nothing(scenario, frames, monkeypatch
 
     monkeypatch.setattr(LiveView, "_publish", fail)
     told = []
-    monkeypatch.setattr(live_view, "warn", told.append)
+    monkeypatch.setattr(queued_view, "warn", told.append)
     with LiveView(scenario, FREE) as view:
         view.show(frames[0])
         view.show(frames[1])
