@@ -240,10 +240,22 @@ def crop(
     return (out, extra) if names else out
 
 
+def add_metres(image: np.ndarray, extra: np.ndarray) -> np.ndarray:
+    """Add two channels to crops (frame, 3, row, col): the places of the returns across [10 m], down and right.
+
+    Parameters
+    ----------
+    image : crops.
+    extra : result of `scale` (frame, 2), which has their half widths.
+    """
+    across = cells()[None] * np.exp(extra[:, 0])[:, None, None, None] * image[:, 2:]
+    return np.concatenate([image, across.astype(np.float32)], axis=1)
+
+
 def metric_crop(
     returns: Returns, frames: np.ndarray, rng: np.random.Generator | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return crops (frame, 5, row, col) with two more channels, the places of the returns across [10 m], and their `scale`.
+    """Return crops (frame, 5, row, col) with the channels of `add_metres`, and their `scale`.
 
     Parameters
     ----------
@@ -251,9 +263,8 @@ def metric_crop(
     frames : numbers of those to crop.
     rng : turns and mirrors the crops as in `crop`.
     """
-    image, extra = crop(returns, frames, rng), scale(returns, frames)
-    across = cells()[None] * np.exp(extra[:, 0])[:, None, None, None] * image[:, 2:]
-    return np.concatenate([image, across.astype(np.float32)], axis=1), extra
+    extra = scale(returns, frames)
+    return add_metres(crop(returns, frames, rng), extra), extra
 
 
 def cloud(returns: Returns, frames: np.ndarray, size: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

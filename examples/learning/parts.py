@@ -5,7 +5,7 @@
 
 import numpy as np
 from arguments import parse, run
-from frames import CROP, Returns, crop, divide, load_returns, outline
+from frames import CROP, Returns, add_metres, crop, divide, load_returns, metric_crop, outline, scale
 from networks import UNet
 from predictions import write
 from pytorch import torch
@@ -25,7 +25,7 @@ def train(returns: Returns, classes: int, epochs: int, seed: int) -> UNet:
     classes : number of part classes.
     epochs, seed : of the training.
     """
-    network = UNet(3, classes)
+    network = UNet(5, classes)
     to_train, held_out = divide(returns, seed, returns.has_craft)
     known = returns.labels[LABEL][returns.labels[LABEL] >= 0]
     share = np.bincount(known, minlength=classes) / len(known)
@@ -33,6 +33,7 @@ def train(returns: Returns, classes: int, epochs: int, seed: int) -> UNet:
 
     def loss(frames: np.ndarray, rng: np.random.Generator | None) -> torch.Tensor:
         image, label = crop(returns, frames, rng, (LABEL,))
+        image = add_metres(image, scale(returns, frames))
         truth = torch.as_tensor(label[LABEL].astype(np.int64))
         return torch.nn.functional.cross_entropy(network(torch.as_tensor(image)), truth, weight, ignore_index=-1)
 
@@ -40,7 +41,7 @@ def train(returns: Returns, classes: int, epochs: int, seed: int) -> UNet:
         parts = np.array_split(held_out, 1 + len(held_out) // 64)
         return float(np.mean([float(loss(frames, None)) for frames in parts]))
 
-    fit(network, loss, to_train, validate, epochs=epochs, seed=seed, rate=4e-3, batch=32)
+    fit(network, loss, to_train, validate, epochs=epochs, seed=seed, rate=3e-3, batch=16)
     return network
 
 
@@ -49,7 +50,7 @@ def predict(network: UNet, returns: Returns) -> np.ndarray:
     """Return the part class of every return (return): that of the cell of the crop that it lies in."""
     out = np.full(len(returns.pixel), -1, np.int8)
     for frames in np.array_split(np.arange(len(returns)), 1 + len(returns) // 64):
-        best = network(torch.as_tensor(crop(returns, frames))).argmax(dim=1).numpy()
+        best = network(torch.as_tensor(metric_crop(returns, frames)[0])).argmax(dim=1).numpy()
         for k, frame in enumerate(frames):
             middle, radius = outline(returns, frame)
             cell = ((returns.pixel[returns.of(frame)] - middle) / radius + 1.0) / 2.0 * CROP
