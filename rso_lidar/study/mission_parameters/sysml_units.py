@@ -44,6 +44,7 @@ UNITS = {
     "kg m²": UnitNotation("MomentOfInertiaValue", "kg*m^2"),
     "N": UnitNotation("ForceValue", "N"),
     "N m": UnitNotation("TorqueValue", "N*m"),
+    "J": UnitNotation("EnergyValue", "J"),
     "mJ": UnitNotation("EnergyValue", "mJ"),
     "nA": UnitNotation("ElectricCurrentValue", "nA"),
     "nF": UnitNotation("CapacitanceValue", "nF"),
