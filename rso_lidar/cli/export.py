@@ -17,7 +17,8 @@ from rso_lidar.study.recorded_runs.conversion import save
 
 _OF_A_TARGET = ("tum", "kitti")
 _OF_A_BODY = ("oem", "aem")
-_QUICK = ("tum", "kitti", "csv", "oem", "aem", "czml")  # read no image
+_OF_A_SENSOR = ("csv", "parquet")
+_QUICK = ("tum", "kitti", "csv", "parquet", "oem", "aem", "czml")  # read no image
 
 
 def export(
@@ -49,6 +50,10 @@ def export(
     lidar_in_target: Annotated[
         bool, typer.Option("--lidar-in-target", help="tum, kitti: the lidar in the target's axes, not the reverse.")
     ] = False,
+    sensor: Annotated[
+        str | None,
+        typer.Option("--sensor", metavar="NAME", help="csv, parquet: the samples of this sensor, not the truth."),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write a recording in another format. What the format cannot hold is printed."""
@@ -57,11 +62,14 @@ def export(
         raise RecordingError(f"--target {target}: is for tum, kitti, oem and aem; leave it out of a {wanted.name}")
     if lidar_in_target and wanted.name not in _OF_A_TARGET:
         raise RecordingError(f"--lidar-in-target: is for tum and kitti; leave it out of a {wanted.name}")
+    if sensor is not None and wanted.name not in _OF_A_SENSOR:
+        raise RecordingError(f"--sensor {sensor}: is for csv and parquet; leave it out of a {wanted.name}")
     if to.exists() and to.resolve() == recording.resolve():
         raise RecordingError(f"{to}: is the recording itself; give another name")
     with files.open(recording) as read:
         chosen = files.Frames(read, select_frames(read, frames))
         options: dict[str, Any] = {"target": target} if target is not None else {}
+        options |= {"sensor": sensor} if sensor is not None else {}
         options |= {"lidar_in_target": True} if lidar_in_target else {}
         each = chosen if wanted.name in _QUICK else count_frames(chosen, "exporting")
         to = save(to, each, format=wanted.name, overwrite=overwrite, **options)

@@ -33,7 +33,8 @@ class Format:
 
 
 _CLOUD = "the line of sight of pixels without a return, further returns of a pixel, photons and most labels"
-_MESSAGES = "labels but target and part, photons, further returns and kept records"
+_MESSAGES = "most labels, photons, further returns, kept records, and samples of other sensors that are not valid"
+_TABLE = "all images, labels and settings: a table of the truth, or of the samples of one sensor"
 _POSES = "all images, labels and settings: only where things were is kept"
 
 FORMATS = {
@@ -69,7 +70,8 @@ FORMATS = {
         Format("rosbag2", (".rosbag2",), "formats.rosbag2:write_rosbag2", True, _MESSAGES, "mcap"),
         Format("tum", (".tum",), "formats.trajectory:write_tum", False, _POSES),
         Format("kitti", (".kitti",), "formats.trajectory:write_kitti", False, f"{_POSES}, without times"),
-        Format("csv", (".csv",), "formats.trajectory:write_csv", False, _POSES),
+        Format("csv", (".csv",), "formats.trajectory:write_csv", False, _TABLE),
+        Format("parquet", (".parquet",), "formats.trajectory:write_table", False, _TABLE, "parquet"),
         Format("oem", (".oem",), "", False, "all but positions and velocities of bodies"),
         Format("aem", (".aem",), "", False, "all but the attitude of bodies"),
         Format("czml", (".czml",), "", False, "all but where bodies are and how they are turned"),

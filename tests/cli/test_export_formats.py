@@ -160,3 +160,33 @@ def test_a_checker_of_the_cf_conventions_finds_nothing_to_correct(netcdf, tmp_pa
     assert report["possible_points"] > 50
     assert bool(problems) == bool(changed), problems
     assert not changed or "furlongs per nibble" in str(problems)
+
+
+def test_samples_of_sensors_are_recorded_listed_and_exported(rso_lidar, tmp_path):
+    """The command records them, resumes nothing, and its file has what a run in memory has."""
+    small = (
+        "time.duration_s=3",
+        "lidar.receiver.n_rows=8",
+        "lidar.receiver.n_cols=8",
+        "lidar.receiver.min_rays_per_target=0",
+    )
+    scenario = shipped("examples/onboard_sensors.toml")
+    output, table = tmp_path / "run.h5", tmp_path / "gyro.csv"
+    settings = [word for text in small for word in ("--set", text)]
+    assert rso_lidar("run", scenario, "-o", output, "--frames", "1:3", *settings)[0] == 0
+    flown = list(rl.simulate(rl.Scenario.load(scenario, small), frames=range(1, 3)))
+    with rl.open(output) as recording:
+        for ours, theirs in zip(recording, flown, strict=True):
+            for name, samples in theirs.observation.sensors.items():
+                for field, values in vars(samples).items():
+                    np.testing.assert_array_equal(getattr(ours.observation.sensors[name], field), values)
+        assert type(recording.sensors["gnss"]) is type(flown[0].observation.sensors["gnss"])
+    told = rso_lidar("info", output)[1]
+    assert "sensor      gyro: GyroSamples, 40 samples at 20 Hz, 0.05 to 2 s\n" in told
+    assert rso_lidar("export", output, "--to", table, "--sensor", "gyro")[0] == 0
+    assert len(table.read_text().splitlines()) == 41
+    status, _, err = rso_lidar("export", output, "--to", tmp_path / "a.tum", "--sensor", "gyro")
+    assert (status, err) == (2, ["error: --sensor gyro: is for csv and parquet; leave it out of a tum"])
+    status, _, err = rso_lidar("export", output, "--to", tmp_path / "a.csv", "--sensor", "gyr")
+    assert status == 2
+    assert "did you mean 'gyro'" in err[0]

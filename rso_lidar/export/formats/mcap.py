@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ import numpy as np
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.formats.camera import Camera, fit_camera
 from rso_lidar.export.formats.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
+from rso_lidar.export.formats.sensor_messages import list_samples, list_topics, make_mounts
 from rso_lidar.export.formats.trajectory import to_stamp_ns
 from rso_lidar.export.layout.target_table import tabulate_targets
 from rso_lidar.export.writer.frame_stream import take_first
@@ -27,7 +28,7 @@ from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source
 
-LIDAR = "lidar"  # frame id of what the sensor says
+LIDAR, FOLLOWER = "lidar", "follower"  # frame ids of what the lidar says, and of the body that carries the sensors
 TOPICS = {
     "/tf": TRANSFORMS,
     "/lidar/camera_info": CAMERA_INFO,
@@ -39,6 +40,7 @@ TOPICS = {
 }
 _FLOAT32 = 7  # PointField
 _FIELDS = ("x", "y", "z", "intensity")
+_NS = 1_000_000_000
 _LAST_S = 2**31 - 1  # of a stamp
 _CHUNK_BYTES = 96  # a pixel: four frames of 26 bytes a pixel; each chunk keeps 1.2 kB of memory to the end
 _LEAST_BYTES = 2**16
@@ -46,20 +48,21 @@ _LEAST_BYTES = 2**16
 
 @dataclass(frozen=True)
 class MessageSpan:
-    """Stamps of the first and last frame [ns since 1970], and the number of frames."""
+    """Times of the first and last message [ns since 1970], and the type and the number of messages of each topic."""
 
     first_ns: int
     last_ns: int
-    frames: int
+    kinds: Mapping[str, str]
+    counts: Mapping[str, int]
 
 
 def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Write frames to an MCAP file, with seven messages per frame on the topics of `TOPICS`, and return its path.
+    """Write frames to an MCAP file, with seven messages per frame on the topics of `TOPICS`. Return its path.
 
     `/lidar/points` is an organised cloud, NaN where nothing came back, with x, y, z [m] and intensity [counts] as
     float32. `/lidar/range` is 32FC1, slant range [m] with NaN. `/lidar/intensity` is mono16. `/tf` holds all axes,
     parent_from_child of each. `/labels/target` and `/labels/part` are 16SC1: indices of targets and their parts, -1 for
-    sky.
+    sky. Each sample of another sensor is a message of its own, see `sensor_messages`.
 
     Parameters
     ----------
@@ -98,25 +101,37 @@ def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Fram
     from mcap_ros2.writer import Writer
 
     sight, camera = first.line_of_sight, fit_camera(first.line_of_sight)
-    stamps = [_stamp(place, first.source, first)] * 2
-    number = -1
+    sensors = list_topics(first)
+    mounts = make_mounts(sensors, first.source)
+    kinds = TOPICS | {one.topic: one.kind for one in sensors}
+    texts = DEFINITIONS | {one.kind: one.definition for one in sensors if one.definition}
+    counts, ends = dict.fromkeys(kinds, 0), [_LAST_S * _NS, 0]
     with draft.open("wb") as file:
         writer: Any = Writer(file, chunk_size=max(_CHUNK_BYTES * first.range_m.size, _LEAST_BYTES))
-        schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
+        schemas = {kind: writer.register_msgdef(kind, texts[kind]) for kind in dict.fromkeys(kinds.values())}
         writer.add_metadata("rso_lidar", _provenance(first.source, camera))
-        for number, frame in enumerate(frames):
+
+        def write(topic: str, message: dict[str, Any], at_ns: int) -> None:
+            writer.write_message(topic, schemas[kinds[topic]], message, at_ns, at_ns, counts[topic])
+            counts[topic] += 1
+            ends[:] = min(ends[0], at_ns), max(ends[1], at_ns)
+
+        for frame in frames:
             check_stream(file, draft, place)
             if frame.line_of_sight is not sight and not np.array_equal(frame.line_of_sight, sight):
                 sight, camera = frame.line_of_sight, fit_camera(frame.line_of_sight)
-            at_ns = stamps[1] = _stamp(place, first.source, frame)
-            messages = _messages(frame, at_ns, camera)
-            for topic, kind in TOPICS.items():
-                writer.write_message(topic, schemas[kind], messages[topic], at_ns, at_ns, number)
+            for available_s, time_s, one, body in list_samples(sensors, frame):
+                stamp = _to_ros_time(_stamp(place, first.source, time_s))
+                header = {"stamp": stamp, "frame_id": one.axes}
+                write(one.topic, {"header": header} | body, _stamp(place, first.source, available_s))
+            at_ns = _stamp(place, first.source, frame.time_s)
+            for topic, message in _messages(frame, at_ns, camera, mounts).items():
+                write(topic, message, at_ns)
             file.flush()
         writer.finish()
         check_stream(file, draft, place)
-    _check_file(place, draft, (number + 1) * len(TOPICS))
-    return MessageSpan(stamps[0], stamps[1], number + 1)
+    _check_file(place, draft, sum(counts.values()))
+    return MessageSpan(ends[0], ends[1], kinds, counts)
 
 
 def _check_file(place: Path, draft: Path, messages: int) -> None:
@@ -155,21 +170,25 @@ def _provenance(source: Source, camera: Camera) -> dict[str, str]:
     }
 
 
-def _stamp(place: Path, source: Source, frame: Frame) -> int:
-    """Return the stamp of a frame [ns since 1970].
+def _stamp(place: Path, source: Source, time_s: float) -> int:
+    """Return an instant as a stamp [ns since 1970].
 
     Parameters
     ----------
     place : of the output, for the message.
-    source, frame : with the start and the time since it.
+    source, time_s : with the start, and the time since it [s].
     """
-    at_ns = to_stamp_ns(source.start_utc, frame.time_s)
-    if not 0 <= at_ns < _LAST_S * 1_000_000_000:
+    at_ns = to_stamp_ns(source.start_utc, time_s)
+    if not 0 <= at_ns < _LAST_S * _NS:
         raise RecordingError(f"{place}: ROS stamps hold 1970 to 2038, the run is at {source.start_utc}; shift it")
     return at_ns
 
 
-def _messages(frame: Frame, at_ns: int, camera: Camera) -> dict[str, dict[str, Any]]:
+def _to_ros_time(at_ns: int) -> dict[str, int]:
+    return {"sec": at_ns // _NS, "nanosec": at_ns % _NS}
+
+
+def _messages(frame: Frame, at_ns: int, camera: Camera, mounts: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return the messages of a frame by topic.
 
     Parameters
@@ -177,10 +196,12 @@ def _messages(frame: Frame, at_ns: int, camera: Camera) -> dict[str, dict[str, A
     frame : to be written.
     at_ns : its stamp [ns since 1970].
     camera : fitted to its lines of sight.
+    mounts : poses of sensors in the follower's axes.
     """
     rows, cols = frame.range_m.shape
-    stamp = {"sec": at_ns // 1_000_000_000, "nanosec": at_ns % 1_000_000_000}
+    stamp = _to_ros_time(at_ns)
     header = {"stamp": stamp, "frame_id": LIDAR}
+    on_follower: dict[str, Any] = {"header": {"stamp": stamp, "frame_id": FOLLOWER}}
     cloud = np.empty((rows, cols, len(_FIELDS)), dtype="<f4")
     cloud[..., :3] = frame.points_m
     cloud[..., 3] = frame.intensity_counts
@@ -188,7 +209,7 @@ def _messages(frame: Frame, at_ns: int, camera: Camera) -> dict[str, dict[str, A
     size = {"header": header, "height": rows, "width": cols}
     focal, centre = camera.focal_px, camera.centre_px
     return {
-        "/tf": {"transforms": _transforms(frame, stamp)},
+        "/tf": {"transforms": _transforms(frame, stamp) + [on_follower | mount for mount in mounts]},
         "/lidar/camera_info": {
             **size,
             "distortion_model": "plumb_bob",

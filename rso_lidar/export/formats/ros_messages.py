@@ -12,6 +12,7 @@ _PARTS = {
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
     ),
     "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
 }
@@ -27,6 +28,11 @@ POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 IMAGE = "sensor_msgs/msg/Image"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
+IMU = "sensor_msgs/msg/Imu"
+JOINTS = "sensor_msgs/msg/JointState"
+POINT = "geometry_msgs/msg/PointStamped"
+VECTOR = "geometry_msgs/msg/Vector3Stamped"
+QUATERNION = "geometry_msgs/msg/QuaternionStamped"
 
 DEFINITIONS = {
     POINT_CLOUD: _text(
@@ -54,4 +60,30 @@ DEFINITIONS = {
         "geometry_msgs/Vector3",
         "geometry_msgs/Quaternion",
     ),
+    IMU: _text(
+        "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
+        "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
+        "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance",
+        *_HEADER,
+        "geometry_msgs/Quaternion",
+        "geometry_msgs/Vector3",
+    ),
+    JOINTS: _text(
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort", *_HEADER
+    ),
+    POINT: _text("std_msgs/Header header\ngeometry_msgs/Point point", *_HEADER, "geometry_msgs/Point"),
+    VECTOR: _text("std_msgs/Header header\ngeometry_msgs/Vector3 vector", *_HEADER, "geometry_msgs/Vector3"),
+    QUATERNION: _text(
+        "std_msgs/Header header\ngeometry_msgs/Quaternion quaternion", *_HEADER, "geometry_msgs/Quaternion"
+    ),
 }
+
+
+def define_message(fields: str) -> str:
+    """Return the definition of a message of our own that has a header.
+
+    Parameters
+    ----------
+    fields : a line each, the header's included.
+    """
+    return _text(fields, *_HEADER)

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from rso_lidar.export.formats.mcap import TOPICS, MessageSpan, check_mcap, write_messages
+from rso_lidar.export.formats.mcap import MessageSpan, check_mcap, write_messages
 from rso_lidar.export.writer.folders import MARK, check_folder, draft_folder
 from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.records import Frame
@@ -41,13 +41,14 @@ def write_rosbag2(path: str | os.PathLike[str], frames: Iterable[Frame], *, over
 def _format_metadata(name: str, written: MessageSpan) -> str:
     """Return the metadata as YAML; a text in JSON's quotes is valid YAML."""
     start, lasts = written.first_ns, written.last_ns - written.first_ns
+    count = sum(written.counts.values())
     lines = [
         "rosbag2_bagfile_information:",
         "  version: 5",
         "  storage_identifier: mcap",
         f"  duration: {{nanoseconds: {lasts}}}",
         f"  starting_time: {{nanoseconds_since_epoch: {start}}}",
-        f"  message_count: {written.frames * len(TOPICS)}",
+        f"  message_count: {count}",
         '  compression_format: ""',
         '  compression_mode: ""',
         f"  relative_file_paths: [{json.dumps(name)}]",
@@ -55,16 +56,16 @@ def _format_metadata(name: str, written: MessageSpan) -> str:
         f"    - path: {json.dumps(name)}",
         f"      starting_time: {{nanoseconds_since_epoch: {start}}}",
         f"      duration: {{nanoseconds: {lasts}}}",
-        f"      message_count: {written.frames * len(TOPICS)}",
+        f"      message_count: {count}",
         "  topics_with_message_count:",
     ]
-    for topic, kind in TOPICS.items():
+    for topic, kind in written.kinds.items():
         lines += [
             "    - topic_metadata:",
             f"        name: {topic}",
             f"        type: {kind}",
             "        serialization_format: cdr",
             '        offered_qos_profiles: ""',
-            f"      message_count: {written.frames}",
+            f"      message_count: {written.counts[topic]}",
         ]
     return "\n".join(lines) + "\n"

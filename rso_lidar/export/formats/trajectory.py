@@ -1,4 +1,4 @@
-"""Trajectories and truth tables: TUM and KITTI poses of one target, and the truth of all bodies as CSV.
+"""Trajectories and tables: TUM and KITTI poses of one target; the truth, or samples of a sensor, as CSV and Parquet.
 
 TUM is the format of the RGB-D benchmark of TU Munich: time tx ty tz qx qy qz qw. KITTI is that of the KITTI odometry
 benchmark: the 12 numbers of a 3 x 4 matrix, row by row. Trajectory evaluators read both.
@@ -11,12 +11,15 @@ import datetime
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.export.formats.parquet import check_parquet, write_parquet
+from rso_lidar.export.formats.sample_table import read_samples, tabulate_samples
 from rso_lidar.export.formats.truth_batches import TruthBatch, peek_source, read_truth_batches
 from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
@@ -89,7 +92,12 @@ def write_kitti(
 
 
 def write_csv(
-    path: str | os.PathLike[str], frames: Iterable[Frame], *, utc: Utc | None = None, overwrite: bool = False
+    path: str | os.PathLike[str],
+    frames: Iterable[Frame],
+    *,
+    sensor: str | None = None,
+    utc: Utc | None = None,
+    overwrite: bool = False,
 ) -> Path:
     """Write the truth as a table with the columns of `rso-lidar truth`, one row per frame, at full precision.
 
@@ -97,23 +105,71 @@ def write_csv(
     ----------
     path : of the file.
     frames : from `simulate` or `open`.
+    sensor : name of a sensor whose samples are written instead, one row per sample.
     utc : formats times [s since start_utc] as UTC text; without it, a leap second during the run is not counted.
     overwrite : replace an older file.
     """
-    with _open_text(path, frames, overwrite) as (file, source, courses):
+    place = check_writable(path, overwrite=overwrite)
+    source, frames = peek_source(place, frames)
+    with write_atomically(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        targets = [target.name for target in source.targets]
-        head: list[str] = []
-        for truth, angles in courses:
-            texts = utc(truth.time_s) if utc else _format_utc(source.start_utc, truth.time_s)
-            table = tabulate_truth(truth, targets, texts, angles)
-            if not head:
-                head = list(table)
-                writer.writerow(head)
-            if list(table) != head:
-                raise RecordingError(f"{path}: frames differ in what they know of the truth; export them apart")
+        for number, table in enumerate(_tabulate(place, frames, source, sensor, utc)):
+            check_stream(file, draft, place)
+            if number == 0:
+                writer.writerow(table)
             writer.writerows(zip(*(values.tolist() for values in table.values()), strict=True))
-    return Path(path)
+        check_stream(file, draft, place)
+    return place
+
+
+def write_table(
+    path: str | os.PathLike[str],
+    frames: Iterable[Frame],
+    *,
+    sensor: str | None = None,
+    utc: Utc | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Write the table of `write_csv` as a Parquet file.
+
+    Parameters
+    ----------
+    path, frames, sensor, utc, overwrite : as for `write_csv`.
+    """
+    place = check_writable(path, overwrite=overwrite)
+    check_parquet(place)
+    source, frames = peek_source(place, frames)
+    tables = list(_tabulate(place, frames, source, sensor, utc))
+    table = {name: np.concatenate([one[name] for one in tables]) for name in tables[0]}
+    told = {"title": source.title, "start_utc": source.start_utc, "scenario": source.scenario, "seed": str(source.seed)}
+    return write_parquet(place, table, told | ({"sensor": sensor} if sensor else {}))
+
+
+def _tabulate(
+    place: Path, frames: Iterable[Frame], source: Source, sensor: str | None, utc: Utc | None
+) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the truth of frames, or the samples of a sensor, as tables with the same columns.
+
+    Parameters
+    ----------
+    place : of the output, for messages.
+    frames, source : what is written, and its source.
+    sensor : name of the sensor (None: the truth).
+    utc : formats times as text (None: without leap seconds).
+    """
+    format_utc = utc or partial(_format_utc, source.start_utc)
+    if sensor is not None:
+        samples = read_samples(frames, sensor)
+        yield tabulate_samples(samples, format_utc(samples.time_s) if samples.time_s.size else np.empty(0, str))
+        return
+    targets = [target.name for target in source.targets]
+    head: list[str] = []
+    for truth, angles in read_truth_batches(frames):
+        table = tabulate_truth(truth, targets, format_utc(truth.time_s), angles)
+        head = head or list(table)
+        if list(table) != head:
+            raise RecordingError(f"{place}: frames differ in what they know of the truth; export them apart")
+        yield table
 
 
 def to_stamp_ns(start_utc: str, time_s: float) -> int:
@@ -201,4 +257,4 @@ def _format_utc(start_utc: str, time_s: np.ndarray) -> np.ndarray:
     """Format times as ISO UTC text with microseconds."""
     start = datetime.datetime.fromisoformat(start_utc).astimezone(datetime.UTC)
     texts = [(start + datetime.timedelta(microseconds=round(at * 1e6))).isoformat("T", "microseconds") for at in time_s]
-    return np.array([text.replace("+00:00", "Z") for text in texts])
+    return np.array([text.replace("+00:00", "Z") for text in texts], dtype=str)

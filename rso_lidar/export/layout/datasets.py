@@ -53,6 +53,7 @@ _UNITS = {  # what a suffix means, in UDUNITS
     "rad": "rad",
     "deg": "degree",
     "m_s": "m s-1",
+    "m_s2": "m s-2",
     "rad_s": "rad s-1",
     "deg_s": "degree s-1",
     "hz": "Hz",
@@ -60,6 +61,7 @@ _UNITS = {  # what a suffix means, in UDUNITS
     "j": "J",
     "mj": "mJ",
     "kg": "kg",
+    "n": "N",
     "n_m": "N m",
     "na": "nA",
     "per_sr": "sr-1",
@@ -189,9 +191,20 @@ def get_setting_unit(name: str) -> str:
     >>> [get_setting_unit(name) for name in ("focal_length_m", "max_rate_rad_s", "gain")]
     ['m', 'rad s-1', '1']
     """
+    return _UNITS.get(split_unit(name)[1], "1")
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Split a name into its stem and the suffix of its unit, which is empty where there is none.
+
+    >>> split_unit("specific_force_m_s2"), split_unit("gain")
+    (('specific_force', 'm_s2'), ('gain', ''))
+    """
     words = name.split("_")
-    ends = ("_".join(words[-count:]) for count in range(min(3, len(words) - 1), 0, -1))
-    return next((_UNITS[end] for end in ends if end in _UNITS), "1")
+    for count in range(min(3, len(words) - 1), 0, -1):
+        if (end := "_".join(words[-count:])) in _UNITS:
+            return "_".join(words[:-count]), end
+    return name, ""
 
 
 def collect_values(frame: Frame) -> dict[str, Any]:

@@ -165,6 +165,16 @@ class Recording(RecordingFile, Sequence[Frame]):
         """
         return StoredArray(self, path)
 
+    def read_samples(self, k: int) -> dict[str, SensorSamples]:
+        """Return the samples of other sensors in one frame, by name; no image is read.
+
+        Parameters
+        ----------
+        k : index of the frame, from 0.
+        """
+        rows = {path: self._row(path, k) for path in self.paths if path.startswith(f"{GROUP}/")} if self.sensors else {}
+        return {name: self.sensors.select(name, rows) for name in self.sensors}
+
     # ------------------------------------------------------------------------------------------------------ the inside
 
     def _row(self, path: str, k: int) -> np.ndarray:
@@ -192,7 +202,7 @@ class Recording(RecordingFile, Sequence[Frame]):
             settings={name: float(self._row(f"settings/{name}", k)) for name in self._settings},
             line_of_sight=self._sight_of(int(self._row("lens", k)) if self.changes_lens else 0),
             pan_tilt_rad=None if pointing is None else pointing.measured_rad,
-            sensors=self._samples(k),
+            sensors=self.read_samples(k),
         )
         sun = self._row("truth/sun_direction", k)
         sunlit = {name: float(self._row(f"truth/{name}/sunlit", k)) for name in self._sunlit}
@@ -204,11 +214,6 @@ class Recording(RecordingFile, Sequence[Frame]):
             source=self.source,
             kept={group: self._kept_record(group, k) for group in self.kept},
         )
-
-    def _samples(self, k: int) -> dict[str, SensorSamples]:
-        """Return the samples of each sensor in one frame."""
-        rows = {path: self._row(path, k) for path in self.paths if path.startswith(f"{GROUP}/")} if self.sensors else {}
-        return {name: self.sensors.select(name, rows) for name in self.sensors}
 
     def _arrays(self, names: Mapping[str, str], k: int) -> dict[str, np.ndarray]:
         """Return one entry of each of these datasets that the recording has, by name in the record."""

@@ -26,6 +26,8 @@ from rso_lidar.study.recorded_runs.flown_scenario import load_scenario
 from rso_lidar.study.recorded_runs.globe import build_globe
 from rso_lidar.study.time_history.open_loop import find_velocity_jumps_s
 
+_TABLES = ("csv", "parquet")  # written with UTC, which needs time scales
+
 
 def save(
     path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, format: str = "", **options: Any
@@ -46,7 +48,7 @@ def save(
     Other Parameters
     ----------------
     options : of that format, such as ``viewpoint="tdrs"`` of pcd, ``target="tdrs"`` of tum, kitti, oem (a body; the
-        follower if left out) and aem (any axes).
+        follower if left out) and aem (any axes), ``sensor="gyro"`` of csv and parquet (the truth if left out).
 
     Returns
     -------
@@ -60,13 +62,13 @@ def save(
     """
     path = convert_path(path, RecordingError)
     wanted = format_for(format or path)
-    if wanted.writer and wanted.name != "csv":
+    if wanted.writer and wanted.name not in _TABLES:
         return writer_for(wanted.name)(path, frames, overwrite=overwrite, **options)
     place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
-    if wanted.name == "csv":
+    if wanted.name in _TABLES:
         texts = _utc_formatter(source)
-        return writer_for("csv")(place, frames, utc=texts, overwrite=overwrite, **options)
+        return writer_for(wanted.name)(place, frames, utc=texts, overwrite=overwrite, **options)
     if parse_toml(source.scenario, "recording", RecordingError).get("world", {}).get("axes") == "local":
         raise RecordingError(f"{place.name}: a local world has no Earth to give positions about; write a .csv")
     if wanted.name == "czml":
