@@ -19,8 +19,8 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.formats.parquet import check_parquet, write_parquet
-from rso_lidar.export.formats.sample_table import read_samples, tabulate_samples
 from rso_lidar.export.formats.truth_batches import TruthBatch, peek_source, read_truth_batches
+from rso_lidar.export.reader.sample_table import read_samples, tabulate_samples
 from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source, Truth
