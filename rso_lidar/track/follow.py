@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.pose import pose
-from rso_lidar.track.icp import Alignment, SampledMesh, acquire, align, find_outline, misfit_m
+from rso_lidar.track.icp import LIKELIER, Alignment, SampledMesh, acquire, align, find_outline, misfit_m, search_turns
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
@@ -17,8 +17,11 @@ if TYPE_CHECKING:
 FEWEST_POINTS = 50  # default of the fewest points for a pose
 _LOST = 2.5  # misfit over the usual one, above which the track is lost
 _NEW = 0.1  # weight of the newest cloud in the mean square of a hypothesis
+_NEW_RATE = 0.25  # weight of the newest rate
 _WORSE = 1.25  # mean square over the best one, above which an old hypothesis is dropped
 _OLD = 20  # clouds after which a hypothesis is old
+_SAME_TURN_RAD = 0.4  # two poses nearer than this are one turn, found at different steps of the search
+_MOST_CERTAIN = 60.0  # greatest log-likelihood of a turn over the others, so that a wrong one is given up again
 
 
 @dataclass(eq=False)
@@ -32,6 +35,7 @@ class _Hypothesis:
     square_m2: float
     rate_rad_s: np.ndarray = field(default_factory=lambda: np.zeros(3))
     age: int = 1
+    certainty: float = 0.0  # log-likelihood of its turn about an axis of the body over the best other one
 
     def guess(self, time_s: float, middle_m: np.ndarray, axes_from_lidar: Rotation) -> RigidTransform:
         """Predict lidar_from_body.
@@ -53,7 +57,14 @@ class _Hypothesis:
         return pose(rotation=axes_from_lidar.inv()) * pose(middle_m + arm, turn * self.in_axes.rotation)
 
     def move(
-        self, time_s: float, found: Alignment, misfit: float, middle_m: np.ndarray, axes_from_lidar: Rotation
+        self,
+        time_s: float,
+        found: Alignment,
+        misfit: float,
+        middle_m: np.ndarray,
+        axes_from_lidar: Rotation,
+        *,
+        is_turned: bool,
     ) -> None:
         """Update the hypothesis with a new pose.
 
@@ -64,10 +75,12 @@ class _Hypothesis:
         misfit : of the pose [m].
         middle_m : mean of the points (xyz), in axes that do not turn [m].
         axes_from_lidar : attitude of the lidar in these axes.
+        is_turned : whether the pose was corrected by a turn about an axis of the body, which is no motion.
         """
         in_axes = pose(rotation=axes_from_lidar) * found.pose
-        if time_s > self.time_s:
-            self.rate_rad_s = (in_axes.rotation * self.in_axes.rotation.inv()).as_rotvec() / (time_s - self.time_s)
+        if time_s > self.time_s and not is_turned:
+            rate_rad_s = (in_axes.rotation * self.in_axes.rotation.inv()).as_rotvec() / (time_s - self.time_s)
+            self.rate_rad_s = self.rate_rad_s + max(_NEW_RATE, 1.0 / self.age) * (rate_rad_s - self.rate_rad_s)
         share = max(_NEW, 1.0 / (self.age + 1))
         self.square_m2 += share * (misfit**2 - self.square_m2)
         self.time_s, self.in_axes, self.middle_m, self.found = time_s, in_axes, middle_m, found
@@ -77,10 +90,12 @@ class _Hypothesis:
 class PoseFollower:
     """Tracker that returns the pose of a rigid target in each cloud by ICP; None for a cloud with too few points.
 
-    The guess is the previous pose, rotated at the rate between the last two poses and moved with the mean of the
-    points. Both are in axes that do not turn. At first several hypotheses are tracked in parallel, and the one with the
-    smallest misfit is returned; hypotheses that fit much worse are dropped. If the best misfit exceeds 2.5 times its
-    usual value, the target is acquired again.
+    The guess is the previous pose, rotated at the rate between the last two poses and moved with the mean of the points.
+    Both are in axes that do not turn. Other turns of the best pose about the principal axes of the body are tried in each
+    cloud, because a body that is nearly round can be aligned at a wrong one; their log-likelihoods add up from cloud to
+    cloud, and a better turn replaces the present one. At first several hypotheses are tracked in
+    parallel, and the one with the smallest misfit is returned; hypotheses that fit much worse are dropped. If the best
+    misfit exceeds 2.5 times its usual value, the target is acquired again.
 
     Parameters
     ----------
@@ -129,8 +144,18 @@ class PoseFollower:
         outline, now_m = find_outline(points), np.inf
         for one in self._kept:
             found = align(points, self.model, one.guess(time_s, middle, axes_from_lidar))
+            is_turned = False
+            if one is self._kept[0]:
+                other, gain = search_turns(points, self.model, found)
+                apart_rad = (other.pose.rotation.inv() * found.pose.rotation).magnitude()
+                if apart_rad > _SAME_TURN_RAD:
+                    one.certainty = min(one.certainty - gain, _MOST_CERTAIN)
+                    is_turned = one.certainty < -LIKELIER
+                if is_turned or (gain > 0.0 and apart_rad <= _SAME_TURN_RAD):
+                    found = align(points, self.model, other.pose)
+                    one.certainty = max(one.certainty, LIKELIER)
             misfit = misfit_m(found.pose, self.model, points, outline)
-            one.move(time_s, found, misfit, middle, axes_from_lidar)
+            one.move(time_s, found, misfit, middle, axes_from_lidar, is_turned=is_turned)
             now_m = min(now_m, misfit)
         lost = not self._kept or now_m > _LOST * usual_m
         if lost and self._waited >= self.patience:

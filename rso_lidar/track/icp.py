@@ -23,6 +23,11 @@ _COARSE_POINTS, _COARSE_STEPS = 150, 12  # for each of the starts without a gues
 _SILHOUETTE = 500  # model points whose outline is compared with the points
 _FEWEST = 6  # unknowns of a pose
 _UNLIKE_RAD = 0.5
+_TURNS, _TURN_POINTS = 24, 200  # about each axis; a step of 15 deg is within the reach of an alignment
+_TURNS_TRIED = 6  # of them, the best are aligned
+LIKELIER = 10.0  # log-likelihood over that of the first pose, above which a turn is better: odds of 20,000 to 1
+_UNLIKELY = 1.1  # misfit over that of the first pose, above which a turn puts the model outside the outline
+_FAR = 0.04  # greatest distance that counts, in shares of the model's radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +51,16 @@ class SampledMesh:
         return middle
 
     @cached_property
+    def principal_axes(self) -> np.ndarray:
+        """Unit vectors (axis, xyz) of the principal axes of the points, that of the least spread first."""
+        off = self.points_m - self.middle_m
+        axes: np.ndarray = np.linalg.eigh(np.einsum("ni,nj->ij", off, off))[1].T
+        return axes
+
+    @property
     def long_axis(self) -> np.ndarray:
         """Unit vector (xyz) along which the points spread most."""
-        off = self.points_m - self.middle_m
-        longest: np.ndarray = np.linalg.eigh(np.einsum("ni,nj->ij", off, off))[1][:, -1]
+        longest: np.ndarray = self.principal_axes[-1]
         return longest
 
     @cached_property
@@ -182,7 +193,68 @@ def acquire(
     ranked = [found for _, found in sorted(tried, key=lambda one: one[0])]
     best = ranked[:3] if count == 1 else _select_unlike(ranked, model, count)
     finished = [align(points, model, found.pose) for found in best]
+    for place, found in enumerate(finished):
+        other, gain = search_turns(points, model, found)
+        if gain > LIKELIER:
+            finished[place] = align(points, model, other.pose)
     return sorted(finished, key=lambda found: misfit_m(found.pose, model, points, outline, half_field_rad))[:count]
+
+
+def search_turns(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> tuple[Alignment, float]:
+    """Search the turns of a pose about the principal axes of the model for the best other one.
+
+    A body that is nearly round about an axis is aligned at any turn about it. What is not round, such as tanks, brackets
+    and nozzles, then lies beside the model, and the distances of points from the planes of their facets show it. Each
+    distance is limited, so that a few points do not outweigh the rest. The likeliest turns of 15 degrees each are aligned.
+
+    Parameters
+    ----------
+    points_m : points (n, 3) in lidar axes [m].
+    model : of the target.
+    found : the pose to start from.
+
+    Returns
+    -------
+    the best other pose, and its log-likelihood over that of the first one, under normal errors; minus infinity if it would
+    put the model outside the outline of the points.
+    """
+    points = np.asarray(points_m, dtype=float)
+    some = points[:: max(1, len(points) // _TURN_POINTS)]
+    steps = [(axis, step) for axis in range(3) for step in range(1, _TURNS)]
+    turns = [_make_rotation(step * (2.0 * np.pi / _TURNS) * model.principal_axes[axis]) for axis, step in steps]
+    seen, middle = found.pose.inv().apply(some), model.middle_m
+    squares = _measure_planes_m2(np.array([turn.apply(seen - middle) + middle for turn in turns]), model)
+    chosen: list[int] = []
+    for number in np.argsort(squares).tolist():
+        beside = {(steps[one][0], steps[one][1] + off) for one in chosen for off in (-1, 1)}
+        if len(chosen) < _TURNS_TRIED and steps[number] not in beside:
+            chosen.append(number)
+    tried = []
+    for number in chosen:
+        turn = turns[number]  # body_from_lidar becomes turn * body_from_lidar, about the middle of the model
+        start = pose(middle - turn.apply(middle), turn) * found.pose.inv()
+        tried.append(align(some, model, start.inv(), _COARSE_STEPS))
+    first, *others = _measure_planes_m2(np.array([one.pose.inv().apply(points) for one in (found, *tried)]), model)
+    best = int(np.argmin(others))
+    gain, outline = 0.5 * len(points) * float(first / others[best] - 1.0), find_outline(points)
+    other = tried[best]
+    worse = misfit_m(other.pose, model, points, outline) > _UNLIKELY * misfit_m(found.pose, model, points, outline)
+    return other, -np.inf if worse else gain
+
+
+def _measure_planes_m2(clouds_m: np.ndarray, model: SampledMesh) -> np.ndarray:
+    """Measure the mean square distance (cloud) [m2] of points from the planes of their nearest facets, each limited.
+
+    Parameters
+    ----------
+    clouds_m : points (cloud, n, 3) in body axes [m].
+    model : of the target.
+    """
+    _, nearest = model.tree.query(clouds_m.reshape(-1, 3))
+    off = ((clouds_m.reshape(-1, 3) - model.points_m[nearest]) * model.normals[nearest]).sum(axis=1)
+    limited = np.minimum(np.abs(off), _FAR * model.radius_m)
+    squares: np.ndarray = np.mean(limited.reshape(clouds_m.shape[:2]) ** 2, axis=1)
+    return squares
 
 
 def find_outline(points_m: np.ndarray) -> Any:

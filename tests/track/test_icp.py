@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar.pose import pose
 from rso_lidar.track import PoseFollower, SampledMesh, acquire, align, measure_visible_centroid, sample_mesh
-from rso_lidar.track.icp import find_outline, misfit_m
+from rso_lidar.track.follow import _Hypothesis
+from rso_lidar.track.icp import LIKELIER, find_outline, misfit_m, search_turns
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DEG = rl.units.DEG
@@ -59,6 +60,43 @@ def test_a_pose_is_found_without_a_guess(corners, model):
     assert turn_deg < 0.3
     assert off_m < 0.03
     assert len(acquire(points, model, starts=8)) == 1
+
+
+@pytest.fixture(scope="module")
+def stage_corners():
+    return rl.Scenario.load(EXAMPLES / "tumbling_inspection.toml").corners_of(0)
+
+
+@pytest.mark.parametrize("turn_deg", [60.0, 120.0, -150.0])
+def test_a_wrong_turn_about_a_round_body_is_found(stage_corners, turn_deg):
+    """A stage is aligned at any turn about its long axis; tanks and nozzle then lie beside the model."""
+    stage = sample_mesh(stage_corners)
+    points = cloud(stage_corners, 8, 0.04)
+    about = Rotation.from_rotvec(np.radians(turn_deg) * stage.long_axis)
+    arm = stage.middle_m - about.apply(stage.middle_m)
+    wrong = align(points, stage, TRUE * pose(arm, about))
+    assert apart(wrong.pose)[0] > 20.0
+    other, gain = search_turns(points, stage, wrong)
+    assert gain > LIKELIER
+    assert apart(align(points, stage, other.pose).pose)[0] < 3.0
+    assert search_turns(points, stage, align(points, stage, TRUE))[1] < LIKELIER
+
+
+def test_a_follower_gives_up_a_wrong_turn(stage_corners):
+    """From cloud to cloud the likelihoods add up, and the turn is no motion."""
+    stage = sample_mesh(stage_corners)
+    about = Rotation.from_rotvec(np.radians(90.0) * stage.long_axis)
+    wrong = TRUE * pose(stage.middle_m - about.apply(stage.middle_m), about)
+    rate, true, errors = Rotation.from_rotvec([0.0, np.radians(2.0), np.radians(3.0)]), TRUE, []
+    follow = PoseFollower(stage)
+    points = cloud(stage_corners, 0, 0.05, true, count=300)
+    start = align(points, stage, wrong)
+    follow._kept = [_Hypothesis(0.0, start.pose, points.mean(axis=0), start, 0.1)]
+    for number in range(1, 7):
+        true = pose(true.translation, rate * true.rotation)
+        points = cloud(stage_corners, number, 0.05, true, count=300)
+        errors.append(apart(follow(float(number), points, Rotation.identity()).pose, true)[0])
+    assert max(errors[3:]) < 5.0
 
 
 def test_parts_outside_the_field_are_no_misfit(corners, model):
