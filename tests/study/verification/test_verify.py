@@ -79,6 +79,11 @@ def test_more_runs_make_narrower_bounds(scenario):
     one, four = (verify(requirements(asked, seeds=n), scenario, threads=1).results[0] for n in (1, 4))
     assert four.sample == "80 frames" and one.sample == "20 frames"
     assert four.high - four.low < 0.75 * (one.high - one.low)
+    seeds = [scenario.replace(seed=scenario.seed + k) for k in range(2)]
+    alone = [evaluate(each, ["returns_on_target"], 0, np.arange(20), threads=1)["returns_on_target"] for each in seeds]
+    asked = {"quantity": "returns_on_target", "at_least": 1.0, **SURE}
+    both = verify(requirements(asked, seeds=2), scenario, threads=1).results[0]
+    assert alone[0] != alone[1] and both.value == pytest.approx(np.mean(alone), abs=1e-6)
 
 
 def test_the_tracker_is_bounded_by_blocks(scenario):
