@@ -194,13 +194,15 @@ def acquire(
     best = ranked[:3] if count == 1 else _select_unlike(ranked, model, count)
     finished = [align(points, model, found.pose) for found in best]
     for place, found in enumerate(finished):
-        other, gain = search_turns(points, model, found)
+        other, gain = search_turns(points, model, found, half_field_rad)
         if gain > LIKELIER:
             finished[place] = align(points, model, other.pose)
     return sorted(finished, key=lambda found: misfit_m(found.pose, model, points, outline, half_field_rad))[:count]
 
 
-def search_turns(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> tuple[Alignment, float]:
+def search_turns(
+    points_m: np.ndarray, model: SampledMesh, found: Alignment, half_field_rad: float = np.inf
+) -> tuple[Alignment, float]:
     """Search the turns of a pose about the principal axes of the model for the best other one.
 
     A body that is nearly round about an axis is aligned at any turn about it. What is not round, such as tanks, brackets
@@ -212,6 +214,7 @@ def search_turns(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> 
     points_m : points (n, 3) in lidar axes [m].
     model : of the target.
     found : the pose to start from.
+    half_field_rad : as in `misfit_m`.
 
     Returns
     -------
@@ -238,8 +241,8 @@ def search_turns(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> 
     best = int(np.argmin(others))
     gain, outline = 0.5 * len(points) * float(first / others[best] - 1.0), find_outline(points)
     other = tried[best]
-    worse = misfit_m(other.pose, model, points, outline) > _UNLIKELY * misfit_m(found.pose, model, points, outline)
-    return other, -np.inf if worse else gain
+    before_m, after_m = (misfit_m(one.pose, model, points, outline, half_field_rad) for one in (found, other))
+    return other, -np.inf if after_m > _UNLIKELY * before_m else gain
 
 
 def _measure_planes_m2(clouds_m: np.ndarray, model: SampledMesh) -> np.ndarray:
