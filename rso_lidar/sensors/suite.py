@@ -95,7 +95,8 @@ class SensorSuite:
             motion = find_motion(np.zeros(1), reads, partial(np.empty, 0))
             for name in missing:
                 samples, _ = self._measure(name, motion, 0, None)
-                arrays = {field.name: getattr(samples, field.name)[:0] for field in dataclasses.fields(samples)}
+                values = {field.name: getattr(samples, field.name) for field in dataclasses.fields(samples)}
+                arrays = {field: value[:0] for field, value in values.items() if isinstance(value, np.ndarray)}
                 self._empty[name] = dataclasses.replace(samples, **arrays)
         return {name: measured.get(name) or self._empty[name] for name in self._sensors}
 
