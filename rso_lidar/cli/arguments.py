@@ -16,6 +16,9 @@ RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.
 Settings = Annotated[
     list[str] | None, typer.Option("--set", metavar="PLACE=VALUE", help="Set a field, as lidar.laser.energy_mj=20.")
 ]
+TrustFmu = Annotated[
+    bool, typer.Option("--trust-fmu", help="Run the native code of FMUs that the scenario names, because you trust it.")
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
 
 _LENGTHS_M = {"m": 1.0, "km": units.KM}

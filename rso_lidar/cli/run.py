@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, parse_frames
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustFmu, parse_frames
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
@@ -42,6 +42,7 @@ def run(
         typer.Option("--workers", min=1, max=256, help="Processes in place of threads, for long runs on many cores."),
     ] = None,
     settings: Settings = None,
+    trust_fmu: TrustFmu = False,
     keep: Annotated[
         str | None,
         typer.Option(
@@ -64,7 +65,7 @@ def run(
 ) -> None:
     """Simulate a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
-    scenario = Scenario.load(file, changes)
+    scenario = Scenario.load(file, changes, trust_fmu=trust_fmu)
     numbers = scenario.time.choose_frames(parse_frames(frames))
     kept = _parse_keep(keep)
     if threads is not None and workers is not None:

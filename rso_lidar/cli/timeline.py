@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustFmu
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
 from rso_lidar.picture.style.output import RESULT_SUFFIXES
@@ -32,6 +32,7 @@ def timeline(
     ] = None,
     target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
     settings: Settings = None,
+    trust_fmu: TrustFmu = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Draw or tabulate one encounter, frame by frame.
@@ -39,7 +40,7 @@ def timeline(
     Columns: range, rates, Sun, PTU, field, pixels, photons and detection.
     """
     output = check_writable(output or Path(f"{file.stem}_timeline.png"), RESULT_SUFFIXES, overwrite=overwrite)
-    scenario = Scenario.load(file, tuple(settings or ()))
+    scenario = Scenario.load(file, tuple(settings or ()), trust_fmu=trust_fmu)
     made = timeline_of(scenario, target, every_s=every_s)
     made.save(output)
     mirrored = any(

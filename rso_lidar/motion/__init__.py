@@ -5,6 +5,7 @@ from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
 from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
 from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
+from rso_lidar.motion.attitudes.fmu_attitude import FmuAttitude
 from rso_lidar.motion.attitudes.look_at import LookAt
 from rso_lidar.motion.attitudes.situation import Attitude, Orientation, Situation
 from rso_lidar.motion.attitudes.slew import Slew
@@ -16,7 +17,9 @@ from rso_lidar.motion.course import Course, CourseState
 from rso_lidar.motion.follower_motion import FollowerMotion
 from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
+from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
 from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, sense, start, step
+from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.motion import Motion
 from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
@@ -38,6 +41,9 @@ __all__ = [
     "FixedAngle",
     "FixedAttitude",
     "FixedPoint",
+    "FmuAttitude",
+    "FmuDrive",
+    "FmuMotion",
     "FollowSun",
     "FollowerMotion",
     "HingeAxes",

@@ -15,6 +15,7 @@ SPANNING = {
     "detector/chain/test_frame_noise.py",
     "detector/chain/test_several_rows.py",
     "detector/chain/test_values.py",
+    "fmi/test_fmus.py",
     "loop/environments/test_environments.py",
     "picture/plots/test_over_time.py",
     "scenario/mission/test_motions_in_scenarios.py",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -29,10 +29,10 @@ from rso_lidar.part import NotNegative, Number, Part, Positive
 
 Limits = tuple[Number, Number]
 Pair = tuple[float, float]
-State = tuple[tuple[Pair, Pair], tuple[float, ...]]  # (angle, rate) of pan and of tilt, and further entries
+State = tuple[tuple[Pair, Pair], tuple[Any, ...]]  # (angle, rate) of pan and of tilt, and further entries
 
 
-class _Travel(Part):
+class Travel(Part):
     """Base of all drives: the limits of pan and tilt."""
 
     # Longest run [s] for which a preview steps the drive, which then takes a second or two.
@@ -64,7 +64,7 @@ class _Travel(Part):
         )
 
 
-class _Drive(_Travel):
+class _Drive(Travel):
     """Base of linear drives: the limits of rate and acceleration."""
 
     max_rate_deg_s: Positive | None = Field(
@@ -99,7 +99,7 @@ class _Drive(_Travel):
         return self.max_rate_rad_s, self.max_acceleration_rad_s2 * dt
 
 
-class Ideal(_Travel):
+class Ideal(Travel):
     """A drive that follows its demand without delay, within its travel."""
 
     preview_limit_s: ClassVar[float] = 0.0
@@ -113,7 +113,7 @@ class FirstOrder(_Drive):
     time_constant_s: Positive = Field(description="Time constant τ [s].")
 
     def advance(
-        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
+        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[Any, ...], held: np.ndarray
     ) -> State:
         """Advance both axes through demands that are held one after the other.
 
@@ -143,7 +143,7 @@ class SecondOrder(_Drive):
     )
 
     def advance(
-        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
+        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[Any, ...], held: np.ndarray
     ) -> State:
         """Advance both axes through demands that are held one after the other.
 
@@ -163,7 +163,7 @@ class SecondOrder(_Drive):
         return (pan, advance_second_order(dt, law, limits, tilt_ends, axes[1], demanded[1])), further
 
 
-class StateSpaceDrive(_Travel):
+class StateSpaceDrive(Travel):
     """A drive with user-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6), integrated by RK4 in steps of 1 ms.
 
     x begins with pan, tilt [rad] and their rates [rad/s]; `further_state` is the initial value of further entries. u is
@@ -186,7 +186,7 @@ class StateSpaceDrive(_Travel):
         return name_function(self.dynamics)
 
     def advance(
-        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
+        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[Any, ...], held: np.ndarray
     ) -> State:
         """Advance both axes through demands that are held one after the other.
 

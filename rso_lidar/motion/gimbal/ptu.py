@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -25,6 +25,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.gimbal.demand import Demand, FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive
+from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
 from rso_lidar.motion.mount import Mount
 from rso_lidar.part import GREATEST, NotNegative, Number, Part
 from rso_lidar.pose import Link
@@ -64,8 +65,8 @@ class Ptu(Part):
     point: Annotated[FixedPoint | TrackPoint | ScanPoint, Field(discriminator="type")] = Field(
         default=FixedPoint(), description="Demanded pointing."
     )
-    response: Annotated[Ideal | FirstOrder | SecondOrder | StateSpaceDrive, Field(discriminator="type")] = Field(
-        default=Ideal(), description="Dynamics of the drive."
+    response: Annotated[Ideal | FirstOrder | SecondOrder | StateSpaceDrive | FmuDrive, Field(discriminator="type")] = (
+        Field(default=Ideal(), description="Dynamics of the drive.")
     )
     errors: PointingErrors = Field(default=PointingErrors(), description="Errors of pointing and encoders.")
 
@@ -116,7 +117,7 @@ class PtuState:
     tick : number of the previous tick.
     grid : (angle [rad], rate [rad/s]) of pan and of tilt at `tick`.
     commands : commands that still matter, each with the first tick at which the drive obeys it.
-    further : further entries of the state of a state-space drive at `tick`.
+    further : further entries of the state of a state-space drive at `tick`, or the point of an FMU's run.
     """
 
     time_s: float
@@ -126,7 +127,7 @@ class PtuState:
     tick: int
     grid: tuple[Pair, Pair]
     commands: tuple[tuple[int, Command], ...] = ()
-    further: tuple[float, ...] = ()
+    further: tuple[Any, ...] = ()
 
 
 def start(ptu: Ptu, demand: Demand) -> PtuState:
@@ -147,8 +148,11 @@ def start(ptu: Ptu, demand: Demand) -> PtuState:
     pan, tilt = (
         min(max(angle, low), high) for angle, (low, high) in zip(demanded, ptu.response.travel_rad, strict=True)
     )
+    grid: tuple[Pair, Pair] = ((pan, 0.0), (tilt, 0.0))
     further = getattr(ptu.response, "further_state", ())
-    state = PtuState(0.0, (pan, tilt), (0.0, 0.0), demanded, 0, ((pan, 0.0), (tilt, 0.0)), further=further)
+    if isinstance(ptu.response, FmuDrive):
+        grid, further = ptu.response.begin(pan, tilt)
+    state = PtuState(0.0, (grid[0][0], grid[1][0]), (0.0, 0.0), demanded, 0, grid, further=further)
     return step(ptu, state, demand, 0.0)
 
 

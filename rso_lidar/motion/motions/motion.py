@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.placement import PlacedMotion
 from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
@@ -103,6 +104,7 @@ DescribedMotion = Annotated[
     | Rendezvous
     | Lambert
     | StateSpace
+    | FmuMotion
     | Fixed
     | Table,
     Field(discriminator="type"),

@@ -20,7 +20,7 @@ from rso_lidar.optics import read_files
 from rso_lidar.orbit import Epochs, moon_position_m
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.exposure import Exposure
-from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics
+from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics, list_fmus
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_tables, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
@@ -74,9 +74,10 @@ class Mission(Part):
     _folder: Path | None = PrivateAttr(default=None)
     _where: str = PrivateAttr(default="scenario")
     _trust_code: bool = PrivateAttr(default=True)
+    _trust_fmu: bool = PrivateAttr(default=False)
 
     @classmethod
-    def load(cls, path: str | Path, settings: tuple[str, ...] = ()) -> Self:
+    def load(cls, path: str | Path, settings: tuple[str, ...] = (), *, trust_fmu: bool = False) -> Self:
         """Load a scenario from a TOML file.
 
         Python code that the file names as `dynamics` runs when the scenario is flown.
@@ -85,6 +86,7 @@ class Mission(Part):
         ----------
         path : of the file.
         settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
+        trust_fmu : whether the native code of FMUs that the file names may run when the scenario is flown.
 
         Raises
         ------
@@ -92,7 +94,9 @@ class Mission(Part):
             For a file that cannot be read, and for content that is not a valid scenario.
         """
         path = convert_path(path, ScenarioError)
-        return cls.loads(read_toml(path), folder=path.parent, where=path.name, settings=settings, trust_code=True)
+        text, where = read_toml(path), path.name
+        scenario = cls.loads(text, folder=path.parent, where=where, settings=settings, trust_code=True)
+        return scenario.with_trusted_fmus() if trust_fmu else scenario
 
     @classmethod
     def loads(
@@ -159,7 +163,14 @@ class Mission(Part):
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed, validated like a new scenario."""
         changed = super().replace(**changes)
-        changed._folder, changed._where, changed._trust_code = self._folder, self._where, self._trust_code
+        changed._folder, changed._where = self._folder, self._where
+        changed._trust_code, changed._trust_fmu = self._trust_code, self._trust_fmu
+        return changed
+
+    def with_trusted_fmus(self) -> Self:
+        """Return the scenario with its FMUs trusted: their native code runs when it is flown."""
+        changed = self.replace()
+        changed._trust_fmu = True
         return changed
 
     def with_seed(self, seed: int) -> Self:
@@ -246,7 +257,12 @@ class Mission(Part):
         return found
 
     def _check_code(self, part: Any) -> None:
-        """Raise `ScenarioError` for a part that names Python code, unless the scenario's text is trusted."""
+        """Raise `ScenarioError` for a part that names Python code or an FMU, unless it is trusted."""
+        if not self._trust_fmu and part is not None and (named := list_fmus(part)):
+            raise ScenarioError(
+                f"the FMU '{named[0]}' holds native code, which runs only where it is trusted; give --trust-fmu, or in "
+                "Python trust_fmu=True to Scenario.load"
+            )
         if not self._trust_code and part is not None and (named := list_dynamics(part)):
             raise ScenarioError(
                 f"dynamics: names the Python code '{named[0]}', and the code that a text names is not run; "

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from rso_lidar.fmi import FmuModel
 from rso_lidar.motion.dynamics.function import find_dynamics_file
 from rso_lidar.part import Part
 
@@ -45,6 +46,17 @@ def list_dynamics(part: Any) -> list[str]:
         for inner in value if isinstance(value, tuple) else (value,):
             if isinstance(inner, Part):
                 found += list_dynamics(inner)
+    return found
+
+
+def list_fmus(part: Any) -> list[str]:
+    """List the FMUs that a part and all parts in it name."""
+    found: list[str] = [part.file] if isinstance(part, FmuModel) else []
+    for name in type(part).model_fields if isinstance(part, Part) else ():
+        value = getattr(part, name)
+        for inner in value if isinstance(value, tuple) else (value,):
+            if isinstance(inner, Part):
+                found += list_fmus(inner)
     return found
 
 
