@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -49,7 +49,7 @@ class FmuModel(Part):
     units: dict[str, Text] = Field(
         default={}, description="Units of variables for which the FMU declares none, such as `rad` or `m/s`."
     )
-    tolerance: Positive = Field(
+    relative_tolerance: Positive = Field(
         default=1e-6, description="Relative tolerance that a co-simulation FMU is given for its own integration."
     )
 
@@ -88,7 +88,9 @@ class FmuModel(Part):
                 raise ScenarioError(f"{path.name}: '{name}' is not a number; leave it out of `parameters`")
         inputs = self._map(path.name, "inputs", self.inputs, self.input_units, description)
         outputs = self._map(path.name, "outputs", self.outputs, self.output_units, description)
-        run.settings = FmuSettings(interface, step_s, self.tolerance, tuple(self.parameters.items()), inputs, outputs)
+        run.settings = FmuSettings(
+            interface, step_s, self.relative_tolerance, tuple(self.parameters.items()), inputs, outputs
+        )
         return run
 
     def _map(
@@ -97,7 +99,7 @@ class FmuModel(Part):
         place: str,
         mapping: dict[str, Mapped] | dict[str, str | tuple[str, ...]],
         known: dict[str, tuple[str, int]],
-        description: dict,
+        description: dict[str, Any],
     ) -> tuple[Signal, ...]:
         """Return the signals of a mapping, in the order of the quantities.
 
@@ -143,6 +145,14 @@ class FmuModel(Part):
         return tuple(signals)
 
 
-def _check_variable(file: str, name: str, variables: dict) -> None:
+def _check_variable(file: str, name: str, variables: dict[str, Any]) -> None:
+    """Refuse the name of a variable that the FMU does not have.
+
+    Parameters
+    ----------
+    file : of the FMU, for the message.
+    name : of the variable.
+    variables : of the FMU, by name.
+    """
     if name not in variables:
         raise ScenarioError(f"{file}: the FMU has no variable '{name}'{did_you_mean(name, variables) or '; check it'}")

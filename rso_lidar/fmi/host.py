@@ -89,7 +89,17 @@ class Host:
         first: np.ndarray,
         outputs: Sequence[str],
     ) -> np.ndarray:
-        """Make a new instance, initialise it at t = 0 and return its outputs (output)."""
+        """Make a new instance, initialise it at t = 0 and return its outputs (output).
+
+        Parameters
+        ----------
+        interface : "co_simulation" or "model_exchange".
+        step_s : grid of the run [s].
+        tolerance : relative, for the FMU's own integration.
+        start : names of variables and their start values.
+        inputs, outputs : names of the variables that are set and read.
+        first : inputs (input,) at t = 0.
+        """
         from fmpy.fmi2 import FMU2Model, FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
         from fmpy.fmi3 import FMU3Model, FMU3Slave
 
@@ -250,7 +260,13 @@ class Host:
             fmu.getContinuousStates(self._states, self._n)
 
     def _integrate(self, begin_s: float, end_s: float, row: np.ndarray) -> None:
-        """Integrate from tick to tick by classical Runge-Kutta steps; events are found by bisection."""
+        """Integrate from tick to tick by classical Runge-Kutta steps; events are found by bisection.
+
+        Parameters
+        ----------
+        begin_s, end_s : the ticks [s].
+        row : inputs (input,), held.
+        """
         fmu = self.instance
         if tuple(row) != self._row:
             fmu.enterEventMode()
@@ -284,7 +300,14 @@ class Host:
         raise FmuError(f"has more than {_MOST_EVENTS} events between t = {begin_s:g} and {end_s:g} s")
 
     def _step(self, states: np.ndarray, begin_s: float, end_s: float, signs: np.ndarray) -> bool:
-        """Make one Runge-Kutta step from `states`, and return whether an event indicator has changed its sign."""
+        """Make one Runge-Kutta step, and return whether an event indicator has changed its sign.
+
+        Parameters
+        ----------
+        states : continuous states (state,) at the beginning.
+        begin_s, end_s : ends of the step [s].
+        signs : whether the indicators (indicator,) were positive at the beginning.
+        """
         h = end_s - begin_s
         if self._n:
             k1 = self._rates(begin_s, states)

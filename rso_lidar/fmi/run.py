@@ -56,6 +56,13 @@ class FmuPoint:
 
 
 def _rebuild(path: str, settings: FmuSettings, tick: int, state: bytes | None, begin: Any) -> FmuPoint:
+    """Return a point of a new run of the same FMU.
+
+    Parameters
+    ----------
+    path, settings : of the run.
+    tick, state, begin : of the point.
+    """
     run = FmuRun(Path(path))
     run.settings = settings
     return FmuPoint(run, tick, state, begin)

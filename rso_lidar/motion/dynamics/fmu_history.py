@@ -40,7 +40,6 @@ class FmuHistory:
     def __init__(self, model: PrescribedFmu) -> None:
         self._step_s, self._run = model.step_s, model.make_run(model.step_s)
         self._point, first = self._run.begin(np.empty(0))
-        self._blocks = [first[None]]
         self._rows = first[None]
 
     def around(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -81,6 +80,14 @@ class FmuHistory:
 
 @functools.lru_cache(maxsize=16)
 def _find_history(dump: str, kind: type[PrescribedFmu], _stamp: tuple[int, int]) -> FmuHistory:
+    """Return the history of an FMU, cached until its file changes.
+
+    Parameters
+    ----------
+    dump : the part as JSON.
+    kind : class of the part.
+    _stamp : modification time and size of the file, a key of the cache.
+    """
     return FmuHistory(kind.model_validate_json(dump))
 
 
