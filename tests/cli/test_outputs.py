@@ -14,7 +14,13 @@ from rso_lidar.shipped import shipped
 
 FLYBY = ["encounters", shipped("tle/flyby.tle"), "--follower", 99003, "--within", "20km"]
 FLYBY += ["--start", "2024-09-17T11:00:00Z", "--days", 0.125]
-READS = [("check", "files"), ("score", "dataset"), ("parameters", "requirements")]  # options that name what is read
+# Options that name what is read.
+READS = [
+    ("check", "files"),
+    ("score", "dataset"),
+    ("parameters", "requirements"),
+    *(("serve", name) for name in ("token_file", "curve_key", "curve_clients")),
+]
 WRITES = ("output", "to", "csv", "plot")  # parameters that name a file to write
 
 
