@@ -1044,13 +1044,13 @@ def allan() -> Any:
     zero = np.zeros((len(time_s), 3))
     upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(time_s), 1))
     at_rest = rl.records.BodyMotion(time_s, zero, zero, upright, zero, zero)
-    for walk_deg_h_rth, colour in ((0.0, BLUE), (2.0, RED)):
+    for walk_deg_h_sqrt_h, colour in ((0.0, BLUE), (2.0, RED)):
         gyro = rl.sensors.Gyro(
-            name="gyro", preset="stim300_gyro", rate_hz=rate_hz, rate_random_walk_deg_h_rth=walk_deg_h_rth
+            name="gyro", preset="stim300_gyro", rate_hz=rate_hz, rate_random_walk_deg_h_sqrt_h=walk_deg_h_sqrt_h
         )
         samples, _ = gyro.measure(at_rest, rl.sensors.make_key(1, "gyro"), 0)
         for k, axis in enumerate((samples.angular_velocity_rad_s / units.DEG_H).T):
-            label = "preset, three axes" if walk_deg_h_rth == 0.0 else "with a rate random walk"
+            label = "preset, three axes" if walk_deg_h_sqrt_h == 0.0 else "with a rate random walk"
             deviation = _allan_deviation(axis, rate_hz, averaging_s)
             axes.plot(averaging_s, deviation, ".-", color=colour, ms=3, lw=0.7, label=label if k == 0 else None)
     floor = gyro.bias_instability_deg_h

@@ -58,7 +58,7 @@ def track(
             target,
             folder=recording.parent,
             range_noise_m=range_noise_m,
-            acceleration_m_s2_rthz=acceleration,
+            acceleration_m_s2_sqrt_hz=acceleration,
             shape=shape,
             poses=icp,
             each=count_frames(some, "tracking"),
@@ -76,7 +76,7 @@ def summarise(made: Tracking, *, icp: bool = True) -> list[str]:
     seen, most = int(np.sum(table["points"] > 0)), int(table["points"].max())
     lines = [
         f"{made.target}: {seen:,} of {table['time_s'].size:,} frames with a fix; range noise {made.range_noise_m:.3g} m, "
-        f"process noise {made.acceleration_m_s2_rthz:g} m/s2/sqrt(Hz)",
+        f"process noise {made.acceleration_m_s2_sqrt_hz:g} m/s2/sqrt(Hz)",
         f"{'':<20}{'rms error [m], of that bias / spread':>60}",
         f"{'':<20}" + "".join(f"{axis:>27}" for axis in AXES),
     ]

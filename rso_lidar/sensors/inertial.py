@@ -49,7 +49,7 @@ class InertialTriad(SensorPart):
 
     @property
     def _coefficients(self) -> tuple[float, float, float, float, float | None, float]:
-        """White noise by √Hz, floor, random walk by √s, turn-on bias, limit and resolution, in SI."""
+        """White noise per √Hz, floor, random walk per √s, turn-on bias, limit and resolution, in SI."""
         raise NotImplementedError
 
     def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
@@ -99,13 +99,13 @@ class Gyro(InertialTriad):
     """
 
     type: Literal["gyro"] = "gyro"
-    angle_random_walk_deg_rth: NotNegative = Field(
+    angle_random_walk_deg_sqrt_h: NotNegative = Field(
         default=0.0, description="Angle random walk, from white noise of the rate [deg/√h]."
     )
     bias_instability_deg_h: NotNegative = Field(
         default=0.0, description="Bias instability: the flat of the Allan deviation [deg/h]."
     )
-    rate_random_walk_deg_h_rth: NotNegative = Field(default=0.0, description="Rate random walk [deg/h/√h].")
+    rate_random_walk_deg_h_sqrt_h: NotNegative = Field(default=0.0, description="Rate random walk [deg/h/√h].")
     turn_on_bias_deg_h: NotNegative = Field(
         default=0.0, description="Bias of each axis, 1 sigma, drawn once for a run [deg/h]."
     )
@@ -119,9 +119,9 @@ class Gyro(InertialTriad):
     @property
     def _coefficients(self) -> tuple[float, float, float, float, float | None, float]:
         return (
-            self.angle_random_walk_deg_rth * units.DEG_RTH,
+            self.angle_random_walk_deg_sqrt_h * units.DEG_SQRT_H,
             self.bias_instability_deg_h * units.DEG_H,
-            self.rate_random_walk_deg_h_rth * units.DEG_H * units.PER_RTH,
+            self.rate_random_walk_deg_h_sqrt_h * units.DEG_H * units.PER_SQRT_H,
             self.turn_on_bias_deg_h * units.DEG_H,
             None if self.max_rate_deg_s is None else self.max_rate_deg_s * units.DEG,
             self.resolution_deg_h * units.DEG_H,
@@ -149,13 +149,15 @@ class Accelerometer(InertialTriad):
     """
 
     type: Literal["accelerometer"] = "accelerometer"
-    velocity_random_walk_m_s_rth: NotNegative = Field(
+    velocity_random_walk_m_s_sqrt_h: NotNegative = Field(
         default=0.0, description="Velocity random walk, from white noise of the acceleration [m/s/√h]."
     )
     bias_instability_ug: NotNegative = Field(
         default=0.0, description="Bias instability: the flat of the Allan deviation [µg]."
     )
-    acceleration_random_walk_ug_rth: NotNegative = Field(default=0.0, description="Acceleration random walk [µg/√h].")
+    acceleration_random_walk_ug_sqrt_h: NotNegative = Field(
+        default=0.0, description="Acceleration random walk [µg/√h]."
+    )
     turn_on_bias_ug: NotNegative = Field(
         default=0.0, description="Bias of each axis, 1 sigma, drawn once for a run [µg]."
     )
@@ -169,9 +171,9 @@ class Accelerometer(InertialTriad):
     @property
     def _coefficients(self) -> tuple[float, float, float, float, float | None, float]:
         return (
-            self.velocity_random_walk_m_s_rth * units.M_S_RTH,
+            self.velocity_random_walk_m_s_sqrt_h * units.M_S_SQRT_H,
             self.bias_instability_ug * units.UG,
-            self.acceleration_random_walk_ug_rth * units.UG * units.PER_RTH,
+            self.acceleration_random_walk_ug_sqrt_h * units.UG * units.PER_SQRT_H,
             self.turn_on_bias_ug * units.UG,
             None if self.max_acceleration_g is None else self.max_acceleration_g * _G,
             self.resolution_ug * units.UG,

@@ -11,7 +11,7 @@ from rso_lidar.errors import did_you_mean
 
 @cache
 def load_sensor_presets() -> dict[str, dict[str, Any]]:
-    """Load the shipped sensors by name, as TOML tables of `[[follower.sensor]]` with a line `what`."""
+    """Load the shipped sensors by name, as TOML tables of `[[sensor]]` with a line `what`."""
     return tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))
 
 

@@ -82,7 +82,7 @@ def filter_positions(
     covariance_m2: np.ndarray,
     *,
     mean_motion_rad_s: float | None = None,
-    acceleration_m_s2_rthz: float = 1e-4,
+    acceleration_m_s2_sqrt_hz: float = 1e-4,
     speed_m_s: float = 30.0,
     kicks: Sequence[tuple[float, np.ndarray]] = (),
 ) -> Track:
@@ -95,7 +95,7 @@ def filter_positions(
         not turn, Clohessy and Wiltshire's rtn axes (x out, y along-track, z along the orbit normal).
     covariance_m2 : of each position (time, 3, 3) [m²].
     mean_motion_rad_s : of the orbit [rad/s], for Clohessy and Wiltshire's model (None: constant velocity).
-    acceleration_m_s2_rthz : process noise: the root of the two-sided spectral density of white acceleration, each axis
+    acceleration_m_s2_sqrt_hz : process noise: the root of the two-sided spectral density of white acceleration, each axis
         [m/s²/√Hz]; velocity then wanders by its product with √t.
     speed_m_s : initial standard deviation of the velocity, each axis [m/s].
     kicks : changes of the velocity (xyz) [m/s] that are known, with their instants [s], ascending: the observer's own
@@ -116,7 +116,7 @@ def filter_positions(
         raise ScenarioError(f"kalman: {n} instants need positions ({n}, 3) and covariances ({n}, 3, 3)")
     if np.any(np.diff(time_s) <= 0.0):
         raise ScenarioError("kalman: instants must ascend: sort them")
-    if not (acceleration_m_s2_rthz >= 0.0 and speed_m_s > 0.0):
+    if not (acceleration_m_s2_sqrt_hz >= 0.0 and speed_m_s > 0.0):
         raise ScenarioError("kalman: give an acceleration that is not negative and a speed above 0")
     estimates, covariances = np.full((n, 2 * AXES), np.nan), np.full((n, 2 * AXES, 2 * AXES), np.nan)
     innovation_m, nis = np.full((n, AXES), np.nan), np.full(n, np.nan)
@@ -126,10 +126,10 @@ def filter_positions(
     kick_s = np.array([at for at, _ in kicks], dtype=float)
     for k in range(n):
         if begun:
-            forward, noise = _discretize(mean_motion_rad_s, acceleration_m_s2_rthz, float(time_s[k] - time_s[k - 1]))
+            forward, noise = _discretize(mean_motion_rad_s, acceleration_m_s2_sqrt_hz, float(time_s[k] - time_s[k - 1]))
             state, covariance = forward @ state, forward @ covariance @ forward.T + noise
             for j in range(*np.searchsorted(kick_s, time_s[k - 1 : k + 1], side="right").tolist()):
-                onward, _ = _discretize(mean_motion_rad_s, acceleration_m_s2_rthz, float(time_s[k] - kick_s[j]))
+                onward, _ = _discretize(mean_motion_rad_s, acceleration_m_s2_sqrt_hz, float(time_s[k] - kick_s[j]))
                 state = state + onward[:, AXES:] @ kicks[j][1]
             if seen[k]:
                 innovation_m[k] = position_m[k] - state[:AXES]

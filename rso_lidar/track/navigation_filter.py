@@ -1,8 +1,8 @@
 """An error-state Kalman filter of the follower's orbit and attitude, and of a target relative to it, from sensor samples.
 
 The error states are those of the sensors' own models: besides position, velocity, relative state and attitude, each
-process of a sensor with a memory (bias, slow error) is a state. The filter is therefore optimal for the shipped sensors,
-and a reference for filters that know less.
+process of a sensor with a memory (bias, slow error) is a state. Scale factor and misalignment of the gyro are not states.
+Apart from these, the filter has the error models of the simulation, so it is a best case to compare other filters with.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class NavigationFilter:
 
     Other Parameters
     ----------------
-    own_acceleration_m_s2_rthz, target_acceleration_m_s2_rthz : roots of the spectral densities of white accelerations of
-        the follower and of the target that are not modelled, each axis [m/s²/√Hz].
+    own_acceleration_m_s2_sqrt_hz, target_acceleration_m_s2_sqrt_hz : roots of the spectral densities of white
+        accelerations of the follower and of the target that are not modelled, each axis [m/s²/√Hz].
     oblate : whether the Earth's J2 acts on both.
     has_gravity : False in a local world.
     """
@@ -58,14 +58,14 @@ class NavigationFilter:
         star_tracker: StarTracker | None = None,
         gnss: Gnss | None = None,
         relative_gnss: RelativeGnss | None = None,
-        own_acceleration_m_s2_rthz: float = 1e-4,
-        target_acceleration_m_s2_rthz: float = 1e-5,
+        own_acceleration_m_s2_sqrt_hz: float = 1e-4,
+        target_acceleration_m_s2_sqrt_hz: float = 1e-5,
         oblate: bool = True,
         has_gravity: bool = True,
     ) -> None:
         self._orbits: dict[str, Any] = {
-            "own_m_s2_rthz": own_acceleration_m_s2_rthz,
-            "target_m_s2_rthz": target_acceleration_m_s2_rthz,
+            "own_m_s2_sqrt_hz": own_acceleration_m_s2_sqrt_hz,
+            "target_m_s2_sqrt_hz": target_acceleration_m_s2_sqrt_hz,
         }
         self._orbits |= {"oblate": oblate, "has_gravity": has_gravity}
         self._gyro, self._tracker, self._gnss, self._relative = gyro, star_tracker, gnss, relative_gnss

@@ -50,7 +50,7 @@ class Navigator:
     centroid_m : distance of the visible centroid from the target's origin, 1 sigma of each axis [m], added to the covariance
         of a fix.
     pointing_rad : error of the boresight, 1 sigma of each axis [rad], such as that of the PTU's encoders.
-    **settings : further settings of `NavigationFilter`, such as `target_acceleration_m_s2_rthz`.
+    **settings : further settings of `NavigationFilter`, such as `target_acceleration_m_s2_sqrt_hz`.
 
     >>> navigate = Navigator(gyro=gyro, star_tracker=tracker, gnss=gnss)   # doctest: +SKIP
     """
@@ -159,7 +159,7 @@ class Navigator:
         seen = before[relative][2]
         states = np.concatenate([position, velocity, np.zeros(6)])
         world = {"oblate": self._settings.get("oblate", True), "has_gravity": self._settings.get("has_gravity", True)}
-        states, *_ = predict_orbits(states, start_s - own_s, own_m_s2_rthz=0.0, target_m_s2_rthz=0.0, **world)
+        states, *_ = predict_orbits(states, start_s - own_s, own_m_s2_sqrt_hz=0.0, target_m_s2_sqrt_hz=0.0, **world)
         if relative == "fix":
             states[6:9] = attitude @ (seen[2] @ seen[0] + seen[3])
         else:

@@ -50,8 +50,8 @@ def predict_orbits(
     state: np.ndarray,
     step_s: float,
     *,
-    own_m_s2_rthz: float,
-    target_m_s2_rthz: float,
+    own_m_s2_sqrt_hz: float,
+    target_m_s2_sqrt_hz: float,
     oblate: bool = True,
     has_gravity: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -61,7 +61,7 @@ def predict_orbits(
     ----------
     state : (12) position [m] and velocity [m/s] of the follower, then of the target relative to it, in inertial axes.
     step_s : length of the step [s].
-    own_m_s2_rthz, target_m_s2_rthz : roots of the spectral densities of the white accelerations of the follower and of
+    own_m_s2_sqrt_hz, target_m_s2_sqrt_hz : roots of the spectral densities of the white accelerations of the follower and of
         the target that are not modelled, each axis [m/s²/√Hz].
     oblate : whether the Earth's J2 acts.
     has_gravity : False in a local world.
@@ -74,7 +74,7 @@ def predict_orbits(
     count = max(1, int(np.ceil(step_s / _LONGEST_STEP_S)))
     step = step_s / count
     added = np.zeros((STATES, STATES))
-    own, target = own_m_s2_rthz**2, target_m_s2_rthz**2
+    own, target = own_m_s2_sqrt_hz**2, target_m_s2_sqrt_hz**2
     kinds = ((0, 0, own), (0, 6, -own), (6, 0, -own), (6, 6, own + target))  # the follower's accelerates both
     for row, col, density in kinds:
         for i, j, factor in ((0, 0, step**3 / 3.0), (0, 3, step**2 / 2.0), (3, 0, step**2 / 2.0), (3, 3, step)):

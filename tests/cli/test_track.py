@@ -64,7 +64,7 @@ def test_a_nis_outside_its_bounds_is_explained(believed, verdict):
     steps, sigma_m = 400, 0.1
     fixes_m = np.array([0.0, 0.0, 100.0]) + sigma_m * np.random.default_rng(4).standard_normal((steps, 3))
     covariance = np.broadcast_to((believed * sigma_m) ** 2 * np.eye(3), (steps, 3, 3))
-    made = track.filter_positions(np.arange(steps, dtype=float), fixes_m, covariance, acceleration_m_s2_rthz=1e-6)
+    made = track.filter_positions(np.arange(steps, dtype=float), fixes_m, covariance, acceleration_m_s2_sqrt_hz=1e-6)
     said = describe_consistency(made.nis_mean, int(np.isfinite(made.nis).sum()))
     assert said.startswith(verdict) and bool(said) == bool(verdict)
     assert not said or ("lower --range-noise" in said) == (believed > 1.0)

@@ -15,8 +15,8 @@ UNITS = {  # how a name ends, and what its description says in brackets
     "j": "J", "mj": "mJ", "m_s": "m/s", "m_s2": "m/s²", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "mhz": "MHz",
     "kg": "kg", "kg_m2": "kg m²", "m2": "m²", "n": "N", "per_s": "1/s", "per_sr": "1/sr", "per_v": "1/V", "na": "nA",
     "nf": "nF", "ohm": "Ω", "counts": "counts", "photons": "photons", "electrons": "electrons", "rev_day": "rev/day",
-    "deg_rth": "deg/√h", "deg_h": "deg/h", "deg_h_rth": "deg/h/√h", "m_s_rth": "m/s/√h", "ug": "µg", "ug_rth": "µg/√h",
-    "g": "g", "ppm": "ppm", "mrad": "mrad", "arcsec": "arcsec", "rpm": "rpm", "n_m": "N m",
+    "deg_sqrt_h": "deg/√h", "deg_h": "deg/h", "deg_h_sqrt_h": "deg/h/√h", "m_s_sqrt_h": "m/s/√h", "ug": "µg",
+    "ug_sqrt_h": "µg/√h", "g": "g", "ppm": "ppm", "mrad": "mrad", "arcsec": "arcsec", "rpm": "rpm", "n_m": "N m",
     "rev_day2": "rev/day²", "rev_day3": "rev/day³", "pixels": "pixels", "per_earth_radius": "1/R⊕", "fraction": None,
 }  # fmt: skip
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS)

@@ -17,8 +17,8 @@ from tests.sensors.motion_for_tests import make_motion
 RUNS, END_S, GRID_S = 50, 20.0, 0.5
 JUDGED_S = (5.5, 10.5, 19.5)  # when only GNSS measures, so once in each run
 GYRO = sensors.Gyro(
-    name="gyro", rate_hz=4.0, phase_s=0.05, mount={"euler_zyx_deg": (30.0, 20.0, 10.0)}, angle_random_walk_deg_rth=0.15,
-    bias_instability_deg_h=3.0, rate_random_walk_deg_h_rth=2.0, turn_on_bias_deg_h=20.0,
+    name="gyro", rate_hz=4.0, phase_s=0.05, mount={"euler_zyx_deg": (30.0, 20.0, 10.0)}, angle_random_walk_deg_sqrt_h=0.15,
+    bias_instability_deg_h=3.0, rate_random_walk_deg_h_sqrt_h=2.0, turn_on_bias_deg_h=20.0,
 )  # fmt: skip
 TRACKER = sensors.StarTracker(
     name="tracker", rate_hz=1.0, mount={"euler_zyx_deg": (0.0, -90.0, 0.0)}, cross_boresight_arcsec=6.0,
@@ -53,7 +53,7 @@ def fly(rng):
     states = [START]
     for _ in range(round(END_S / GRID_S)):
         state, _, noise = predict_orbits(
-            states[-1], GRID_S, own_m_s2_rthz=ACCELERATIONS["own"], target_m_s2_rthz=ACCELERATIONS["target"]
+            states[-1], GRID_S, own_m_s2_sqrt_hz=ACCELERATIONS["own"], target_m_s2_sqrt_hz=ACCELERATIONS["target"]
         )
         states.append(state + np.linalg.cholesky(noise + 1e-20 * np.eye(12)) @ rng.normal(size=12))
     return np.array(states)
@@ -86,8 +86,8 @@ def run(seed, **changed):
     navigation = track.NavigationFilter(
         estimate,
         **parts,
-        own_acceleration_m_s2_rthz=ACCELERATIONS["own"],
-        target_acceleration_m_s2_rthz=ACCELERATIONS["target"],
+        own_acceleration_m_s2_sqrt_hz=ACCELERATIONS["own"],
+        target_acceleration_m_s2_sqrt_hz=ACCELERATIONS["target"],
     )
     tracker, gnss, relative, gyro = (found[name] for name in ("star_tracker", "gnss", "relative_gnss", "gyro"))
     attitude = Rotation.from_quat(tracker.quaternion_xyzw).as_matrix()
@@ -147,7 +147,7 @@ def test_innovations_and_errors_of_fifty_runs_are_chi_square(validation):
     [
         ("star_tracker", "tracker", {"cross_boresight_arcsec": 2.0, "boresight_arcsec": 13.0}),
         ("gnss", "gnss", {"position_noise_m": 0.33, "velocity_noise_m_s": 0.01}),
-        ("gyro", "tracker", {"angle_random_walk_deg_rth": 0.01, "turn_on_bias_deg_h": 1.0}),
+        ("gyro", "tracker", {"angle_random_walk_deg_sqrt_h": 0.01, "turn_on_bias_deg_h": 1.0}),
     ],
 )
 def test_a_filter_that_assumes_too_little_noise_is_seen(name, source, changes):

@@ -15,12 +15,12 @@ HOURS, RATE_HZ, SEEDS = 10.0, 5.0, 5
 AVERAGING_S = np.array([1.0, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 4000, 8000, 12000])
 CORRELATION_S = (10.0, 100.0, 1000.0, 10_000.0)
 GYRO = sensors.Gyro(
-    name="gyro", rate_hz=RATE_HZ, angle_random_walk_deg_rth=0.01, bias_instability_deg_h=0.2, rate_random_walk_deg_h_rth=0.5,
-    turn_on_bias_deg_h=10.0,
+    name="gyro", rate_hz=RATE_HZ, angle_random_walk_deg_sqrt_h=0.01, bias_instability_deg_h=0.2,
+    rate_random_walk_deg_h_sqrt_h=0.5, turn_on_bias_deg_h=10.0,
 )  # fmt: skip
 ACCELEROMETER = sensors.Accelerometer(
-    name="accelerometer", rate_hz=RATE_HZ, velocity_random_walk_m_s_rth=0.002, bias_instability_ug=10.0,
-    acceleration_random_walk_ug_rth=50.0, turn_on_bias_ug=100.0,
+    name="accelerometer", rate_hz=RATE_HZ, velocity_random_walk_m_s_sqrt_h=0.002, bias_instability_ug=10.0,
+    acceleration_random_walk_ug_sqrt_h=50.0, turn_on_bias_ug=100.0,
 )  # fmt: skip
 SOURCE = "datasheet numbers of the part; overlapping Allan deviation of allantools"
 
@@ -79,7 +79,7 @@ CASES = {  # coefficients in units of the Allan deviation and √s, and those of
     ),
     "accelerometer at rest for 10 h": (
         ACCELEROMETER,
-        [(0.002, units.M_S_RTH / units.UG, "m/s/√h"), (10.0, 1.0, "µg"), (50.0, 1.0 / 60.0, "µg/√h")],
+        [(0.002, units.M_S_SQRT_H / units.UG, "m/s/√h"), (10.0, 1.0, "µg"), (50.0, 1.0 / 60.0, "µg/√h")],
     ),
 }  # fmt: skip
 WHAT = ("random walk of the angle or velocity", "flat of the Allan deviation", "random walk of the bias")
@@ -125,17 +125,17 @@ def test_the_whole_curve_is_that_of_ieee_std_952(case):
 @pytest.mark.parametrize(
     ("name", "white", "floor", "at_1_s", "lowest", "unit"),
     [
-        ("stim300_gyro", "angle_random_walk_deg_rth", "bias_instability_deg_h", 0.15 * 60.0, 0.5, "deg/h"),
+        ("stim300_gyro", "angle_random_walk_deg_sqrt_h", "bias_instability_deg_h", 0.15 * 60.0, 0.5, "deg/h"),
         (
-            "stim300_accelerometer", "velocity_random_walk_m_s_rth", "bias_instability_ug", 0.06 * units.M_S_RTH / units.UG,
-            50.0, "µg",
+            "stim300_accelerometer", "velocity_random_walk_m_s_sqrt_h", "bias_instability_ug",
+            0.06 * units.M_S_SQRT_H / units.UG, 50.0, "µg",
         ),
     ],
 )  # fmt: skip
 def test_presets_read_as_their_maker_reads_the_curve(name, white, floor, at_1_s, lowest, unit, validation):
     """Sensonor reads the random walk at 1 s and the bias instability at the lowest point, here within one hour."""
     table = sensors.load_sensor_presets()[name]
-    factor = 60.0 if unit == "deg/h" else units.M_S_RTH / units.UG
+    factor = 60.0 if unit == "deg/h" else units.M_S_SQRT_H / units.UG
     curve = np.sqrt(terms()[:, :2] @ np.array([(table[white] * factor) ** 2, table[floor] ** 2]))
     source = "STIM300 datasheet TS1524 rev. 9"
     validation(

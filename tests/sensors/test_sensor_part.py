@@ -15,13 +15,13 @@ MOUNT = {"position_m": (0.1, -0.2, 0.3), "euler_zyx_deg": (10.0, 20.0, 30.0)}
 BURSTS = {"mean_up_s": 0.5, "mean_down_s": 0.2}
 ALL = [
     sensors.Gyro(
-        name="gyro", rate_hz=100.0, mount=MOUNT, angle_random_walk_deg_rth=0.15, bias_instability_deg_h=0.3,
-        rate_random_walk_deg_h_rth=0.1, turn_on_bias_deg_h=4.0, scale_factor_ppm=500.0, misalignment_mrad=1.0,
+        name="gyro", rate_hz=100.0, mount=MOUNT, angle_random_walk_deg_sqrt_h=0.15, bias_instability_deg_h=0.3,
+        rate_random_walk_deg_h_sqrt_h=0.1, turn_on_bias_deg_h=4.0, scale_factor_ppm=500.0, misalignment_mrad=1.0,
         max_rate_deg_s=1.5, resolution_deg_h=0.2, random_outage=BURSTS, outages=[{"from_s": 0.3, "to_s": 0.4}],
     ),
     sensors.Accelerometer(
-        name="accelerometer", rate_hz=100.0, mount=MOUNT, velocity_random_walk_m_s_rth=0.06, bias_instability_ug=50.0,
-        acceleration_random_walk_ug_rth=10.0, turn_on_bias_ug=700.0, max_acceleration_g=0.002, random_outage=BURSTS,
+        name="accelerometer", rate_hz=100.0, mount=MOUNT, velocity_random_walk_m_s_sqrt_h=0.06, bias_instability_ug=50.0,
+        acceleration_random_walk_ug_sqrt_h=10.0, turn_on_bias_ug=700.0, max_acceleration_g=0.002, random_outage=BURSTS,
     ),
     sensors.Gnss(
         name="gnss", rate_hz=3.0, phase_s=0.25, position_noise_m=1.0, slow_position_m=2.0, velocity_noise_m_s=0.03,
@@ -104,7 +104,7 @@ def test_an_interval_of_flashes_holds_the_samples_of_a_commensurate_rate():
 
 
 def test_samples_of_an_outage_are_not_valid_and_the_errors_go_on():
-    quiet = sensors.Gyro(name="gyro", rate_hz=10.0, angle_random_walk_deg_rth=1.0, bias_instability_deg_h=1.0)
+    quiet = sensors.Gyro(name="gyro", rate_hz=10.0, angle_random_walk_deg_sqrt_h=1.0, bias_instability_deg_h=1.0)
     gyro = quiet.replace(outages=[{"from_s": 1.0, "to_s": 2.0}])
     motion, key = make_motion(gyro.sample_times(0.0, 4.0)), sensors.make_key(1, "gyro")
     whole, _ = quiet.measure(motion, key, 0)
@@ -166,7 +166,7 @@ def test_a_state_that_is_too_late_or_of_another_sensor_is_an_error():
         ({"bias_correlation_s": [100.0, 10.0]}, "shortest and the longest"),
         ({"bias_correlation_s": [1.0, 1e9]}, "7 decades"),
         ({"preset": "stimm300"}, "no gyro 'stimm300'"),
-        ({"angle_random_walk_deg_h": 1.0}, "angle_random_walk_deg_rth"),
+        ({"angle_random_walk_deg_h": 1.0}, "angle_random_walk_deg_sqrt_h"),
         ({"name": "gyro 1"}, "name"),
     ],
 )

@@ -32,7 +32,7 @@ def load(*sensors, settings=()):
 
 @pytest.fixture(scope="module")
 def scenario():
-    noisy = [line.replace("}", ", angle_random_walk_deg_rth=0.1}") if "gyro" in line else line for line in PERFECT]
+    noisy = [line.replace("}", ", angle_random_walk_deg_sqrt_h=0.1}") if "gyro" in line else line for line in PERFECT]
     return load(*noisy)
 
 
@@ -69,11 +69,11 @@ def test_samples_arrive_with_the_next_flash_and_do_not_depend_on_the_steps(scena
 
 
 def test_samples_do_not_depend_on_other_sensors_and_their_rates():
-    alone = fly(load(PERFECT[0].replace("}", ", angle_random_walk_deg_rth=0.1}")))
+    alone = fly(load(PERFECT[0].replace("}", ", angle_random_walk_deg_sqrt_h=0.1}")))
     beside = fly(
         load(
-            '{type="gyro", name="other", rate_hz=33, angle_random_walk_deg_rth=0.1}',
-            PERFECT[0].replace("}", ", angle_random_walk_deg_rth=0.1}"),
+            '{type="gyro", name="other", rate_hz=33, angle_random_walk_deg_sqrt_h=0.1}',
+            PERFECT[0].replace("}", ", angle_random_walk_deg_sqrt_h=0.1}"),
             PERFECT[3],
         )
     )
@@ -123,10 +123,29 @@ def tumble(_t, x, u):
     return np.array([*x[3:6], *u, *(0.5 * rate for rate in turned), -0.5 * (qx * wx + qy * wy + qz * wz), 0, 0, 0])
 
 
-def test_sensors_of_a_rigid_body_measure_the_truth():
-    """They read its state; the truth goes through the tree of axes. The two agree, also where another sensor samples."""
-    scenario = load(*PERFECT[:4], settings=("time.frame_rate_hz=2",))
-    body = rl.motion.StateSpace(
+def test_a_lever_arm_on_a_rigid_body_in_rtn_axes_includes_the_turn_of_the_axes():
+    """The angular acceleration is that of the gyro's rate, which includes the 1.1e-3 rad/s of the orbit."""
+    scenario = load(
+        '{type="gyro", name="gyro", rate_hz=100}',
+        '{type="accelerometer", name="origin", rate_hz=100}',
+        '{type="accelerometer", name="arm", rate_hz=100, mount={position_m=[0.4, -0.3, 0.5]}}',
+    )
+    scenario = scenario.replace(follower=scenario.follower.replace(motion=make_tumbling_body(), attitude=None))
+    with rl.Simulation(scenario) as simulation:
+        simulation.step()
+        samples = simulation.step().observation.sensors
+    rate, step_s = samples["gyro"].angular_velocity_rad_s, 0.01
+    change = (rate[2:] - rate[:-2]) / (2.0 * step_s)
+    arm = np.array([0.4, -0.3, 0.5])
+    felt = np.cross(change, arm) + np.cross(rate[1:-1], np.cross(rate[1:-1], arm))
+    measured = samples["arm"].specific_force_m_s2 - samples["origin"].specific_force_m_s2
+    np.testing.assert_allclose(measured[1:-1], felt, atol=1e-8)
+    assert np.abs(np.cross(change, arm)).max() > 1e-5  # the body's own rate is constant relative to the axes
+
+
+def make_tumbling_body():
+    """Return the motion of a rigid body that tumbles in the rtn axes of the stage."""
+    return rl.motion.StateSpace(
         dynamics=tumble,
         axes="rtn",
         relative_to="stage",
@@ -134,7 +153,12 @@ def test_sensors_of_a_rigid_body_measure_the_truth():
         initial_state=(3, -120, -2, 0.02, -0.15, 0.01, 0.5, 0.5, 0.5, 0.5, 0.01, 0.02, -0.03),
         inputs=(0, 0, 0),
     )
-    scenario = scenario.replace(follower=scenario.follower.replace(motion=body, attitude=None))
+
+
+def test_sensors_of_a_rigid_body_measure_the_truth():
+    """They read its state; the truth goes through the tree of axes. The two agree, also where another sensor samples."""
+    scenario = load(*PERFECT[:4], settings=("time.frame_rate_hz=2",))
+    scenario = scenario.replace(follower=scenario.follower.replace(motion=make_tumbling_body(), attitude=None))
     push = rl.Command(inputs={"follower": (0.0, 0.01, 0.0)})
     with rl.Simulation(scenario) as simulation:
         simulation.step()

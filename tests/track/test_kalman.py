@@ -26,14 +26,16 @@ def test_nis_is_chi_square_where_the_noises_are_known():
     count, noise_m = 1500, 0.1
     time_s, places = wandering(np.random.default_rng(5), count, 0.5, 0.02, noise_m)
     spread = np.broadcast_to(np.eye(3) * noise_m**2, (count, 3, 3))
-    made = filter_positions(time_s, places, spread, acceleration_m_s2_rthz=0.02)
+    made = filter_positions(time_s, places, spread, acceleration_m_s2_sqrt_hz=0.02)
     known = np.isfinite(made.nis)
     assert known.sum() == count - 1
     assert not known[0]
     assert made.nis_share == pytest.approx(0.95, abs=3.0 * np.sqrt(0.95 * 0.05 / count))  # binomial, 3 sigma
     low, high = nis_bounds(count - 1, 0.9973)
     assert low <= made.nis_mean <= high
-    sure = filter_positions(time_s, places, spread / 9.0, acceleration_m_s2_rthz=0.02)  # believes a third of the noise
+    sure = filter_positions(
+        time_s, places, spread / 9.0, acceleration_m_s2_sqrt_hz=0.02
+    )  # believes a third of the noise
     assert sure.nis_mean > 2.0 * made.nis_mean
     assert sure.nis_share < 0.7
 
@@ -52,7 +54,7 @@ def test_nis_of_a_flat_target_with_known_noise():
         seen = at[on] * (1.0 + rng.normal(0.0, noise_m, on.sum()) / middle[2])[:, None]
         fix = locate_centroid(seen, pixel_rad=pixel_rad, range_noise_m=noise_m)
         places[k], spreads[k] = fix.position_m, fix.covariance_m2
-    made = filter_positions(np.arange(count) * 1.0, places, spreads, acceleration_m_s2_rthz=0.0)
+    made = filter_positions(np.arange(count) * 1.0, places, spreads, acceleration_m_s2_sqrt_hz=0.0)
     # Along the line of sight the noise is known, across it for a disc 0.3 to 0.9 of what is believed: the mean of NIS, 3 for
     # equality, lies between 1 + 2 * 0.3 and 1 + 2 * 0.9, give or take its spread of sqrt(6 / 400), 3 sigma.
     assert 1.6 - 0.37 < made.nis_mean < 2.8 + 0.37
@@ -68,7 +70,7 @@ def test_clohessy_wiltshire_foresees_a_hop_and_constant_velocity_does_not():
     measured = drift + np.random.default_rng(7).normal(0.0, noise_m, drift.shape)
     spread = np.broadcast_to(np.eye(3) * noise_m**2, (time_s.size, 3, 3))
     hill, straight = (
-        filter_positions(time_s, measured, spread, mean_motion_rad_s=n, acceleration_m_s2_rthz=1e-5)
+        filter_positions(time_s, measured, spread, mean_motion_rad_s=n, acceleration_m_s2_sqrt_hz=1e-5)
         for n in (N_RAD_S, None)
     )
     assert hill.nis_mean == pytest.approx(3.0, abs=3.0 * np.sqrt(6.0 / time_s.size))  # 3 sigma of chi-square
@@ -77,7 +79,7 @@ def test_clohessy_wiltshire_foresees_a_hop_and_constant_velocity_does_not():
     blind = measured.copy()
     blind[-30:] = np.nan
     hill, straight = (
-        filter_positions(time_s, blind, spread, mean_motion_rad_s=n, acceleration_m_s2_rthz=1e-5)
+        filter_positions(time_s, blind, spread, mean_motion_rad_s=n, acceleration_m_s2_sqrt_hz=1e-5)
         for n in (N_RAD_S, None)
     )
     off = [np.linalg.norm(made.position_m[-1] - drift[-1]) for made in (hill, straight)]
@@ -137,7 +139,7 @@ def test_a_known_kick_moves_the_estimate_and_not_the_innovation(mean_motion):
             (start,), (velocity,) = clohessy_wiltshire(start, velocity, np.array([end - begin]), n)
     spread = np.broadcast_to(np.eye(3) * 1e-6, (40, 3, 3))
     made = filter_positions(
-        time_s, places, spread, mean_motion_rad_s=mean_motion, acceleration_m_s2_rthz=0.0, kicks=kicks
+        time_s, places, spread, mean_motion_rad_s=mean_motion, acceleration_m_s2_sqrt_hz=0.0, kicks=kicks
     )
     assert np.abs(made.innovation_m[2:]).max() < 1e-6  # metres; a kick that is not told of gives 0.3
     np.testing.assert_allclose(made.velocity_m_s[-1], speeds[-1], atol=1e-6)

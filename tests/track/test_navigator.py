@@ -20,7 +20,12 @@ PARTS = {
     "gnss": sensors.Gnss(name="gnss", preset="oem719", outages=[{"from_s": 5.0, "to_s": 8.0}]),
     "relative_gnss": sensors.RelativeGnss(name="relative", preset="carrier_phase", target="stage"),
 }  # fmt: skip
-QUIET = {"oblate": False, "own_acceleration_m_s2_rthz": 1e-5, "target_acceleration_m_s2_rthz": 1e-5, "centroid_m": 2.0}
+QUIET = {
+    "oblate": False,
+    "own_acceleration_m_s2_sqrt_hz": 1e-5,
+    "target_acceleration_m_s2_sqrt_hz": 1e-5,
+    "centroid_m": 2.0,
+}
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from rso_lidar.track.two_orbits import accelerate, find_gradient, predict_orbits
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 POSITION, VELOCITY = np.array([5e6, -3e6, 4e6]), np.array([4.1e3, 6.1e3, -0.5e3])
 NEAR = np.array([-300.0, 1000.0, 200.0, 0.5, -1.0, 0.2])
-QUIET = {"own_m_s2_rthz": 0.0, "target_m_s2_rthz": 0.0}
+QUIET = {"own_m_s2_sqrt_hz": 0.0, "target_m_s2_sqrt_hz": 0.0}
 
 
 def test_two_bodies_without_j2_fly_as_the_orbit_room_says():
@@ -59,12 +59,12 @@ def test_the_transition_is_the_derivative_of_the_prediction(has_gravity):
 def test_white_accelerations_add_what_they_integrate_to():
     """The follower's own acceleration moves it, and the target relative to it by as much the other way."""
     _, _, noise = predict_orbits(
-        np.zeros(12), 4.0, own_m_s2_rthz=0.1, target_m_s2_rthz=0.2, has_gravity=False, oblate=False
+        np.zeros(12), 4.0, own_m_s2_sqrt_hz=0.1, target_m_s2_sqrt_hz=0.2, has_gravity=False, oblate=False
     )
     assert noise[0, 0] == pytest.approx(0.01 * 4.0**3 / 3.0)
     assert noise[0, 3] == noise[3, 0] == pytest.approx(0.01 * 4.0**2 / 2.0)
     assert noise[3, 3] == pytest.approx(0.01 * 4.0)
     assert noise[9, 9] == pytest.approx((0.01 + 0.04) * 4.0)
     assert noise[3, 9] == pytest.approx(-0.01 * 4.0)
-    long = predict_orbits(np.zeros(12), 25.0, own_m_s2_rthz=0.1, target_m_s2_rthz=0.2, has_gravity=False)[2]
+    long = predict_orbits(np.zeros(12), 25.0, own_m_s2_sqrt_hz=0.1, target_m_s2_sqrt_hz=0.2, has_gravity=False)[2]
     assert long[6, 6] == pytest.approx(0.05 * 25.0**3 / 3.0)  # three steps

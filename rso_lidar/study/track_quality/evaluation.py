@@ -56,12 +56,12 @@ class Tracking:
     table: dict[str, np.ndarray]
     tracks: dict[str, Track]
     range_noise_m: float
-    acceleration_m_s2_rthz: float
+    acceleration_m_s2_sqrt_hz: float
     hinges: tuple[str, ...] = ()
 
     def figure(self) -> Any:
         """Return a matplotlib Figure: errors of centroid and filters, NIS with its bounds, and errors of ICP."""
-        note = f"range noise {self.range_noise_m:.3g} m, process noise {self.acceleration_m_s2_rthz:g} m/s²/√Hz"
+        note = f"range noise {self.range_noise_m:.3g} m, process noise {self.acceleration_m_s2_sqrt_hz:g} m/s²/√Hz"
         return tracking_figure(self.table, tuple(self.tracks), self.target, self.title, note)
 
     def save(self, path: str | Path) -> Path:
@@ -89,7 +89,7 @@ def tracking(
     *,
     folder: Path | None = None,
     range_noise_m: float | None = None,
-    acceleration_m_s2_rthz: float = 1e-4,
+    acceleration_m_s2_sqrt_hz: float = 1e-4,
     shape: bool = True,
     poses: bool = True,
     each: Iterable[Frame] | None = None,
@@ -102,7 +102,7 @@ def tracking(
     target : name of the target (None: the first); other targets in the field disturb these trackers.
     folder : folder of the mesh files that the scenario names (None: the working folder).
     range_noise_m : standard deviation of one range [m] (None: from the recorded returns, simulated again on the detector).
-    acceleration_m_s2_rthz : process noise of the filters, each axis [m/s²/√Hz].
+    acceleration_m_s2_sqrt_hz : process noise of the filters, each axis [m/s²/√Hz].
     shape : whether the filters correct for the target's shape. They then use the mean and the spread of the distance
         between the visible middle and the target's origin, over all directions. That error varies slowly and is not white
         noise, so that NIS is below 3 at most frames. Otherwise the filters follow the visible middle.
@@ -143,12 +143,12 @@ def tracking(
             np.array([row.place_m(kind) for row in rows]),
             np.array([row.spread_m2(kind) for row in rows]),
             mean_motion_rad_s=mean_motion,
-            acceleration_m_s2_rthz=acceleration_m_s2_rthz,
+            acceleration_m_s2_sqrt_hz=acceleration_m_s2_sqrt_hz,
             kicks=[(burn.time_s, -rows[k].from_rtn(kind).apply(burn.delta_v_m_s)) for burn, k in burns],
         )
         table |= _tabulate_errors(kind, made, rows)
     hinges = tuple(joint.name for joint in scenario.target[number].joints)
-    return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_rthz, hinges)
+    return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_sqrt_hz, hinges)
 
 
 def _find_target(names: list[str], target: str | None) -> int:

@@ -51,7 +51,7 @@ def test_with_its_burns_the_filter_believes_what_it_sees(motion):
     seen = -apart + np.random.default_rng(3).normal(0.0, NOISE_M, apart.shape)  # of the target, from the follower
     spread = np.broadcast_to(np.eye(3) * NOISE_M**2, (time_s.size, 3, 3))
     burns = list_known_burns(flown, time_s)
-    given = {"mean_motion_rad_s": plan.mean_motion_rad_s, "acceleration_m_s2_rthz": 1e-5}
+    given = {"mean_motion_rad_s": plan.mean_motion_rad_s, "acceleration_m_s2_sqrt_hz": 1e-5}
     told = filter_positions(
         time_s, seen, spread, kicks=[(burn.time_s, -burn.delta_v_m_s) for burn, _ in burns], **given
     )

@@ -85,7 +85,7 @@ def test_a_flat_target_is_tracked_as_well_as_believed(text):
     )
     plate = plate.replace("jitter_deg = 0.001, encoder_noise_deg = 0.001", "jitter_deg = 0.03")
     frames = list(rl.simulate(rl.Scenario.loads(plate + '\n[lidar.detector]\ntype = "empirical"\n')))
-    made = tracking(frames, acceleration_m_s2_rthz=0.0, shape=False, poses=False)
+    made = tracking(frames, acceleration_m_s2_sqrt_hz=0.0, shape=False, poses=False)
     assert set(made.tracks) == {"cv"}  # a bench has no orbit
     nis = made.tracks["cv"].nis
     assert np.isfinite(nis).sum() == 99
