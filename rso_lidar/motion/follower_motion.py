@@ -17,7 +17,7 @@ from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.proximity import find_plan
 from rso_lidar.orbit import moon_position_m
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.pose import ROOT, length, quaternion_xyzw, rotate_vectors
+from rso_lidar.pose import ROOT, cross, length, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import BodyMotion, BodyState, Truth
 from rso_lidar.records.telemetry import ANGULAR_ACCELERATION, ATTITUDE, DYNAMICS, PLACE, SKY
 
@@ -84,7 +84,9 @@ class FollowerMotion:
             rate,
             force,
             angular_acceleration_rad_s2=(
-                _find_angular_acceleration(course, follower, time_s, flights) if ANGULAR_ACCELERATION in reads else None
+                _find_angular_acceleration(course, follower, time_s, flights, rate)
+                if ANGULAR_ACCELERATION in reads
+                else None
             ),
             **(_find_sky(course, truth, time_s) if truth and SKY in reads else {}),
             targets=_find_targets(truth, follower) if truth and PLACE in reads else {},
@@ -195,9 +197,12 @@ def _find_specific_force(course: Course, truth: Truth, time_s: np.ndarray, fligh
 
 
 def _find_angular_acceleration(
-    course: Course, follower: Body, time_s: np.ndarray, flights: Mapping[str, Flight]
+    course: Course, follower: Body, time_s: np.ndarray, flights: Mapping[str, Flight], rate: np.ndarray
 ) -> np.ndarray:
     """Find the rate of change of the follower's angular velocity (time, 3) in body axes [rad/s2].
+
+    A state-space model in the rtn axes of a chief gives the rate w_rel relative to them. The angular velocity O of the axes,
+    taken as constant in them, turns in body axes: (w_rel + O)' = w_rel' - w_rel x O.
 
     Parameters
     ----------
@@ -205,6 +210,7 @@ def _find_angular_acceleration(
     follower : the body.
     time_s : (time) instants [s].
     flights : of the follower's state-space models.
+    rate : angular velocity relative to inertial axes (time, 3), in body axes [rad/s].
 
     Returns
     -------
@@ -212,7 +218,9 @@ def _find_angular_acceleration(
     """
     for place, model in (("attitude", follower.attitude), ("motion", follower.motion)):
         if isinstance(model, StateSpaceModel) and (entries := model.body_rate_entries) is not None:
-            return flights[place].rates(time_s)[:, entries]
+            relative = flights[place](time_s)[:, entries]
+            change: np.ndarray = flights[place].rates(time_s)[:, entries] - cross(relative, rate - relative)
+            return change
     return _differentiate(course, lambda at: at.poses.link(ROOT, follower.name).angular_velocity_rad_s, time_s)
 
 
