@@ -15,6 +15,7 @@ SPANNING = {
     "detector/chain/test_frame_noise.py",
     "detector/chain/test_several_rows.py",
     "detector/chain/test_values.py",
+    "export/formats/test_sensor_exports.py",
     "fmi/test_fmus.py",
     "loop/environments/test_environments.py",
     "picture/plots/test_over_time.py",
