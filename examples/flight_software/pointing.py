@@ -1,7 +1,7 @@
 """Flight software in Python without rso_lidar: pyzmq, json and numpy only. The twin of pointing.c.
 
-    rso-lidar serve tumbling_stage.toml &
-    python pointing.py tcp://127.0.0.1:5571
+rso-lidar serve tumbling_stage.toml &
+python pointing.py tcp://127.0.0.1:5571
 """
 
 import json

@@ -12,7 +12,12 @@ from tests.loop.service.serving import EXAMPLES, serving
 pytest.importorskip("zmq", reason="pyzmq is not installed: the extra 'loop'")
 
 FOLDER = EXAMPLES / "flight_software"
-SMALL = ("time.duration_s=20", "lidar.receiver.n_rows=64", "lidar.receiver.n_cols=64", "lidar.receiver.rays_per_pixel=1")
+SMALL = (
+    "time.duration_s=20",
+    "lidar.receiver.n_rows=64",
+    "lidar.receiver.n_cols=64",
+    "lidar.receiver.rays_per_pixel=1",
+)
 
 
 def fly(*command):
