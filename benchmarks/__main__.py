@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks import dataset, growth, labelled, orbit, peers, report, sampling, stages, startup, workers
+from benchmarks import dataset, growth, labelled, loop, orbit, peers, report, sampling, stages, startup, workers
 from benchmarks.report import HEADER, Findings, table
 
-PARTS = ("stages", "sampling", "peers", "dataset", "labelled", "workers", "startup", "growth", "orbit")
+PARTS = ("stages", "sampling", "peers", "dataset", "labelled", "workers", "startup", "loop", "growth", "orbit")
 
 
 def main() -> None:
@@ -36,6 +36,7 @@ def main() -> None:
         "labelled": lambda: labelled.run(quick=chosen.quick),
         "workers": lambda: workers.run(quick=chosen.quick),
         "startup": lambda: startup.run(quick=chosen.quick),
+        "loop": lambda: loop.run(quick=chosen.quick),
         "growth": lambda: growth.run(quick=chosen.quick, frames=chosen.frames, pictures=pictures),
         "orbit": lambda: orbit.run(quick=chosen.quick, frames=chosen.frames),
     }

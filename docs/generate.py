@@ -25,6 +25,7 @@ from rso_lidar import part, records
 from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
+from rso_lidar.loop.service.requests import REQUESTS, CommandRequest
 from rso_lidar.records.part_classes import PART_CLASSES
 from rso_lidar.shapes.materials import MATERIALS
 from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
@@ -79,6 +80,7 @@ def pages() -> dict[Path, str]:
         "sensors.md": {"presets": sensor_presets()},
         "studies.md": {"merits": merits(), "study keys": study_keys()},
         "requirements.md": {"requirement keys": requirement_keys()},
+        "protocol.md": {"requests": request_keys()},
         "datasets.md": {"arrays": shard_arrays(), "spec keys": dataset_keys()},
         "glossary.md": {"classes": classes()},
         "architecture.md": {"floors": floors(), "rooms": rooms()},
@@ -295,6 +297,12 @@ def _requirement_sections() -> dict[type[part.Part], Section]:
 def requirement_keys() -> str:
     """Return a section with a table of keys for each part of a requirements file."""
     return _key_tables(_requirement_sections())
+
+
+def request_keys() -> str:
+    """Return a section with a table of keys for each request of flight software."""
+    made: dict[type[part.Part], Section] = {cls: Section(kind, 3, [], False) for kind, cls in REQUESTS.items()}
+    return _key_tables(made | {CommandRequest: Section("command", 3, [], False)})
 
 
 def merits() -> str:

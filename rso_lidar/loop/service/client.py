@@ -22,6 +22,7 @@ from rso_lidar.records.telemetry import join_samples
 
 _NS_PER_S = 1_000_000_000
 _MOST_STEPS = 10_000  # whose samples wait for a reading
+_LOOK_MS = 100  # after which a client that waits looks whether the server has gone
 _CONNECT_S = 10.0  # longest wait for the connection itself
 
 
@@ -79,9 +80,7 @@ class Client:
                 self._socket.curve_publickey, self._socket.curve_secretkey = load_keys(Path(key))
                 self._socket.curve_serverkey = load_public_key(Path(server_key))
             self._monitor = self._socket.get_monitor_socket()
-            self._poller = self._zmq.Poller()
-            self._poller.register(self._socket, self._zmq.POLLIN)
-            self._poller.register(self._monitor, self._zmq.POLLIN)
+            self._socket.rcvtimeo = min(_LOOK_MS, max(1, int(1e3 * self.timeout_s)))
             self._connect()
             hello: dict[str, Any] = {"version": 1, "role": role, "client": name or f"Python, process {os.getpid()}"}
             self.description: dict[str, Any] = self._ask("hello", **hello, token=token)[0]["describe"]
@@ -271,18 +270,19 @@ class Client:
 
     def _receive(self, kind: str) -> list[bytes]:
         """Return the parts of the next message, or raise `RunError` where none comes."""
-        while True:
-            ready = dict(self._poller.poll(int(self.timeout_s * 1e3)))
-            if self._socket in ready:
+        end_s = time.monotonic() + self.timeout_s
+        while time.monotonic() < end_s:
+            try:
                 parts: list[bytes] = self._socket.recv_multipart()
                 return parts
-            if not ready:
-                raise RunError(
-                    f"{self.endpoint}: gave no answer to '{kind}' within {self.timeout_s:g} s; "
-                    "see what the server does, or allow more with timeout_s"
-                )
-            if self._read_event() == self._zmq.Event.DISCONNECTED:
+            except self._zmq.Again:
+                pass
+            if self._monitor.poll(0) and self._read_event() == self._zmq.Event.DISCONNECTED:
                 raise RunError(f"{self.endpoint}: the server has ended; start it again, and make a new Client")
+        raise RunError(
+            f"{self.endpoint}: gave no answer to '{kind}' within {self.timeout_s:g} s; "
+            "see what the server does, or allow more with timeout_s"
+        )
 
 
 def _to_ns(name: str, time_s: float | None) -> int | None:

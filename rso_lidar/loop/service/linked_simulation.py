@@ -59,6 +59,7 @@ class LinkedSimulation:
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
         self.link = simulation.scenario.link or DataLink()
+        self._has_link = self.link != DataLink()
         self.frame: Frame | None = None  # of the last step, for those that record
         self._active: Command | None = None
         self._commands: list[tuple[int, Command | None]] = []  # with the instant from which each acts, in order
@@ -205,7 +206,9 @@ class LinkedSimulation:
     def _send(self, frame: Frame) -> Delivery:
         """Send a frame through the link."""
         emitted_ns = round(frame.time_s * _NS_PER_S)
-        delay_s, is_lost = self.link.draw(self.simulation.scenario.rng(frame.index, LINK))
+        delay_s, is_lost = 0.0, False
+        if self._has_link:
+            delay_s, is_lost = self.link.draw(self.simulation.scenario.rng(frame.index, LINK))
         if is_lost:
             return Delivery(frame.index, "dropped", emitted_ns, None, None)
         return Delivery(

@@ -13,7 +13,7 @@ from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
 from rso_lidar.loop.service.deadlines import Deadlines
 from rso_lidar.loop.service.endpoints import Security, import_zmq, load_keys
 from rso_lidar.loop.service.peers import Peers, RefusalError
-from rso_lidar.loop.service.requests import Request, parse_request
+from rso_lidar.loop.service.requests import HelloRequest, Request, parse_request
 from rso_lidar.loop.service.session import Answer, Session
 from rso_lidar.loop.service.wire_format import encode
 
@@ -89,9 +89,6 @@ class Server:
             if self._publish is not None:
                 self._stream = self._make_socket(context, undone, self._zmq.PUB)
                 self.stream = self._bind_socket(self._stream, "--publish", self._publish)
-            self._poller = self._zmq.Poller()
-            self._poller.register(self._requests, self._zmq.POLLIN)
-            self._poller.register(self._monitor, self._zmq.POLLIN)
             self._open = undone.pop_all()
         return self
 
@@ -174,10 +171,7 @@ class Server:
             If a deadline was missed that must not be, or a recording cannot be written.
         """
         while not self._is_done and not is_stopped():
-            ready = dict(self._poller.poll(self._find_timeout_ms()))
-            if ready:
-                self._note_disconnections()
-                self._receive()
+            self._receive(self._find_timeout_ms())
             self._send_due()
         if self._stream is not None:
             self._publish_event("shutdown")
@@ -199,7 +193,7 @@ class Server:
         self._send(due.envelope, due.parts)
         if due.is_published and self._stream is not None:
             self._published += 1
-            self._stream.send_multipart([b"reading", *due.parts], self._zmq.NOBLOCK, copy=False)
+            self._stream.send_multipart([b"reading", *due.parts], self._zmq.NOBLOCK)
 
     def _note_disconnections(self) -> None:
         """Forget the clients whose connections have ended."""
@@ -218,11 +212,13 @@ class Server:
 
     # ------------------------------------------------------------------------------------------------ one request
 
-    def _receive(self) -> None:
-        """Receive one message, if there is one, and answer it."""
+    def _receive(self, timeout_ms: int) -> None:
+        """Wait for one message and answer it."""
+        self._requests.rcvtimeo = timeout_ms
         try:
-            frames = self._requests.recv_multipart(self._zmq.NOBLOCK, copy=False)
+            frames = self._requests.recv_multipart(copy=False)
         except self._zmq.Again:
+            self._note_disconnections()
             return
         asked_s = time.monotonic()
         parts = [frame.bytes for frame in frames]
@@ -237,6 +233,8 @@ class Server:
                 )
             request = parse_request(body[0])
             sequence = request.sequence
+            if isinstance(request, HelloRequest):
+                self._note_disconnections()  # libzmq reports that a client has gone before another takes its socket's number
             self._peers.admit(envelope[0], frames[-1].get(self._zmq.SRCFD), request)
             if self._due is not None and self._due.envelope[0] == envelope[0]:
                 raise RefusalError("busy", f"{request.request}: comes before the reply to the one before; wait for it")
@@ -314,7 +312,7 @@ class Server:
     def _send(self, envelope: list[bytes], parts: list[Any]) -> None:
         """Send a reply; a client that has gone, or reads nothing, is forgotten."""
         try:
-            self._requests.send_multipart([*envelope, *parts], self._zmq.NOBLOCK, copy=False)
+            self._requests.send_multipart([*envelope, *parts], self._zmq.NOBLOCK)
         except self._zmq.Again:
             self._forget(envelope[0], "does not read its replies")
         except self._zmq.ZMQError:  # EHOSTUNREACH

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from rso_lidar import records
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.export.layout.datasets import INERTIAL, NODE, SUN, compute_lidar_poses
-from rso_lidar.loop.service.requests import SCHEMA, parse_json
+from rso_lidar.loop.service.requests import SCHEMA
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (
     ArraySpec,
@@ -121,19 +122,28 @@ def encode(header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any
     arrays : in the order in which they are sent.
     """
     packed = [_to_little_endian(one.values) for one in arrays]
-    listed = [
-        {
-            "name": one.path,
-            "dtype": values.dtype.str,
-            "shape": values.shape,
-            "unit": one.spec.unit,
-            "dims": one.spec.dims,
-            "meaning": one.spec.meaning,
-        }
+    listed = ", ".join(
+        _describe_array(one.path, one.spec, values.dtype.str, values.shape)
         for one, values in zip(arrays, packed, strict=True)
+    )
+    text = json.dumps({"schema": SCHEMA, **header}, allow_nan=False)
+    return [
+        f'{text[:-1]}, "arrays": [{listed}]}}'.encode(),
+        *(values.data if values.size else b"" for values in packed),
     ]
-    text = json.dumps({"schema": SCHEMA, **header, "arrays": listed}, allow_nan=False)
-    return [text.encode(), *(values.data if values.size else b"" for values in packed)]
+
+
+@lru_cache(maxsize=1024)
+def _describe_array(path: str, spec: ArraySpec, dtype: str, shape: tuple[int, ...]) -> str:
+    """Return the JSON object that describes an array; most are the same from message to message.
+
+    Parameters
+    ----------
+    path, spec : of the array.
+    dtype, shape : as it is sent.
+    """
+    stated = {"unit": spec.unit, "dims": spec.dims, "meaning": spec.meaning}
+    return json.dumps({"name": path, "dtype": dtype, "shape": shape, **stated})
 
 
 def _to_little_endian(values: Any) -> np.ndarray:
@@ -154,9 +164,11 @@ def decode(parts: Sequence[Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]]
         If they are no message of this schema.
     """
     try:
-        header = parse_json(bytes(parts[0]), "reply")
-    except (IndexError, ScenarioError) as error:
-        raise RunError(f"reply: is none of an rso-lidar server ({error}); check the endpoint") from None
+        header = json.loads(parts[0])
+    except (IndexError, RecursionError, ValueError):
+        header = None
+    if not isinstance(header, dict):
+        raise RunError("reply: is none of an rso-lidar server; check the address")
     if header.get("schema") != SCHEMA:
         raise RunError(
             f"reply: has the schema {header.get('schema')!r:.60}, and this client speaks {SCHEMA}; use equal versions"
