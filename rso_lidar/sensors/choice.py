@@ -18,6 +18,8 @@ from rso_lidar.sensors.inertial import Accelerometer, Gyro
 from rso_lidar.sensors.sensor_part import SensorPart, number_samples, time_samples
 from rso_lidar.sensors.star_tracker import StarTracker
 
+_SIMULTANEOUS_S = 0.5e-9  # a simulation's instants are whole nanoseconds
+
 
 @runtime_checkable
 class Sensor(Protocol):
@@ -61,13 +63,16 @@ AnySensor = Annotated[DescribedSensor | Sensor, Seam(DescribedSensor, Sensor)]
 def number_available_samples(sensor: Any, after_s: float, until_s: float) -> range:
     """Return the numbers of the samples of any sensor that become available in an interval: after_s < time <= until_s.
 
+    Instants less than half a nanosecond apart are simultaneous, so that rounding of a sum such as 0.1 + 0.2 does not delay
+    a sample to the next flash.
+
     Parameters
     ----------
     sensor : a part, or a user's object.
     after_s, until_s : ends of the interval, since `start_utc` [s].
     """
     rate_hz, phase_s, latency_s = _schedule(sensor)
-    after_s, until_s = math.nextafter(after_s, math.inf), math.nextafter(until_s, math.inf)
+    after_s, until_s = (max(it + _SIMULTANEOUS_S, math.nextafter(it, math.inf)) for it in (after_s, until_s))
     return number_samples(rate_hz, phase_s + latency_s, after_s, until_s)
 
 

@@ -10,6 +10,7 @@ from rso_lidar import sensors
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Part, python_objects
 from rso_lidar.records import SensorSamples, SensorState
+from rso_lidar.sensors.choice import number_available_samples
 from tests.sensors.motion_for_tests import make_motion, some_samples
 
 EXAMPLE = runpy.run_path(str(Path(__file__).resolve().parents[2] / "examples" / "seams" / "own_sensor.py"))
@@ -79,3 +80,15 @@ def test_a_schedule_that_is_none_is_told(member, value):
     object.__setattr__(sensor, member, value)
     with pytest.raises(ScenarioError, match=member):
         sensors.number_available_samples(sensor, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "latency_s", "flash_hz"), [(10.0, 0.2, 5.0), (100.0, 0.05, 20.0), (3.0, 1 / 3, 3.0)]
+)
+def test_a_sample_that_becomes_available_with_a_flash_is_in_its_observation(rate_hz, latency_s, flash_hz):
+    """In binary fractions, 0.05 + 0.1 is after 3 / 20; the sample must not be delayed to the next flash by that."""
+    gyro = sensors.Gyro(name="gyro", rate_hz=rate_hz, latency_s=latency_s)
+    for k in range(1, 2000):
+        found = number_available_samples(gyro, (k - 1) / flash_hz, k / flash_hz)
+        last = round((k / flash_hz - latency_s) * rate_hz)
+        assert found == range(max(0, last - round(rate_hz / flash_hz) + 1), last + 1)
