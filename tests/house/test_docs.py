@@ -76,6 +76,7 @@ def test_generated_pages_are_up_to_date(generator):
         "models.md",
         "sensors.md",
         "requirements.md",
+        "protocol.md",
         "studies.md",
     }
     for page, text in pages.items():
