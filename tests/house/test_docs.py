@@ -74,6 +74,7 @@ def test_generated_pages_are_up_to_date(generator):
         "physics.md",
         "instrument.md",
         "models.md",
+        "protocol.md",
         "sensors.md",
         "requirements.md",
         "protocol.md",
