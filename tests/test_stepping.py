@@ -168,6 +168,8 @@ def test_what_cannot_be_done_changes_nothing(thrusters):
         for command, told in (
             ("left", "is not a command"),
             (rl.Command(pan_rad=0.1), "the scenario has none"),
+            (rl.Command(inputs=(1.0, 0.0, 0.0)), "give a dictionary"),
+            (rl.Command(inputs={3: (1.0,)}), "'3', which has no state-space model"),
             (rl.Command(inputs={"stage": (1.0,)}), "'stage', which has no state-space model"),
             (rl.Command(inputs={"follower": (1.0,)}), "give 3 finite numbers"),
             (rl.Command(inputs={"follower": (np.nan, 0.0, 0.0)}), "give 3 finite numbers"),

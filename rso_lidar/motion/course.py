@@ -103,9 +103,14 @@ class Course:
         ScenarioError
             As `at`.
         """
-        for name, inputs in ((command.inputs if command else None) or {}).items():
+        given = None if command is None else command.inputs
+        if not isinstance(given, Mapping | None):
+            raise ScenarioError(
+                f"command: inputs are {given!r:.60}; give a dictionary with a row of numbers for each body"
+            )
+        for name, inputs in (given or {}).items():
             if name not in self.flights:
-                guess = did_you_mean(name, self.flights)
+                guess = did_you_mean(str(name), self.flights)
                 raise ScenarioError(
                     f"command: inputs are given for '{name}', which has no state-space model{guess} "
                     f"(known: {', '.join(self.flights) or 'none'})"

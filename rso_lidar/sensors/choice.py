@@ -131,8 +131,8 @@ def measure_samples(
     answer = sensor.measure(motion, key, first_sample, state)
     if isinstance(sensor, Part):
         return answer  # type: ignore[no-any-return]
-    kinds = isinstance(answer, tuple) and [isinstance(it, kind) for it, kind in zip(answer, _ANSWER, strict=False)]
-    if kinds != [True, True]:
+    is_pair = isinstance(answer, tuple) and len(answer) == len(_ANSWER)
+    if not is_pair or not all(map(isinstance, answer, _ANSWER)):
         raise make_answer_error(sensor, "measure", answer, "return (SensorSamples, SensorState)")
     samples, after = answer
     times = to_real_array(samples.time_s)

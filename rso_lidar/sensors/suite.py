@@ -16,6 +16,7 @@ from rso_lidar.sensors.random_errors import make_key
 
 FindMotion = Callable[[np.ndarray, frozenset[str], Callable[[], np.ndarray]], BodyMotion]
 _AHEAD_S = 10.0
+_MOST_SAMPLES = 5_000_000  # of a sensor in one call: some 2 GiB with the motion
 _MOST_AHEAD = 512  # samples of a sensor whose instants are listed ahead
 
 
@@ -54,6 +55,12 @@ class SensorSuite:
         }
         if not numbers:
             return {}
+        for name, of in numbers.items():
+            if len(of) > _MOST_SAMPLES:
+                raise ScenarioError(
+                    f"sensor '{name}': {len(of):,} samples from {max(after_s, 0.0):g} s to {until_s:g} s are more than the "
+                    f"{_MOST_SAMPLES:,} that fit; lower its rate_hz, or raise time.frame_rate_hz"
+                )
         times = {name: time_sensor_samples(self._sensors[name], of) for name, of in numbers.items()}
         instants = np.unique(np.concatenate(list(times.values())))
         reads = frozenset[str]().union(*(get_reads(self._sensors[name]) for name in numbers))

@@ -60,6 +60,7 @@ def answer(change):
     ("change", "words"),
     [
         (lambda samples, state: samples, r"return \(SensorSamples, SensorState\)"),
+        (lambda samples, state: (samples, state, 1), r"return \(SensorSamples, SensorState\)"),
         (lambda samples, state: (samples, None), r"return \(SensorSamples, SensorState\)"),
         (lambda samples, state: (samples, SensorState(3, np.empty(0))), "returned 3 in next_sample; .* follows, 14"),
         (

@@ -1,6 +1,7 @@
 """Sensors of a scenario: what they sample is what the follower does, whatever the steps, and it reaches the observation."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from rso_lidar.sensors import suite
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PERFECT = (
@@ -203,12 +205,23 @@ def test_another_seed_draws_other_samples(scenario):
     [
         ('{type="gyro", name="a", rate_hz=0}', "rate_hz"),
         ('{type="gyro", name="a", rate_hz=1}, {type="gyro", name="a", rate_hz=2}', "two have the name 'a'"),
+        ('{type="gyro", name="a", rate_hz=1e5}', "200,000 samples from 0 s to 2 s are more than the 150,000"),
         ('{type="sextant", name="a", rate_hz=1}', "sextant"),
         ('{type="wheels", name="a", rate_hz=1, dynamics="attitude", speed_entries=[0]}', "not of type state_space"),
         ('{type="thrusters", name="a", rate_hz=1, dynamics="motion", force_entries=[5]}', "entry 5"),
         ('{type="relative_gnss", name="a", rate_hz=1, target="stagee", axes="inertial"}', "stagee"),
     ],
 )
-def test_what_cannot_be_sampled(sensor, told):
+def test_what_cannot_be_sampled(sensor, told, monkeypatch):
+    monkeypatch.setattr(suite, "_MOST_SAMPLES", 150_000)
     with pytest.raises(ScenarioError, match=told):
-        next(rl.simulate(load(sensor)))
+        list(rl.simulate(load(sensor, settings=("time.frame_rate_hz=0.5",))))
+
+
+def test_a_scenario_whose_sensors_cannot_be_flown_does_not_load(scenario):
+    """The names of users' objects become groups of a recording."""
+    with pytest.raises(ScenarioError, match=r"sensor 'a': no target 'stagee'; did you mean 'stage'\?"):
+        load('{type="relative_gnss", name="a", rate_hz=1, target="stagee", axes="inertial"}')
+    own = SimpleNamespace(name="a/b", rate_hz=1.0, measure=lambda *given: None)
+    with pytest.raises(ScenarioError, match="the name 'a/b' needs a letter"):
+        scenario.replace(sensor=(own,))

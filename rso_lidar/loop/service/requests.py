@@ -13,6 +13,7 @@ from rso_lidar.part import Flag, NotNegative, Number, Part, Positive, Text, Whol
 from rso_lidar.records import Command
 
 SCHEMA = {"name": "rso_lidar.loop", "version": 1}
+_MOST_SEQUENCE = 2**53  # an integer in the numbers of JavaScript
 GREATEST_NS = 2**62  # 146 years, and a 64-bit integer in every language
 
 Nanoseconds = Annotated[Whole, Field(ge=0, le=GREATEST_NS)]
@@ -40,7 +41,7 @@ class Request(Part):
     """What every request may say."""
 
     request: str = Field(description="Kind of the request.")
-    sequence: Annotated[Whole, Field(ge=0, le=2**53)] = Field(
+    sequence: Annotated[Whole, Field(ge=0, le=_MOST_SEQUENCE)] = Field(
         default=0, description="Number of the request, of the client's choice; the reply repeats it."
     )
 
@@ -155,6 +156,15 @@ def parse_request(header: bytes) -> Any:
         return REQUESTS[kind].model_validate(tree)
     except ValidationError as error:
         raise ScenarioError(f"{kind}: {explain(error, REQUESTS[kind], tree)}") from None
+
+
+def find_sequence(header: bytes) -> int:
+    """Return the number of a request that may be wrong otherwise, so that its refusal can repeat it; 0 for none."""
+    try:
+        number = parse_json(header, "request").get("sequence")
+    except ScenarioError:
+        return 0
+    return number if type(number) is int and 0 <= number <= _MOST_SEQUENCE else 0
 
 
 def parse_json(text: bytes, where: str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
 from rso_lidar.loop.service.deadlines import Deadlines
 from rso_lidar.loop.service.endpoints import Security, import_zmq, load_keys
 from rso_lidar.loop.service.peers import Peers, RefusalError
-from rso_lidar.loop.service.requests import HelloRequest, Request, parse_request
+from rso_lidar.loop.service.requests import HelloRequest, Request, find_sequence, parse_request
 from rso_lidar.loop.service.session import Answer, Session
 from rso_lidar.loop.service.wire_format import encode
 
@@ -245,7 +245,7 @@ class Server:
             self._refuse(envelope, sequence, "failed", str(error))
             raise
         except RsoLidarError as error:
-            self._refuse(envelope, sequence, "bad_request", str(error))
+            self._refuse(envelope, sequence or find_sequence(body[0]), "bad_request", str(error))
 
     def _answer(self, envelope: list[bytes], request: Request, asked_s: float) -> None:
         """Answer a request, or have the answer wait for its deadline.

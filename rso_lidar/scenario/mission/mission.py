@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 from contextlib import AbstractContextManager
 from functools import cached_property
 from pathlib import Path
@@ -30,9 +31,10 @@ from rso_lidar.scenario.tables.link import DataLink
 from rso_lidar.scenario.tables.target import Follower, Target
 from rso_lidar.scenario.tables.world import Time, World
 from rso_lidar.scene import Surface
-from rso_lidar.sensors import AnySensor
+from rso_lidar.sensors import AnySensor, RelativeGnss
 from rso_lidar.shipped import find
 
+_SENSOR_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")  # as `part.Name`
 _WITHOUT_NOISE = ("bodies", "pan_tilt", "surfaces", "instrument", "exposure")  # cached, and the same for every seed
 
 
@@ -201,6 +203,16 @@ class Mission(Part):
         named = [sensor.name for sensor in self.sensor]
         if twice := [name for name in named if named.count(name) > 1]:
             raise ValueError(f"sensor: two have the name '{twice[0]}'; rename one")
+        for name in named:  # of users' objects, too: recordings have a group of this name
+            if not isinstance(name, str) or not _SENSOR_NAME.fullmatch(name):
+                raise ValueError(f"sensor: the name {name!r:.40} needs a letter followed by letters, digits, _ or -")
+        targets = [target.name for target in self.target]
+        for sensor in self.sensor:
+            if isinstance(sensor, RelativeGnss) and sensor.target not in targets:
+                guess = did_you_mean(sensor.target, targets)
+                raise ValueError(
+                    f"sensor '{sensor.name}': no target '{sensor.target}'{guess} (known: {', '.join(targets) or 'none'})"
+                )
         receiver = self.lidar.receiver
         if self.finding.pixels > receiver.n_rows * receiver.n_cols:
             raise ValueError(

@@ -75,3 +75,15 @@ def test_one_driver_at_a_time_and_the_next_one_goes_on(scenario):
         with rl.loop.Client(server.endpoint, name="second", timeout_s=30) as client:
             assert client.time_s == 0.0
             assert client.step().index == 1
+
+
+def test_a_wrong_request_is_refused_at_once(scenario):
+    """The refusal of a request that is none repeats its number, so that its client does not wait until the timeout."""
+    with serving(scenario) as server, rl.loop.Client(server.endpoint, timeout_s=30) as client:
+        for options, told in (
+            ({"dt_s": 0.0}, "step: dt_ns: should be greater than or equal to 1"),
+            ({"command": rl.Command(energy_j=-1.0)}, "step: command.energy_j: should be greater than 0"),
+        ):
+            with pytest.raises(rl.ScenarioError, match=told):
+                client.step(**options)
+        assert client.step().index == 0
