@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, MultiBinary
 
 from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.part import to_real_array
 from rso_lidar.picture.style.palette import PAPER, RANGE_RAMP, apply_ramp
 from rso_lidar.records import Command, Frame
 from rso_lidar.scenario import Scenario
@@ -143,11 +144,9 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
         """
         if self._frame is None:
             raise ScenarioError(f"{type(self).__name__}: step() before reset(); call reset() first")
-        share = np.asarray(action, dtype=float)
-        if share.shape != (self._n_actions,) or not np.isfinite(share).all():
-            raise ScenarioError(
-                f"action: {np.asarray(action).tolist()!s:.60} is not an action; give {self._n_actions} numbers"
-            )
+        share = to_real_array(action)
+        if share is None or share.shape != (self._n_actions,) or not np.isfinite(share).all():
+            raise ScenarioError(f"action: {action!r:.60} is not an action; give {self._n_actions} numbers")
         share = np.clip(share, -1.0, 1.0)
         frame = self._frame = self._fly(share)
         if self.target_pixels(frame):

@@ -338,7 +338,7 @@ def test_misuse_of_an_episode(passage):
     with pytest.raises(ScenarioError, match="options: 'wind' is unknown"):
         env.reset(options={"wind": 1})
     env.reset(seed=1)
-    for action in (np.zeros(3), np.array([0.0, math.nan]), 0.5):
+    for action in (np.zeros(3), np.array([0.0, math.nan]), 0.5, "left", np.zeros(2, complex)):
         with pytest.raises(ScenarioError, match="is not an action; give 2 numbers"):
             env.step(action)
     while not env.step(np.zeros(2))[3]:
