@@ -28,6 +28,7 @@ COMMANDS = {
     "encounters": "List the close approaches of one object to a catalogue.",
     "run": "Simulate a scenario and record its frames with truth and labels.",
     "serve": "Serve a simulation to flight software in another process.",
+    "fmu": "Write the instrument of a scenario as an FMU.",
     "export": "Write a recording in another format.",
     "info": "Print what a recording holds.",
     "plot": "Draw frames of a recording, their trajectory or curves.",

@@ -1,5 +1,7 @@
-"""The loop: adapters that put a `Simulation` behind an interface of others: a socket, Gymnasium, and live views."""
+"""The loop: adapters that put a `Simulation` behind an interface of others: a socket, FMUs, Gymnasium, live views."""
 
+from rso_lidar.loop.fmus.fmu_controller import FmuController
+from rso_lidar.loop.fmus.fmu_export import write_fmu
 from rso_lidar.loop.live.live_view import LiveView
 from rso_lidar.loop.live.rerun_view import RerunView
 from rso_lidar.loop.service import Client, Deadlines, Delivery, FlightRecorder, Security, Server, Session
@@ -10,11 +12,13 @@ __all__ = [
     "Deadlines",
     "Delivery",
     "FlightRecorder",
+    "FmuController",
     "LiveView",
     "RerunView",
     "Security",
     "Server",
     "Session",
+    "write_fmu",
 ]
 
 __dir__ = limit_dir(__name__)

@@ -18,6 +18,7 @@ SPANNING = {
     "export/formats/test_sensor_exports.py",
     "fmi/test_fmus.py",
     "loop/environments/test_environments.py",
+    "loop/fmus/test_fmus_in_the_loop.py",
     "picture/plots/test_over_time.py",
     "scenario/mission/test_motions_in_scenarios.py",
     "scenario/mission/test_trusted_code.py",

@@ -1,0 +1,80 @@
+"""A controller that a Functional Mock-up Unit computes."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.fmi import FmuModel, FmuPoint
+from rso_lidar.loop.fmus.instrument import MEASURED, measure
+from rso_lidar.records import Command, Observation
+
+
+class ControllerModel(FmuModel):
+    """The mapping of a controller's FMU: quantities of `MEASURED` in, pan, tilt or an acceleration of the follower out."""
+
+    input_units: ClassVar[dict[str, tuple[str, int]]] = {port.name: (port.unit, 1) for port in MEASURED}
+    output_units: ClassVar[dict[str, tuple[str, int]]] = {
+        "pan_rad": ("rad", 1),
+        "tilt_rad": ("rad", 1),
+        "acceleration_m_s2": ("m/s2", 3),
+    }
+    optional_names: ClassVar[frozenset[str]] = frozenset((*input_units, *output_units))
+
+
+class FmuController:
+    """Controller by an FMU (FMI 2 or 3), for `simulate`; each run needs its own.
+
+    At each flash the FMU receives its inputs, makes one step to the next flash, and its outputs are the command. The
+    `acceleration_m_s2` becomes the inputs of the follower's state-space model. Quantities of `inputs`: hits, target_pixels,
+    centroid_x_m, centroid_y_m, centroid_z_m (lidar axes), range_m, pan_rad, tilt_rad (measured) and time_s.
+
+    Parameters
+    ----------
+    file : path of the FMU.
+    step_s : time between flashes [s], the grid of the FMU.
+    trust_fmu : whether its native code may run.
+    mapping : `inputs`, `outputs`, and further fields of an FMU: parameters, units, interface, relative_tolerance.
+
+    Raises
+    ------
+    ScenarioError
+        If the FMU is not trusted or cannot be run, or the mapping does not fit it.
+    """
+
+    def __init__(self, file: str, *, step_s: float, trust_fmu: bool = False, **mapping: Any) -> None:
+        if not trust_fmu:
+            raise ScenarioError(
+                f"FmuController: the FMU '{file}' holds native code, which runs only where it is trusted; give "
+                "trust_fmu=True"
+            )
+        self._model = ControllerModel(file=str(file), **mapping)
+        self._run = self._model.make_run(step_s)
+        self._step_s, self._tick = step_s, 0
+        self._point: FmuPoint | None = None
+
+    def __call__(self, observation: Observation) -> Command:
+        """Return the command for the next flash."""
+        if abs(observation.time_s - self._tick * self._step_s) > 1e-6:
+            raise ScenarioError(
+                f"FmuController: the flash at {observation.time_s:g} s is not on the grid of {self._step_s:g} s from t = 0; "
+                "give the time between flashes as step_s"
+            )
+        measured = measure(observation)
+        values = np.array([measured[name] for name in self._model.input_units if name in self._model.inputs])
+        if self._point is None:
+            self._point, _ = self._run.begin(values)
+        self._point, rows = self._run.advance(self._point, values[None], keep_state=False)
+        self._tick += 1
+        found: dict[str, list[float]] = {}
+        signals = [signal.quantity for signal in self._run.settings.outputs for _ in range(signal.elements)]
+        for name, value in zip(signals, rows[-1].tolist(), strict=True):
+            found.setdefault(name, []).append(value)
+        acceleration = found.get("acceleration_m_s2")
+        return Command(
+            pan_rad=found["pan_rad"][0] if "pan_rad" in found else None,
+            tilt_rad=found["tilt_rad"][0] if "tilt_rad" in found else None,
+            inputs=None if acceleration is None else {"follower": acceleration},
+        )
