@@ -28,7 +28,7 @@ COMMANDS = {
     "encounters": "List the close approaches of one object to a catalogue.",
     "run": "Simulate a scenario and record its frames with truth and labels.",
     "serve": "Serve a simulation to flight software in another process.",
-    "fmu": "Write the instrument of a scenario as an FMU.",
+    "fmu": "Write the instrument of a scenario as an FMU for co-simulation.",
     "export": "Write a recording in another format.",
     "info": "Print what a recording holds.",
     "plot": "Draw frames of a recording, their trajectory or curves.",

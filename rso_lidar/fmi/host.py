@@ -10,9 +10,7 @@ from __future__ import annotations
 import ctypes
 import os
 import pickle
-import shutil
 import sys
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from typing import Any
@@ -30,10 +28,10 @@ class FmuError(Exception):
 
 
 class Host:
-    """One FMU: its description, and one instance of it."""
+    """One FMU, unpacked into a folder: its description, and one instance of it."""
 
-    def __init__(self) -> None:
-        self.folder = tempfile.mkdtemp(prefix="rso_lidar_fmu_")
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
         self.messages: list[str] = []
         self.instance: Any = None
         self._row: tuple[float, ...] = ()  # inputs of a model for model exchange
@@ -52,6 +50,8 @@ class Host:
                 if total > MOST_UNPACKED_BYTES or len(entries) > MOST_FILES:
                     raise FmuError(f"unpacks to {total / 2**20:,.0f} MiB in {len(entries):,} files; it is too large")
             extract(path, self.folder, lambda name: not name.startswith(("sources/", "documentation/")))
+        except OSError as error:
+            raise FmuError(f"cannot be read ({error.strerror or error})") from None
         except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError) as error:
             raise FmuError(f"is not a ZIP archive that can be read ({error}); it is not an FMU") from None
         try:
@@ -362,23 +362,20 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what an FMU prints would be taken for an answer
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123  until the process ends
-    host = Host()
-    try:
-        while True:
-            try:
-                name, *given = pickle.load(sys.stdin.buffer)
-            except EOFError:
-                return
-            answer: tuple[str, Any]
-            try:
-                answer = ("ok", getattr(host, name)(*given))
-            except Exception as error:
-                said = [*host.messages[-1:], str(error) or type(error).__name__]
-                answer = ("error", ": ".join(" ".join(text.split()) for text in said))
-            pickle.dump(answer, answers)
-            answers.flush()
-    finally:
-        shutil.rmtree(host.folder, ignore_errors=True)
+    host = Host(sys.argv[1])
+    while True:
+        try:
+            name, *given = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        answer: tuple[str, Any]
+        try:
+            answer = ("ok", getattr(host, name)(*given))
+        except Exception as error:
+            said = [*host.messages[-1:], str(error) or type(error).__name__]
+            answer = ("error", ": ".join(" ".join(text.split()) for text in said))
+        pickle.dump(answer, answers)
+        answers.flush()
 
 
 if __name__ == "__main__":

@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib.util
 import pickle
 import queue
+import shutil
 import subprocess
 import sys
+import tempfile
 import threading
 import weakref
 from contextlib import suppress
@@ -36,11 +38,12 @@ class HostProcess:
         if importlib.util.find_spec("fmpy") is None:
             raise ScenarioError(f"{path.name}: an FMU needs fmpy; install it with: pip install rso-lidar[fmi]")
         self.name = path.name
-        command = [sys.executable, str(Path(host.__file__))]
+        folder = tempfile.mkdtemp(prefix="rso_lidar_fmu_")
+        command = [sys.executable, str(Path(host.__file__)), folder]
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         )
-        weakref.finalize(self, _end, self._process)
+        weakref.finalize(self, _end, self._process, folder)
         self._answers: queue.Queue[tuple[str, Any] | None] = queue.Queue()
         threading.Thread(target=_read_answers, args=(self._process.stdout, self._answers), daemon=True).start()
         self.description: dict[str, Any] = self.ask("describe", str(path.resolve()))
@@ -68,7 +71,7 @@ class HostProcess:
             self._process.stdin.flush()
             answer = self._answers.get(timeout=ANSWER_S)
         except queue.Empty:
-            _end(self._process)
+            self._process.kill()
             raise ScenarioError(
                 f"{self.name}: the FMU has not answered for {ANSWER_S:g} s and was ended; check it in another tool"
             ) from None
@@ -96,8 +99,8 @@ def _read_answers(stream: Any, answers: queue.Queue[tuple[str, Any] | None]) -> 
             answers.put(None)
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process that runs an FMU."""
+def _end(process: subprocess.Popen[bytes], folder: str) -> None:
+    """End a process that runs an FMU, and remove the folder of its files."""
     if process.stdin is not None:
         with suppress(OSError):
             process.stdin.close()
@@ -106,3 +109,4 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
+    shutil.rmtree(folder, ignore_errors=True)

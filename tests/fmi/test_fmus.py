@@ -17,6 +17,8 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.fmi import host, host_process
 from rso_lidar.motion import FmuAttitude, FmuDrive, FmuMotion
 from rso_lidar.motion.dynamics.fmu_history import FmuHistory
+from rso_lidar.study.time_history.open_loop import fly_open_loop
+from rso_lidar.study.time_history.timeline import timeline
 from tests.fmi.fmus_for_tests import build_drive, compile_reference, write_fmu
 
 pytest.importorskip("fmpy", reason="the extra `fmi` is not installed")
@@ -199,8 +201,10 @@ def test_an_fmu_runs_only_where_it_is_trusted(built_in, drive_file, tmp_path):
         rl.Simulation(rl.Scenario.loads(text, trust_code=True))
     file = tmp_path / "s.toml"
     file.write_text(text)
-    with pytest.raises(ScenarioError, match="holds native code"):
-        rl.Simulation(rl.Scenario.load(file))
+    untrusted = rl.Scenario.load(file)
+    for fly_it in (rl.Simulation, fly_open_loop, rl.Scenario.describe, timeline, lambda one: [*rl.simulate(one)]):
+        with pytest.raises(ScenarioError, match="holds native code"):
+            fly_it(untrusted)
     assert rl.Simulation(rl.Scenario.load(file, trust_fmu=True)).step().index == 0
 
 
@@ -305,9 +309,10 @@ def test_fmus_that_fail(folder, monkeypatch, fail, told):
 def test_the_process_of_an_fmu_ends_with_its_run(drive_file):
     run = describe_drive(drive_file).make_run(1e-3)
     process = run._process._process
-    assert process.poll() is None
+    folder = Path(process.args[-1])
+    assert process.poll() is None and (folder / "modelDescription.xml").is_file()
     del run
-    assert process.wait(timeout=10.0) == 0
+    assert process.wait(timeout=10.0) == 0 and not folder.exists()
 
 
 def test_the_command_line_says_it_in_one_line(built_in, drive_file, tmp_path):

@@ -38,7 +38,7 @@ def fly_open_loop(
     angles : of the PTU, one for each frame; empty without a PTU.
     """
     numbers = scenario.time.choose_frames(frames)
-    ptu, mount = scenario.ptu, scenario.lidar.mount
+    ptu, mount = scenario.pan_tilt, scenario.lidar.mount
     with scenario.locate_errors():
         world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
         truth = motion.truth(scenario.bodies, scenario.epochs(numbers), **world)
@@ -46,7 +46,7 @@ def fly_open_loop(
         pan_tilt_rad = rate_rad_s = np.zeros((numbers.size, 2))
         if ptu is not None and drive:
             asked = motion.make_demand(ptu, scenario.bodies, *scenario.span, **world)
-            angles = tuple(_pointing(scenario, numbers, truth.time_s, asked))
+            angles = tuple(_pointing(scenario, ptu, numbers, truth.time_s, asked))
             pan_tilt_rad = np.stack([angle.actual_rad for angle in angles])
             rate_rad_s = np.stack([angle.rate_rad_s for angle in angles])
         elif ptu is not None:
@@ -55,20 +55,22 @@ def fly_open_loop(
     return Truth(truth.time_s, poses, truth.states, truth.sun_direction, None, truth.sunlit), angles
 
 
-def _pointing(scenario: Scenario, numbers: np.ndarray, time_s: np.ndarray, asked: Any) -> Iterable[PtuAngles]:
+def _pointing(
+    scenario: Scenario, ptu: motion.Ptu, numbers: np.ndarray, time_s: np.ndarray, asked: Any
+) -> Iterable[PtuAngles]:
     """Step the PTU from frame to frame, and yield its angles at each.
 
     Parameters
     ----------
-    scenario, numbers : the scenario, and the indices (time) of frames.
+    scenario, ptu : the scenario, and its PTU with the paths of its files.
+    numbers : indices (time) of frames.
     time_s : times (time) of the frames [s].
     asked : demand of the PTU.
     """
-    assert scenario.ptu is not None
-    state = motion.start(scenario.ptu, asked)
+    state = motion.start(ptu, asked)
     for k, until_s in zip(numbers.tolist(), time_s.tolist(), strict=True):
-        state = motion.step(scenario.ptu, state, asked, until_s=until_s)
-        yield motion.sense(scenario.ptu, state, scenario.rng(k, POINTING))
+        state = motion.step(ptu, state, asked, until_s=until_s)
+        yield motion.sense(ptu, state, scenario.rng(k, POINTING))
 
 
 def tabulate_run(scenario: Scenario, truth: Truth, angles: tuple[PtuAngles, ...] = ()) -> dict[str, np.ndarray]:
