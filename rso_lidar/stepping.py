@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import operator
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -37,8 +39,12 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class SimulationState:
-    """State of a simulation at an instant: all that its future depends on, besides scenario and commands. It pickles."""
+    """State of a simulation at an instant: all that its future depends on, besides scenario and commands. It pickles.
 
+    `scenario` is a digest of the scenario, whatever its seed.
+    """
+
+    scenario: str
     seed: int
     row: int
     time_ns: int
@@ -127,6 +133,7 @@ class Simulation:
         self._measured_s = _BEFORE_ALL_S
         self._flash_samples: list[Mapping[str, SensorSamples]] = []  # since the flash before
         self._step_samples: list[Mapping[str, SensorSamples]] = []
+        self._digest = _digest_scenario(scenario, self._numbers) if commanded else ""
         self._row, self._now_ns, self._is_closed = 0, 0, False
         self._frame: Frame | None = None
         self._beginning = self.save()
@@ -155,7 +162,11 @@ class Simulation:
         ScenarioError
             If the seed is not a whole number from 0.
         """
-        self.restore(replace(self._beginning, seed=self.scenario.seed if seed is None else seed))
+        try:
+            chosen = self.scenario.seed if seed is None else operator.index(seed)
+        except TypeError:
+            raise ScenarioError(f"seed: {seed!r:.40} is no seed; give a whole number from 0") from None
+        self.restore(replace(self._beginning, seed=chosen))
 
     @property
     def time_s(self) -> float:
@@ -312,6 +323,7 @@ class Simulation:
     def save(self) -> SimulationState:
         """Return the present state, from which `restore` goes on."""
         return SimulationState(
+            scenario=self._digest,
             seed=self.scenario.seed,
             row=self._row,
             time_ns=self._now_ns,
@@ -337,14 +349,22 @@ class Simulation:
         """
         if not isinstance(state, SimulationState):
             raise ScenarioError(f"restore: {state!r:.60} is not a state; give what save() returned")
-        if state.seed != self.scenario.seed:
-            self.scenario = self.scenario.with_seed(state.seed)
-            self._suite = sensors.SensorSuite(self.scenario.sensor, state.seed)
-        self._suite.restore(state.sensors)
+        if state.scenario != self._digest:
+            raise ScenarioError("restore: the state is one of another scenario; give a state of this one")
+        scenario = self.scenario if state.seed == self.scenario.seed else self.scenario.with_seed(state.seed)
+        suite = sensors.SensorSuite(scenario.sensor, state.seed)
+        suite.restore(state.sensors)
         self._course.restore(state.course)
         self._aim.restore(state.aim)
+        self.scenario, self._suite = scenario, suite
         self._row, self._now_ns, self._frame = state.row, state.time_ns, state.frame
         self._measured_s, self._flash_samples, self._step_samples = state.measured_s, list(state.samples), []
+
+
+def _digest_scenario(scenario: Scenario, numbers: np.ndarray) -> str:
+    """Return a digest of a scenario, whatever its seed, and of the frames that are flown."""
+    text = scenario.with_seed(0).source.scenario
+    return hashlib.sha256(text.encode() + numbers.tobytes()).hexdigest()
 
 
 def _check_length_ns(dt_s: float) -> int:

@@ -199,6 +199,25 @@ def test_what_cannot_be_done_changes_nothing(thrusters):
         simulation.step(rl.Command())
 
 
+def test_a_state_of_a_changed_scenario(thrusters):
+    faster = thrusters.replace(time=thrusters.time.replace(frame_rate_hz=2.0))
+    with (
+        rl.Simulation(thrusters) as one,
+        rl.Simulation(faster) as two,
+        rl.Simulation(thrusters.replace(seed=5)) as same,
+    ):
+        one.step()
+        with pytest.raises(ScenarioError, match="another scenario"):
+            two.restore(one.save())
+        assert (two.time_s, two.observation) == (0.0, None)
+        same.restore(one.save())
+        assert same.scenario.seed == thrusters.seed
+        with pytest.raises(ScenarioError, match=r"^seed: "):
+            one.reset("seven")
+        one.reset(np.int64(7))
+        assert one.step().source.seed == 7
+
+
 def test_a_state_of_another_scenario(thrusters, pointed):
     with (
         rl.Simulation(thrusters) as one,

@@ -59,7 +59,8 @@ class StarTracker(SensorPart):
         default=0.0, description="Smallest angle between boresight and Moon [deg]; 0 for none."
     )
     earth_exclusion_deg: ExclusionAngle = Field(
-        default=0.0, description="Smallest angle between boresight and limb of the Earth [deg]; 0 for none."
+        default=0.0,
+        description="Smallest angle between boresight and limb of the Earth [deg]; at 0, the disk itself hides the stars.",
     )
 
     def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
@@ -107,7 +108,10 @@ class StarTracker(SensorPart):
             (self.earth_exclusion_deg, motion.earth_direction, motion.earth_angle_rad),
         )
         for exclusion_deg, direction, radius_rad in sources:
-            if exclusion_deg > 0.0 and direction is not None and radius_rad is not None:  # NaN in a local world: none
+            hides_stars = (
+                exclusion_deg > 0.0 or direction is motion.earth_direction
+            )  # the disk of the Earth always does
+            if hides_stars and direction is not None and radius_rad is not None:  # NaN in a local world: none
                 angle = np.arccos(np.clip(dot(along, direction), -1.0, 1.0))
                 blinded |= angle - radius_rad < exclusion_deg * units.DEG
         return blinded

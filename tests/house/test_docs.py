@@ -77,7 +77,6 @@ def test_generated_pages_are_up_to_date(generator):
         "protocol.md",
         "sensors.md",
         "requirements.md",
-        "protocol.md",
         "studies.md",
     }
     for page, text in pages.items():

@@ -12,7 +12,7 @@ MOUNT = {"euler_zyx_deg": (30.0, 60.0, -40.0)}
 
 
 def test_without_errors_it_reports_the_attitude():
-    motion = make_motion(np.arange(20.0), np.random.default_rng(1))
+    motion = make_motion(np.arange(20.0), np.random.default_rng(1), earth_direction=None)
     samples, _ = sensors.StarTracker(name="tracker", rate_hz=1.0, mount=MOUNT).measure(motion, KEY, 0)
     assert samples.valid.all() and (samples.quaternion_xyzw[:, 3] >= 0.0).all()
     error = Rotation.from_quat(samples.quaternion_xyzw) * Rotation.from_quat(motion.quaternion_xyzw).inv()
@@ -29,7 +29,7 @@ def test_without_errors_it_reports_the_attitude():
     ],
 )
 def test_errors_are_about_the_axes_of_the_tracker(errors, turned):
-    motion = make_motion(np.arange(20.0), np.random.default_rng(1))
+    motion = make_motion(np.arange(20.0), np.random.default_rng(1), earth_direction=None)
     tracker = sensors.StarTracker(name="tracker", rate_hz=1.0, mount=MOUNT, **errors)
     samples, _ = tracker.measure(motion, KEY, 0)
     error = Rotation.from_quat(motion.quaternion_xyzw).inv() * Rotation.from_quat(samples.quaternion_xyzw)
@@ -54,6 +54,13 @@ def test_the_sun_and_the_moon_blind_within_their_angle(name):
     assert np.isnan(samples.quaternion_xyzw[0]).all()
     behind = tracker.replace(mount={"euler_zyx_deg": (0.0, 180.0, 0.0)})
     assert behind.measure(motion, KEY, 0)[0].valid.tolist() == [True, True, False]
+
+
+def test_no_star_is_seen_through_the_earth():
+    """Without an exclusion angle the disk itself blinds: of 60 degrees here."""
+    earth = {"earth_direction": directions([59.0, 61.0]), "earth_angle_rad": np.full(2, 60.0 * units.DEG)}
+    tracker = sensors.StarTracker(name="tracker", rate_hz=1.0)
+    assert tracker.measure(make_motion(np.arange(2.0), **earth), KEY, 0)[0].valid.tolist() == [False, True]
 
 
 def test_the_earth_blinds_from_its_limb():

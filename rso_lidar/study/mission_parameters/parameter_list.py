@@ -19,6 +19,7 @@ from rso_lidar.errors import RsoLidarError, suppress_warnings
 from rso_lidar.part import Part, name_object
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.sensors import load_sensor_presets
 
 _BRACKETS = re.compile(r"\[([^\[\]]+)\]")
 _COUNTED = ("pixels", "photons", "electrons", "counts", "bits")  # units that are words, and ends of names
@@ -78,7 +79,7 @@ class _Origins:
 
 
 def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
-    """List what the presets of a lidar and of its detector set, by place: name of the preset, and value."""
+    """List what the presets of a lidar, of its detector and of sensors set, by place: name of the preset, and value."""
     found: dict[str, tuple[str, Any]] = {}
     detector_preset = getattr(scenario.lidar.detector, "preset", None)
     if detector_preset in PRESETS:
@@ -94,6 +95,10 @@ def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
                     tables.append((f"{place}.{key}", value))
                 else:
                     found[f"{place}.{key}"] = (scenario.lidar.preset, value)
+    for sensor in scenario.sensor:
+        preset = getattr(sensor, "preset", None) or ""
+        for key, value in load_sensor_presets().get(preset, {}).items():
+            found[f"sensor.{sensor.name}.{key}"] = (preset, value)
     return found
 
 
