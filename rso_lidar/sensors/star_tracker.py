@@ -108,9 +108,8 @@ class StarTracker(SensorPart):
             (self.earth_exclusion_deg, motion.earth_direction, motion.earth_angle_rad),
         )
         for exclusion_deg, direction, radius_rad in sources:
-            hides_stars = (
-                exclusion_deg > 0.0 or direction is motion.earth_direction
-            )  # the disk of the Earth always does
+            # The disk of the Earth hides the stars behind it, whatever the exclusion angle.
+            hides_stars = exclusion_deg > 0.0 or direction is motion.earth_direction
             if hides_stars and direction is not None and radius_rad is not None:  # NaN in a local world: none
                 angle = np.arccos(np.clip(dot(along, direction), -1.0, 1.0))
                 blinded |= angle - radius_rad < exclusion_deg * units.DEG

@@ -209,7 +209,7 @@ def test_errors_of_a_star_tracker_are_chi_square(validation):
         name="tracker", rate_hz=0.1, mount={"euler_zyx_deg": (20.0, 50.0, 70.0)}, cross_boresight_arcsec=6.0,
         boresight_arcsec=40.0, slow_cross_boresight_arcsec=8.0, slow_boresight_arcsec=30.0, correlation_s=50.0,
     )  # fmt: skip
-    motion_of = make_motion(10.0 * np.arange(6), np.random.default_rng(1))
+    motion_of = make_motion(10.0 * np.arange(6), np.random.default_rng(1), earth_direction=None)
     measured = of_seeds(part, motion_of, "quaternion_xyzw")
     true = Rotation.from_quat(np.tile(motion_of.quaternion_xyzw, (len(measured), 1)))
     error = (true.inv() * Rotation.from_quat(measured.reshape(-1, 4))).as_rotvec()
