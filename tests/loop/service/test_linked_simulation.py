@@ -78,14 +78,14 @@ def test_a_command_acts_from_its_time_stamp_and_the_latency_on(scenario):
 
 
 def test_a_state_holds_what_is_on_its_way(scenario):
-    link = rl.DataLink(latency_s=0.3, command_latency_s=0.2)
+    link = rl.DataLink(latency_s=0.3, command_latency_s=0.4)
     loop = linked(scenario, link)
-    for _ in range(3):
-        loop.step(rl.Command(pan_rad=0.75), dt_ns=250_000_000)
+    for pan in (0.7, 0.75, 0.8):
+        loop.step(rl.Command(pan_rad=pan), dt_ns=250_000_000)
     state = loop.save()
-    after = [loop.step(dt_ns=250_000_000) for _ in range(6)]
+    after = [loop.step(rl.Command(pan_rad=0.8), dt_ns=250_000_000) for _ in range(6)]
     loop.restore(state)
-    again = [loop.step(dt_ns=250_000_000) for _ in range(6)]
+    again = [loop.step(rl.Command(pan_rad=0.8), dt_ns=250_000_000) for _ in range(6)]
     assert [one and one.index for one in after] == [one and one.index for one in again]
     for one, two in zip(after, again, strict=True):
         if one is not None:
