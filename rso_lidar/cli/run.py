@@ -12,13 +12,11 @@ import typer
 
 from rso_lidar import export
 from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustFmu, parse_frames
+from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice
-from rso_lidar.loop.live.live_view import LiveView
-from rso_lidar.loop.live.queued_view import QueuedView
-from rso_lidar.loop.live.rerun_view import RerunView
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import simulate
@@ -53,15 +51,9 @@ def run(
     ] = None,
     overwrite: Overwrite = False,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
-    live: Annotated[
-        bool, typer.Option("--live", help="Show frames live to viewers of the Foxglove protocol on this machine.")
-    ] = False,
-    live_at: Annotated[
-        str | None, typer.Option("--live-at", metavar="HOST:PORT", help="Address of the live view (127.0.0.1:8765).")
-    ] = None,
-    live_with: Annotated[
-        str | None, typer.Option("--live-with", metavar="VIEWER", help="Viewer of the live view: foxglove or rerun.")
-    ] = None,
+    live: Live = False,
+    live_at: LiveAt = None,
+    live_with: LiveWith = None,
 ) -> None:
     """Simulate a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
@@ -84,8 +76,7 @@ def run(
         _refuse_other_runs(output, identity)
     tally = Tally()
     done = 0
-    is_live = live or live_at is not None or live_with is not None
-    view = _open_view(scenario, live_at, live_with or "foxglove") if is_live else None
+    view = open_live_view(scenario, live, live_at, live_with)
     recorder = export.Recorder(
         output,
         scenario.source,
@@ -111,23 +102,6 @@ def run(
     echo(tally.table(output, done))
     if view is not None:
         echo(f"live view   {view.shown:,} frames shown, {view.dropped:,} dropped")
-
-
-def _open_view(scenario: Scenario, address: str | None, viewer: str) -> QueuedView:
-    """Open the live view, and print where it is.
-
-    Parameters
-    ----------
-    scenario, address : the scenario, and the address that the user gave, if any.
-    viewer : kind of the viewer.
-    """
-    if viewer not in ("foxglove", "rerun"):
-        raise ScenarioError(f"--live-with {viewer:.40}: no such viewer (known: foxglove, rerun)")
-    made = RerunView if viewer == "rerun" else LiveView
-    view = made(scenario) if address is None else made(scenario, address)
-    how = f"rerun {view.url}" if viewer == "rerun" else "in Lichtblick or Foxglove: a connection, Foxglove WebSocket"
-    echo(f"live view   {view.url} ({how})", err=True)
-    return view
 
 
 def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from rso_lidar import interruption
-from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustFmu
+from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
@@ -65,6 +66,10 @@ def serve(
     ] = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
+    trust_fmu: TrustFmu = False,
+    live: Live = False,
+    live_at: LiveAt = None,
+    live_with: LiveWith = None,
 ) -> None:
     """Serve a simulation to flight software in another process. It ends on a signal, or when a client shuts it down."""
     import_zmq("serve")
@@ -74,12 +79,14 @@ def serve(
         raise ScenarioError(f"--late {late}: is not {', '.join(POLICIES)}")
     deadlines = None if real_time is None else Deadlines(real_time, late)
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
-    scenario = Scenario.load(file, changes)
+    scenario = Scenario.load(file, changes, trust_fmu=trust_fmu)
     recorder = FlightRecorder(output, overwrite=overwrite) if output else None
     signals: list[int] = []
     with ExitStack() as undone:
         simulation = undone.enter_context(Simulation(scenario, threads=threads))
-        session = Session(simulation, tells_truth=truth, recorder=recorder)
+        view = open_live_view(scenario, live, live_at, live_with)
+        show = undone.enter_context(view).show if view else None
+        session = Session(simulation, tells_truth=truth, recorder=recorder, show=show)
         server = undone.enter_context(
             Server(session, bind, publish=publish, security=security, deadlines=deadlines, tell=_log)
         )
@@ -93,6 +100,8 @@ def serve(
                 server.run(lambda: bool(signals))
         finally:
             _report(recorder, deadlines)
+    if view is not None:
+        _log(f"live view   {view.shown:,} frames shown, {view.dropped:,} dropped")
     if signals:
         if signals[0] != signal.SIGINT:
             echo(interruption.format_ending(signals[0]), err=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,7 +25,7 @@ from rso_lidar.loop.service.requests import (
     TruthRequest,
 )
 from rso_lidar.loop.service.wire_format import WireArray, list_reading, list_truth
-from rso_lidar.records import Observation, SensorSamples, specs
+from rso_lidar.records import Frame, Observation, SensorSamples, specs
 from rso_lidar.stepping import Simulation
 
 MOST_STATES = 64  # kept at once; each holds a frame
@@ -52,13 +52,19 @@ class Session:
     simulation : under commands.
     tells_truth : whether requests for the truth are answered.
     recorder : of all frames made; None for none.
+    show : called with every frame made, such as by a live view; None for nothing.
     """
 
     def __init__(
-        self, simulation: Simulation, *, tells_truth: bool = False, recorder: FlightRecorder | None = None
+        self,
+        simulation: Simulation,
+        *,
+        tells_truth: bool = False,
+        recorder: FlightRecorder | None = None,
+        show: Callable[[Frame], object] | None = None,
     ) -> None:
         self.linked = LinkedSimulation(simulation)
-        self.tells_truth, self._recorder = tells_truth, recorder
+        self.tells_truth, self._recorder, self._show = tells_truth, recorder, show
         self._seed = simulation.scenario.seed
         self._states: dict[str, LinkedState] = {}
         self._names = 0
@@ -143,6 +149,8 @@ class Session:
         )
         if self.linked.frame is not None and self._recorder is not None:
             self._recorder.write(self.linked.frame)
+        if self.linked.frame is not None and self._show is not None:
+            self._show(self.linked.frame)
         return self._deliver(delivery, self.linked.samples, is_step=True)
 
     def _observe(self) -> Answer:

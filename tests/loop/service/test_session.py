@@ -83,3 +83,14 @@ def test_samples_of_other_sensors_come_with_every_step(scenario):
         counts.append(next(len(one.values) for one in answer.arrays if one.path == "sensors/imu/time_s"))
     assert sum(counts) in (75, 76)
     assert min(counts) >= 24
+
+
+def test_every_frame_made_is_shown(scenario):
+    shown = []
+    session = rl.loop.Session(
+        rl.Simulation(scenario.replace(link=rl.DataLink(drop_probability=1)), threads=1), show=shown.append
+    )
+    ask(session, '{"request": "step"}')
+    ask(session, '{"request": "step", "dt_ns": 10000000}')
+    ask(session, '{"request": "step"}')
+    assert [frame.index for frame in shown] == [0, 1]
