@@ -12,12 +12,10 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from rso_lidar import detector
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.files import convert_path
 from rso_lidar.motion import Body, Ptu
 from rso_lidar.motion.bodies.order import sort_bodies
-from rso_lidar.optics import read_files
 from rso_lidar.orbit import Epochs, moon_position_m
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.exposure import Exposure
@@ -26,7 +24,7 @@ from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_tables, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
 from rso_lidar.scenario.tables.finding import Finding
-from rso_lidar.scenario.tables.lidar import Lidar
+from rso_lidar.scenario.tables.lidar import Lidar, check_instrument
 from rso_lidar.scenario.tables.link import DataLink
 from rso_lidar.scenario.tables.target import Follower, Target
 from rso_lidar.scenario.tables.world import Time, World
@@ -346,7 +344,7 @@ class Mission(Part):
         """Lidar with the paths of the files that it names, all of them read."""
         with self.locate_errors("lidar"):
             found: Lidar = find_named_files(self.lidar, self.file)
-            _check_instrument(found)
+            check_instrument(found)
         return found
 
     @property
@@ -393,14 +391,3 @@ class Mission(Part):
         stage : number that separates the noise of detection and of pointing.
         """
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
-
-
-def _check_instrument(lidar: Lidar) -> None:
-    """Read the files of an instrument, which must have been found, and refuse a detector that is too large."""
-    lenses = {lidar.receiver}
-    if lidar.schedule is not None and lidar.schedule.focal_length_mm is not None:
-        ends = min(lidar.schedule.focal_length_mm), max(lidar.schedule.focal_length_mm)
-        lenses |= {lidar.with_settings({"focal_length_mm": end}).receiver for end in ends}
-    for receiver in lenses:
-        read_files(lidar.laser, receiver)
-    detector.check_size(lidar.detector, lidar.laser.pulse_fwhm_s, lidar.receiver.n_rows * lidar.receiver.n_cols)

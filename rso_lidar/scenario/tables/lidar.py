@@ -9,10 +9,10 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector import AnyDetector, Gsfl, check_traits
+from rso_lidar.detector import AnyDetector, Gsfl, check_size, check_traits
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion import Mount
-from rso_lidar.optics import Laser, Receiver
+from rso_lidar.optics import Laser, Receiver, read_files
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Command
 from rso_lidar.scenario.tables.presets import load_presets
@@ -217,3 +217,24 @@ def _with_settings(lidar: Lidar, wanted: tuple[tuple[str, float], ...]) -> Lidar
         gated: Any = lidar.detector
         changes["detector"] = gated.with_gate_delay(values["gate_delay_ns"])
     return lidar.replace(**changes)
+
+
+def check_instrument(lidar: Lidar) -> None:
+    """Read the files of an instrument, which must have been found, and refuse a detector that is too large.
+
+    Parameters
+    ----------
+    lidar : instrument with the paths of its files.
+
+    Raises
+    ------
+    ScenarioError
+        For a file that cannot be read, and for a detector with too many pixels or samples.
+    """
+    lenses = {lidar.receiver}
+    if lidar.schedule is not None and lidar.schedule.focal_length_mm is not None:
+        ends = min(lidar.schedule.focal_length_mm), max(lidar.schedule.focal_length_mm)
+        lenses |= {lidar.with_settings({"focal_length_mm": end}).receiver for end in ends}
+    for receiver in lenses:
+        read_files(lidar.laser, receiver)
+    check_size(lidar.detector, lidar.laser.pulse_fwhm_s, lidar.receiver.n_rows * lidar.receiver.n_cols)

@@ -116,7 +116,8 @@ with export.open({str(saved)!r}) as recording:
     )
     with export.open(tmp_path / "again.h5") as recording:
         assert_same_record(recording.sensors["own sensor"], own)
-        assert type(recording[3].observation.sensors["own sensor"]) is FourSamples
+        read = type(recording[3].observation.sensors["own sensor"])
+        assert (read.__name__, read.__doc__) == (FourSamples.__name__, FourSamples.__doc__)
 
 
 def test_a_class_of_that_name_with_other_fields_is_not_taken():
