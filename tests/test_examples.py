@@ -47,6 +47,7 @@ def test_every_example_has_a_test():
     assert set(NAMES) == {
         "tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop", "gated_search", "proximity_1570",
         "safety_ellipse", "thrusters", "lunar_descent", "geiger_bench", "ghosts_and_glare", "second_bounce",
+        "onboard_sensors",
     }  # fmt: skip
 
 
@@ -539,3 +540,21 @@ def test_second_bounce_adds_half_of_the_light_where_foil_and_wing_make_a_corner(
         more[k], later_m[k] = light, np.quantile((twice.labels.range_m - once.labels.range_m)[both], 0.99)
     assert more[1] < 0.1 and 0.4 < more[4] < 0.8
     assert 0.1 < later_m[4] < 1.0
+
+
+# ------------------------------------------------------------------------------------------------ onboard_sensors
+
+
+def test_onboard_sensors_measure_the_turn_of_the_orbit_and_lose_gnss_for_ten_seconds():
+    """The gyro's mean over 20 s is the body's rate within four sigma of its white noise, 0.15 deg/sqrt(h), and its bias."""
+    scenario = load("onboard_sensors")
+    frames = list(rl.simulate(scenario, frames=range(20, 40)))
+    rate = np.concatenate([frame.observation.sensors["gyro"].angular_velocity_rad_s for frame in frames])
+    assert len(rate) == 400
+    true = scenario.sensor[0].mount.rotation.inv().apply(np.array(frames[0].truth.rates("inertial", "follower")[1]))
+    white = 0.15 * rl.units.DEG / 60.0 / np.sqrt(20.0)
+    turn_on = scenario.sensor[0].turn_on_bias_deg_h * rl.units.DEG / 3600.0
+    scale = 1e-3 * np.linalg.norm(true)  # misalignment of 1 mrad
+    np.testing.assert_allclose(rate.mean(axis=0), true, atol=4.0 * np.hypot(white, turn_on + scale))
+    valid = [bool(frame.observation.sensors["gnss"].valid.all()) for frame in frames]
+    assert valid == [frame.time_s - 1.0 < 30.0 - 0.1 for frame in frames]  # a solution arrives with the next flash
