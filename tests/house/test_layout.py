@@ -19,8 +19,6 @@ SPANNING = {
     "fmi/test_fmus.py",
     "loop/environments/test_environments.py",
     "loop/fmus/test_fmus_in_the_loop.py",
-    "loop/service/test_flight_software.py",
-    "loop/service/test_hostile_clients.py",
     "picture/plots/test_over_time.py",
     "scenario/mission/test_motions_in_scenarios.py",
     "scenario/mission/test_trusted_code.py",
