@@ -17,8 +17,8 @@ from benchmarks import scenes
 from benchmarks.clock import Work, pairs, quartiles
 from benchmarks.report import Findings, Target, table
 from rso_lidar import optics, scene
-from rso_lidar.flash import flash
 from rso_lidar.records import Extent
+from rso_lidar.simulation.flash import flash
 
 BANDS = 16
 BINS = 20

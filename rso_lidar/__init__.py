@@ -46,7 +46,6 @@ from rso_lidar.errors import (
     ScenarioError,
 )
 from rso_lidar.export import open
-from rso_lidar.flash import flash
 from rso_lidar.motion import (
     Axes,
     FirstOrder,
@@ -91,8 +90,7 @@ from rso_lidar.scenario import (
     World,
 )
 from rso_lidar.scene import Lambertian, Phong
-from rso_lidar.simulate import simulate
-from rso_lidar.stepping import Simulation
+from rso_lidar.simulation import Simulation, flash, simulate
 from rso_lidar.study import budget, save, timeline, trade, view
 
 __version__ = _version("rso-lidar")

@@ -19,7 +19,7 @@ from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulate import simulate
+from rso_lidar.simulation.run import simulate
 
 
 def run(

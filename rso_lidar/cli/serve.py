@@ -18,7 +18,7 @@ from rso_lidar.loop import Deadlines, FlightRecorder, Security, Server, Session
 from rso_lidar.loop.service.deadlines import POLICIES
 from rso_lidar.loop.service.endpoints import import_zmq, read_token
 from rso_lidar.scenario import Scenario
-from rso_lidar.stepping import Simulation
+from rso_lidar.simulation.stepping import Simulation
 
 _TOKEN = "RSO_LIDAR_TOKEN"
 

@@ -16,7 +16,7 @@ def test_every_fault_has_a_name_of_its_own():
 
 
 def test_every_room_of_the_walk_has_faults():
-    rooms = {"optics", "scene", "detector", "motion", "orbit", "rpo", "export", "sensors", "simulate"}
+    rooms = {"optics", "scene", "detector", "motion", "orbit", "rpo", "export", "sensors", "simulation"}
     assert rooms <= {fault.room for fault in FAULTS}
     for fault in FAULTS:
         assert fault.file.startswith(f"rso_lidar/{fault.room}"), str(fault)

@@ -18,9 +18,8 @@ from tests.mutants.tree import Tree
 WANTED = 0.95  # of the faults that are not equivalent
 LIMIT_S = 1800.0  # a fault that makes a loop endless is seen too
 # What a fault must pass to survive: the tests named with it, its room's, and those that fly the whole walk.
-WHOLE = ["tests/test_simulate.py", "tests/golden", "tests/property", "tests/physics"]
+WHOLE = ["tests/simulation/test_run.py", "tests/golden", "tests/property", "tests/physics"]
 ROOM = {
-    "simulate": [],
     "export": ["tests/export", "tests/property/test_save_load.py"],
     "orbit": ["tests/orbit", "tests/study/passes/test_screening_sets.py"],
 }

@@ -15,12 +15,12 @@ from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.drawing.sample import Sample, draw_sample
 from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.dataset.specification.tables import OptionalLabels
-from rso_lidar.flash import flash
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.records import Command, Frame, Observation
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulate import simulate
-from rso_lidar.stepping import DETECTION
+from rso_lidar.simulation.flash import flash
+from rso_lidar.simulation.run import simulate
+from rso_lidar.simulation.stepping import DETECTION
 from rso_lidar.track import Pointing
 
 

@@ -17,7 +17,7 @@ from rso_lidar.part import to_real_array
 from rso_lidar.picture.style.palette import PAPER, RANGE_RAMP, apply_ramp
 from rso_lidar.records import Command, Frame
 from rso_lidar.scenario import Scenario
-from rso_lidar.stepping import Simulation
+from rso_lidar.simulation.stepping import Simulation
 
 Draw = Callable[[Scenario, np.random.Generator], Scenario]
 Images = dict[str, np.ndarray]

@@ -15,7 +15,7 @@ from rso_lidar.orbit.sky.eclipse import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth
 from rso_lidar.records.viewing_geometry import tabulate_truth
 from rso_lidar.scenario import Scenario
-from rso_lidar.stepping import POINTING
+from rso_lidar.simulation.stepping import POINTING
 
 
 def fly_open_loop(

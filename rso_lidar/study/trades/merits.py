@@ -17,7 +17,7 @@ from rso_lidar.records.viewing_geometry import compute_viewing_geometry
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.preview.returns import cast_target
 from rso_lidar.scenario.preview.whole_target import find_probability
-from rso_lidar.simulate import simulate
+from rso_lidar.simulation.run import simulate
 from rso_lidar.study.time_history.open_loop import fly_open_loop
 from rso_lidar.study.time_history.timeline import in_field_fraction
 from rso_lidar.study.track_quality.evaluation import tracking

@@ -19,7 +19,7 @@ from rso_lidar.picture.frames.part_colours import parts_in_order
 from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 from rso_lidar.picture.style.html_page import embed_figure, write_page, write_table
 from rso_lidar.records import Frame
-from rso_lidar.simulate import simulate
+from rso_lidar.simulation.run import simulate
 from rso_lidar.study.trades.definition import Axis, Grid, write_toml_value
 from rso_lidar.study.trades.merits import DETECTION, MERITS
 from rso_lidar.study.trades.ranking import (

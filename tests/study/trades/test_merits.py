@@ -9,7 +9,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulate import simulate
+from rso_lidar.simulation.run import simulate
 from rso_lidar.study.track_quality.evaluation import tracking
 from rso_lidar.study.trades.merits import MERITS, Run, evaluate
 from rso_lidar.study.trades.run_sums import RunSums

@@ -14,10 +14,10 @@ import numpy as np
 
 from rso_lidar import motion, sensors
 from rso_lidar.errors import ScenarioError
-from rso_lidar.first_start import compile_ahead
-from rso_lidar.flash import check_kept, flash
 from rso_lidar.records import Command, Frame, Observation, SensorSamples, SensorState, Truth, join_samples
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
+from rso_lidar.simulation.first_start import compile_ahead
+from rso_lidar.simulation.flash import check_kept, flash
 
 DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
 _NS_PER_S = 1_000_000_000

@@ -9,9 +9,9 @@ import rso_lidar as rl
 from rso_lidar import optics, scene
 from rso_lidar.detector import detect
 from rso_lidar.errors import ScenarioError
-from rso_lidar.flash import flash
 from rso_lidar.motion import truth
-from rso_lidar.stepping import DETECTION
+from rso_lidar.simulation.flash import flash
+from rso_lidar.simulation.stepping import DETECTION
 
 
 @pytest.fixture(scope="module")

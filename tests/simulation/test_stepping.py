@@ -9,7 +9,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SMALL = (
     "lidar.receiver.n_rows=16",
     "lidar.receiver.n_cols=16",

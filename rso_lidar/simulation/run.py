@@ -9,12 +9,12 @@ from functools import partial
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.first_start import compile_ahead
-from rso_lidar.flash import assemble_frame, check_kept, flash
 from rso_lidar.processes import call_in_background
 from rso_lidar.records import Command, Frame, Labels, Reading, Record
 from rso_lidar.scenario import Scenario, require_scenario
-from rso_lidar.stepping import Moment, Simulation, check_count
+from rso_lidar.simulation.first_start import compile_ahead
+from rso_lidar.simulation.flash import assemble_frame, check_kept, flash
+from rso_lidar.simulation.stepping import Moment, Simulation, check_count
 from rso_lidar.track.controller import Controller
 
 

@@ -24,8 +24,9 @@ from rso_lidar.records import Hits, Rays
 _COMMAND = (
     "-P",
     "-c",
-    "import sys; sys.path.append(sys.argv[1]); from rso_lidar.first_start import compile_for_parent; compile_for_parent()",
-    str(Path(__file__).parents[1]),
+    "import sys; sys.path.append(sys.argv[1]); "
+    "from rso_lidar.simulation.first_start import compile_for_parent; compile_for_parent()",
+    str(Path(__file__).parents[2]),
 )
 
 

@@ -9,9 +9,10 @@ import sys
 import pytest
 
 import rso_lidar as rl
-from rso_lidar import first_start, kernels
+from rso_lidar import kernels
 from rso_lidar.detector.stages.avalanche import multiply_rows
 from rso_lidar.kernels import Kernel
+from rso_lidar.simulation import first_start
 
 BEHIND_THE_CAST = ("rso_lidar.optics.returns", "rso_lidar.detector", "rso_lidar.scene.labels")
 
