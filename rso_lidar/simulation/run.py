@@ -65,14 +65,20 @@ def simulate(
     require_scenario(scenario, "simulate")
     chosen: dict[str, Any] = {"threads": threads, "keep": check_kept(keep, scenario)}
     if controller is not None:
-        return _fly_controlled(partial(Simulation, scenario, **chosen), controller)
-    scenario.time.choose_frames(frames)  # what is not there is an error now, and not at the first frame
-    return _fly(partial(Simulation, scenario, frames=frames, commanded=False, **chosen), workers)
+        return _fly_controlled(scenario, controller, **chosen)
+    scenario.time.choose_frames(frames)  # frames that do not exist are an error now, and not at the first frame
+    return _fly(scenario, workers, frames=frames, **chosen)
 
 
-def _fly_controlled(begin_run: Callable[[], Simulation], controller: Controller) -> Iterator[Frame]:
-    """Yield the frames of a simulation under a controller."""
-    simulation = begin_run()
+def _fly_controlled(scenario: Scenario, controller: Controller, **chosen: Any) -> Iterator[Frame]:
+    """Yield the frames of a run under a controller.
+
+    Parameters
+    ----------
+    scenario, controller : what is flown, and what commands it.
+    chosen : further arguments of `Simulation`.
+    """
+    simulation = Simulation(scenario, **chosen)
     command: Command | None = None
     while not simulation.is_over:
         frame = simulation.step(command)
@@ -82,14 +88,21 @@ def _fly_controlled(begin_run: Callable[[], Simulation], controller: Controller)
             raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
 
 
-def _fly(begin_run: Callable[[], Simulation], workers: int | None) -> Iterator[Frame]:
-    """Yield the frames of a simulation without commands. They are made in parallel, and ahead of the one requested."""
-    simulation = begin_run()
+def _fly(scenario: Scenario, workers: int | None, **chosen: Any) -> Iterator[Frame]:
+    """Yield the frames of a run without commands. They are made in parallel, and ahead of the one requested.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    workers : number of processes that make frames; None for threads.
+    chosen : further arguments of `Simulation`.
+    """
+    simulation = Simulation(scenario, commanded=False, **chosen)
     at_once, ahead = (workers, 2 * workers) if workers else (simulation.threads, simulation.threads)
     if simulation.threads > 1 and not workers:
         compile_ahead()
     made: deque[Callable[[], Frame]] = deque()
-    with _flash_in_parallel(simulation.scenario, at_once, in_processes=workers is not None) as begin:
+    with _flash_in_parallel(scenario, at_once, in_processes=workers is not None) as begin:
         while not simulation.is_over:
             made.append(begin(simulation.advance(), keep=simulation.keep))
             if len(made) > ahead:
@@ -114,15 +127,15 @@ def _flash_in_parallel(
     with call_in_background(call, count, in_processes=in_processes) as start:
 
         def begin(moment: Moment, keep: tuple[str, ...]) -> Callable[[], Frame]:
-            of = moment
-            chosen = {"lidar": of.lidar, "index": of.index, "keep": keep}
+            chosen = {"lidar": moment.lidar, "index": moment.index, "keep": keep}
             if not in_processes:
-                return start(of.truth, of.rng, 1, sensors=of.sensors, **chosen)
-            wait = start(of.truth, of.rng, 1, **chosen)
+                return start(moment.truth, moment.rng, 1, sensors=moment.sensors, **chosen)
+            wait = start(moment.truth, moment.rng, 1, **chosen)
 
             def finish() -> Frame:
                 reading, labels, kept = wait()
-                return assemble_frame(scenario, of.truth, of.lidar, of.index, reading, labels, kept, of.sensors)
+                of = scenario, moment.truth, moment.lidar, moment.index
+                return assemble_frame(*of, reading, labels, kept, moment.sensors)
 
             return finish
 

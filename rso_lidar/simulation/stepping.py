@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import operator
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import TracebackType
@@ -107,12 +108,8 @@ class Simulation:
         self.threads = threads or os.cpu_count() or 1
         self.scenario, self._commanded = scenario, commanded
         self._numbers = scenario.time.choose_frames(frames)
-        _ = (
-            scenario.surfaces,
-            scenario.source,
-            scenario.instrument,
-            scenario.exposure,
-        )  # computed before workers share them
+        # Computed once, before threads and processes share them.
+        _ = scenario.surfaces, scenario.source, scenario.instrument, scenario.exposure
         with scenario.locate_errors():
             world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
             exposure_s = scenario.lidar.exposure_s
@@ -133,7 +130,7 @@ class Simulation:
         self._measured_s = _BEFORE_ALL_S
         self._flash_samples: list[Mapping[str, SensorSamples]] = []  # since the flash before
         self._step_samples: list[Mapping[str, SensorSamples]] = []
-        self._digest = _digest_scenario(scenario, self._numbers) if commanded else ""
+        self._digest = _digest_scenario(scenario, self._numbers)
         self._row, self._now_ns, self._is_closed = 0, 0, False
         self._frame: Frame | None = None
         self._beginning = self.save()
@@ -363,8 +360,8 @@ class Simulation:
 
 def _digest_scenario(scenario: Scenario, numbers: np.ndarray) -> str:
     """Return a digest of a scenario, whatever its seed, and of the frames that are flown."""
-    text = scenario.with_seed(0).source.scenario
-    return hashlib.sha256(text.encode() + numbers.tobytes()).hexdigest()
+    without_seed = re.sub(r"(?m)^seed = .*$", "", scenario.source.scenario, count=1)  # that of the scenario comes first
+    return hashlib.sha256(without_seed.encode() + numbers.tobytes()).hexdigest()
 
 
 def _check_length_ns(dt_s: float) -> int:
