@@ -11,8 +11,8 @@ import numpy as np
 from rso_lidar.records.schema import Record, array, specs
 from rso_lidar.records.truth import BodyState
 
-# What a sensor may read of a `BodyMotion`, beside angular velocity and specific force. Place: position, velocity and
-# targets. Sky: the directions.
+# What a sensor may read of a `BodyMotion` beside angular velocity and specific force. PLACE: position, velocity and
+# targets. SKY: the directions, and the angular radius of the Earth.
 ATTITUDE, PLACE, SKY, DYNAMICS = "attitude", "place", "sky", "dynamics"
 ANGULAR_ACCELERATION = "angular_acceleration"
 ALL_READ = frozenset({ATTITUDE, PLACE, SKY, DYNAMICS, ANGULAR_ACCELERATION})
@@ -22,12 +22,12 @@ ALL_READ = frozenset({ATTITUDE, PLACE, SKY, DYNAMICS, ANGULAR_ACCELERATION})
 class BodyMotion(Record):
     """True motion of the follower at the epochs of samples: the input of sensors, and never part of an observation.
 
-    Directions are unit vectors from the follower in inertial axes. They are NaN in a local world, and so is the angular
-    radius of the Earth. Position, velocity and attitude are NaN where no
-    sensor reads them. `targets` holds, by name, the state of
-    each target relative to the follower's origin (target minus follower) in inertial axes (time, xyz). `dynamics` holds
-    arrays (time, entry) of the follower's user-defined dynamics, where it has them: the state x and the input u of its
-    motion as ``motion.state`` and ``motion.input``, those of its attitude as ``attitude.state`` and ``attitude.input``.
+    Directions are unit vectors from the follower in inertial axes. In a local world they are None, except that to a Sun
+    which the world states, and so is the angular radius of the Earth. Position, velocity and attitude are NaN where no
+    sensor reads them. `targets` holds, by name, the state of each target relative to the follower's origin (target minus
+    follower) in inertial axes (time, xyz). `dynamics` holds arrays (time, entry) of the follower's user-defined dynamics,
+    where it has them: the state x and the input u of its motion as ``motion.state`` and ``motion.input``, those of its
+    attitude as ``attitude.state`` and ``attitude.input``.
     """
 
     time_s: np.ndarray = array("time", "f8", "s", "instants since start_utc")
@@ -63,13 +63,9 @@ class BodyMotion(Record):
         """
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         arrays = {name: value[epochs] for name, value in values.items() if isinstance(value, np.ndarray)}
-        targets = {
-            name: BodyState(state.position_m[epochs], state.velocity_m_s[epochs])
-            for name, state in self.targets.items()
-        }
-        return dataclasses.replace(
-            self, **arrays, targets=targets, dynamics={name: value[epochs] for name, value in self.dynamics.items()}
-        )
+        targets = {name: state[epochs] for name, state in self.targets.items()}
+        dynamics = {name: value[epochs] for name, value in self.dynamics.items()}
+        return dataclasses.replace(self, **arrays, targets=targets, dynamics=dynamics)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -23,8 +23,8 @@ class BodyState(Record):
     position_m: np.ndarray = array("… xyz", "f8", "m", "position in inertial axes")
     velocity_m_s: np.ndarray = array("… xyz", "f8", "m s-1", "velocity in inertial axes")
 
-    def __getitem__(self, epoch: int | slice) -> BodyState:
-        """Return the state at one epoch of a batch, or at a slice of them."""
+    def __getitem__(self, epoch: int | slice | np.ndarray) -> BodyState:
+        """Return the state at one epoch of a batch, or at some of them."""
         return BodyState(self.position_m[epoch], self.velocity_m_s[epoch])
 
 

@@ -1,4 +1,4 @@
-"""The protocol of sensors, the field that takes any sensor, and checked calls of a user's own."""
+"""The protocol of sensors, the field that takes any sensor, its schedule of samples, and checked calls of a user's own."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rso_lidar.records.telemetry import ALL_READ
 from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
 from rso_lidar.sensors.gnss import Gnss, RelativeGnss
 from rso_lidar.sensors.inertial import Accelerometer, Gyro
-from rso_lidar.sensors.sensor_part import SensorPart, number_samples, time_samples
+from rso_lidar.sensors.sensor_part import SensorPart
 from rso_lidar.sensors.star_tracker import StarTracker
 
 _SIMULTANEOUS_S = 0.5e-9  # a simulation's instants are whole nanoseconds
@@ -72,8 +72,17 @@ def number_available_samples(sensor: Any, after_s: float, until_s: float) -> ran
     after_s, until_s : ends of the interval, since `start_utc` [s].
     """
     rate_hz, phase_s, latency_s = _schedule(sensor)
-    after_s, until_s = (max(it + _SIMULTANEOUS_S, math.nextafter(it, math.inf)) for it in (after_s, until_s))
-    return number_samples(rate_hz, phase_s + latency_s, after_s, until_s)
+    first_s = phase_s + latency_s
+    ends = []
+    for end_s in (after_s, until_s):
+        beyond_s = max(end_s + _SIMULTANEOUS_S, math.nextafter(end_s, math.inf))
+        n = max(0, math.ceil((beyond_s - first_s) * rate_hz))
+        while n > 0 and first_s + (n - 1) / rate_hz >= beyond_s:
+            n -= 1
+        while first_s + n / rate_hz < beyond_s:
+            n += 1
+        ends.append(n)
+    return range(ends[0], max(ends))
 
 
 def get_reads(sensor: Any) -> frozenset[str]:
@@ -82,14 +91,16 @@ def get_reads(sensor: Any) -> frozenset[str]:
 
 
 def time_sensor_samples(sensor: Any, numbers: range) -> np.ndarray:
-    """Return the instants (sample) [s] of samples of any sensor.
+    """Return the instants (sample) [s] of samples of any sensor: one division each, so that rounding does not add up.
 
     Parameters
     ----------
     sensor : a part, or a user's object.
     numbers : of the samples.
     """
-    return time_samples(*_schedule(sensor)[:2], numbers)
+    rate_hz, phase_s, _ = _schedule(sensor)
+    times: np.ndarray = phase_s + np.arange(numbers.start, numbers.stop, dtype=np.float64) / rate_hz
+    return times
 
 
 def _schedule(sensor: Any) -> tuple[float, float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -48,9 +49,9 @@ class InertialTriad(SensorPart):
     )
 
     @property
+    @abstractmethod
     def _coefficients(self) -> tuple[float, float, float, float, float | None, float]:
         """White noise per √Hz, floor, random walk per √s, turn-on bias, limit and resolution, in SI."""
-        raise NotImplementedError
 
     def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
         white, floor, walk, turn_on, _, _ = self._coefficients

@@ -1,8 +1,9 @@
-"""What all described sensors have: a name, a rate, a latency, outages, and the samples that fall in an interval."""
+"""What all described sensors have: a name, the schedule of their samples, outages, and random errors."""
 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from functools import cached_property
 from typing import Annotated, Any, Self
 
@@ -70,31 +71,9 @@ class SensorPart(Part):
         """What the sensor reads of the follower's motion, beside its angular velocity and specific force."""
         return ALL_READ
 
-    # ------------------------------------------------------------------------------------------------ samples
-
-    def sample_numbers(self, from_s: float, to_s: float) -> range:
-        """Return the numbers of the samples with from_s <= time < to_s.
-
-        Parameters
-        ----------
-        from_s, to_s : ends of the interval, since `start_utc` [s].
-        """
-        return number_samples(self.rate_hz, self.phase_s, from_s, to_s)
-
-    def sample_times(self, from_s: float, to_s: float) -> np.ndarray:
-        """Return the instants (sample) [s] of the samples with from_s <= time < to_s.
-
-        Parameters
-        ----------
-        from_s, to_s : ends of the interval, since `start_utc` [s].
-        """
-        return time_samples(self.rate_hz, self.phase_s, self.sample_numbers(from_s, to_s))
-
-    # ------------------------------------------------------------------------------------------------ errors
-
+    @abstractmethod
     def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
         """Return the standard deviations of the white noise (channel), and the processes, of this kind of sensor."""
-        raise NotImplementedError
 
     @cached_property
     def error_model(self) -> ErrorModel:
@@ -150,37 +129,6 @@ class SensorPart(Part):
         for window in self.outages:
             valid &= (time_s < window.from_s) | (time_s >= window.to_s)
         return errors, valid, SensorState(begin, values)
-
-
-def number_samples(rate_hz: float, phase_s: float, from_s: float, to_s: float) -> range:
-    """Return the numbers of the samples with from_s <= phase_s + n / rate_hz < to_s, in the arithmetic of `time_samples`.
-
-    Parameters
-    ----------
-    rate_hz, phase_s : rate of the samples [Hz], and instant of sample 0 [s].
-    from_s, to_s : ends of the interval [s].
-    """
-    ends = []
-    for end_s in (from_s, to_s):
-        n = max(0, math.ceil((end_s - phase_s) * rate_hz))
-        while n > 0 and phase_s + (n - 1) / rate_hz >= end_s:
-            n -= 1
-        while phase_s + n / rate_hz < end_s:
-            n += 1
-        ends.append(n)
-    return range(ends[0], max(ends))
-
-
-def time_samples(rate_hz: float, phase_s: float, numbers: range) -> np.ndarray:
-    """Return the instants (sample) [s] of samples: one division each, so that rounding does not add up.
-
-    Parameters
-    ----------
-    rate_hz, phase_s : rate of the samples [Hz], and instant of sample 0 [s].
-    numbers : of the samples.
-    """
-    times: np.ndarray = phase_s + np.arange(numbers.start, numbers.stop, dtype=np.float64) / rate_hz
-    return times
 
 
 def gauss_markov(channels: tuple[int, ...], sigma: float, correlation_s: float, step_s: float) -> ErrorProcess:

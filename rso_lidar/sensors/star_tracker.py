@@ -110,7 +110,7 @@ class StarTracker(SensorPart):
         for exclusion_deg, direction, radius_rad in sources:
             # The disk of the Earth hides the stars behind it, whatever the exclusion angle.
             hides_stars = exclusion_deg > 0.0 or direction is motion.earth_direction
-            if hides_stars and direction is not None and radius_rad is not None:  # NaN in a local world: none
+            if hides_stars and direction is not None and radius_rad is not None:  # None in a local world
                 angle = np.arccos(np.clip(dot(along, direction), -1.0, 1.0))
                 blinded |= angle - radius_rad < exclusion_deg * units.DEG
         return blinded

@@ -1,6 +1,7 @@
 """Navigation filter from noisy sensors: consistency of its innovations and errors over fifty runs."""
 
 import functools
+import math
 
 import numpy as np
 import pytest
@@ -61,7 +62,7 @@ def fly(rng):
 
 def measure(part, states, seed):
     """Return what a sensor measures in a run; a gyro needs no place, so it may sample between the points of the grid."""
-    times = part.sample_times(0.0, END_S)
+    times = sensors.time_sensor_samples(part, range(math.ceil((END_S - part.phase_s) * part.rate_hz)))
     turned, rate = attitudes(times[0], times[1] - times[0], len(times))
     there = states[np.rint(times / GRID_S).astype(int)]
     motion_of = make_motion(

@@ -1,7 +1,5 @@
 """Motions of a follower for tests of its sensors."""
 
-import dataclasses
-
 import numpy as np
 
 from rso_lidar.records import BodyMotion
@@ -37,15 +35,3 @@ def make_motion(time_s, rng=None, **changes):
             "earth_angle_rad": np.full(n, 1.1),
         }
     return BodyMotion(**{"time_s": np.asarray(time_s, float), **fields, **changes})
-
-
-def some_samples(motion, part):
-    """Return the motion at some of its samples."""
-    cut = {}
-    for field in dataclasses.fields(motion):
-        value = getattr(motion, field.name)
-        if field.name in ("targets", "dynamics"):
-            cut[field.name] = {name: inner[part] for name, inner in value.items()}
-        else:
-            cut[field.name] = None if value is None else value[part]
-    return BodyMotion(**cut)

@@ -1,6 +1,7 @@
-"""The protocol of sensors: a user's own object, what it may answer, and the field that takes any sensor."""
+"""The protocol of sensors: a user's own object and its answers, the field for any sensor, and exact epochs of samples."""
 
 import runpy
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,7 @@ from rso_lidar import sensors
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Part, python_objects
 from rso_lidar.records import SensorSamples, SensorState
-from rso_lidar.sensors.choice import number_available_samples
-from tests.sensors.motion_for_tests import make_motion, some_samples
+from tests.sensors.motion_for_tests import make_motion
 
 EXAMPLE = runpy.run_path(str(Path(__file__).resolve().parents[2] / "examples" / "seams" / "own_sensor.py"))
 KEY = sensors.make_key(7, "sun_sensor")
@@ -27,7 +27,7 @@ def test_a_users_sensor_measures_and_its_samples_do_not_depend_on_how_they_are_d
     sensor = EXAMPLE["SunSensor"]()
     motion = EXAMPLE["spin"](sensors.time_sensor_samples(sensor, range(2000)))
     whole, _ = sensors.measure_samples(sensor, motion, KEY, 0, None)
-    part, state = sensors.measure_samples(sensor, some_samples(motion, slice(900, 950)), KEY, 900, None)
+    part, state = sensors.measure_samples(sensor, motion.some(np.arange(900, 950)), KEY, 900, None)
     np.testing.assert_array_equal(part.sun_direction, whole.sun_direction[900:950])
     assert state.next_sample == 950
     angle = -2.0 * np.pi / 60.0 * motion.time_s
@@ -83,13 +83,30 @@ def test_a_schedule_that_is_none_is_told(member, value):
         sensors.number_available_samples(sensor, 0.0, 1.0)
 
 
+@pytest.mark.parametrize("rate_hz", [1.0, 3.0, 7.7, 100.0, 1000.0 / 3.0, 1e5])
+@pytest.mark.parametrize("phase_s", [0.0, 0.1])
+def test_intervals_divide_the_samples_exactly_and_without_drift(rate_hz, phase_s):
+    gyro = sensors.Gyro(name="gyro", rate_hz=rate_hz, phase_s=phase_s)
+    for origin in (0, 10**7, 10**9):
+        ends = [phase_s + (origin - 0.5) / rate_hz]
+        ends += [phase_s + n / rate_hz for n in (origin, origin + 1, origin + 4, origin + 4, origin + 11)]
+        ends += [ends[-1] + 0.37 / rate_hz, phase_s + (origin + 13) / rate_hz]
+        found = [sensors.number_available_samples(gyro, *pair) for pair in pairwise(ends)]
+        assert [n for numbers in found for n in numbers] == list(range(origin, origin + 14))
+        assert list(found[0]) == [origin] and len(found[3]) == len(found[5]) == 0
+    times = sensors.time_sensor_samples(gyro, range(10**7, 10**7 + 3))
+    np.testing.assert_array_equal(times, phase_s + np.array([1e7, 1e7 + 1, 1e7 + 2]) / rate_hz)
+    assert sensors.number_available_samples(gyro, -5.0, -1.0) == range(0)
+
+
 @pytest.mark.parametrize(
-    ("rate_hz", "latency_s", "flash_hz"), [(10.0, 0.2, 5.0), (100.0, 0.05, 20.0), (3.0, 1 / 3, 3.0)]
+    ("rate_hz", "latency_s", "flash_hz"),
+    [(10.0, 0.2, 5.0), (100.0, 0.0, 20.0), (100.0, 0.05, 20.0), (3.0, 1 / 3, 3.0)],
 )
 def test_a_sample_that_becomes_available_with_a_flash_is_in_its_observation(rate_hz, latency_s, flash_hz):
     """In binary fractions, 0.05 + 0.1 is after 3 / 20; the sample must not be delayed to the next flash by that."""
     gyro = sensors.Gyro(name="gyro", rate_hz=rate_hz, latency_s=latency_s)
-    for k in range(1, 2000):
-        found = number_available_samples(gyro, (k - 1) / flash_hz, k / flash_hz)
+    for k in range(1, 5000):
+        found = sensors.number_available_samples(gyro, (k - 1) / flash_hz, k / flash_hz)
         last = round((k / flash_hz - latency_s) * rate_hz)
         assert found == range(max(0, last - round(rate_hz / flash_hz) + 1), last + 1)

@@ -1,6 +1,4 @@
-"""What all sensors have: exact epochs of samples, chunks, outages, states, and messages for wrong tables."""
-
-from itertools import pairwise
+"""What all described sensors have: chunks of samples, outages, states, and messages for wrong tables."""
 
 import numpy as np
 import pytest
@@ -9,7 +7,7 @@ from rso_lidar import sensors
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import BodyState, specs
 from rso_lidar.sensors.sensor_part import flicker, gauss_markov_allan_variance
-from tests.sensors.motion_for_tests import make_motion, some_samples
+from tests.sensors.motion_for_tests import make_motion
 
 MOUNT = {"position_m": (0.1, -0.2, 0.3), "euler_zyx_deg": (10.0, 20.0, 30.0)}
 BURSTS = {"mean_up_s": 0.5, "mean_down_s": 0.2}
@@ -61,7 +59,7 @@ def test_samples_do_not_depend_on_how_they_are_divided(sensor):
     whole, last = sensor.measure(motion, key, 0)
     pieces, state = [], None
     for begin, end in [(0, 1), (1, 2), (2, 50), (50, 50), (50, 51), (90, 200)]:  # those from 51 to 90 are left out
-        samples, state = sensor.measure(some_samples(motion, slice(begin, end)), key, begin, state)
+        samples, state = sensor.measure(motion.some(np.arange(begin, end)), key, begin, state)
         pieces.append((slice(begin, end), samples))
     assert state.next_sample == last.next_sample == 200
     np.testing.assert_array_equal(state.values, last.values)
@@ -75,38 +73,17 @@ def test_samples_do_not_depend_on_how_they_are_divided(sensor):
 
 def test_samples_hold_at_their_time_and_arrive_later():
     gnss = ALL[2].replace(latency_s=0.3, random_outage=None)
-    times = gnss.sample_times(1.0, 3.0)
-    samples, _ = gnss.measure(full_motion(times), sensors.make_key(1, "gnss"), gnss.sample_numbers(1.0, 3.0).start)
+    times = sensors.time_sensor_samples(gnss, range(3, 9))
+    samples, _ = gnss.measure(full_motion(times), sensors.make_key(1, "gnss"), 3)
     np.testing.assert_allclose(samples.time_s, [1.25, 0.25 + 4 / 3, 0.25 + 5 / 3, 2.25, 0.25 + 7 / 3, 0.25 + 8 / 3])
     np.testing.assert_array_equal(samples.available_s, samples.time_s + 0.3)
     assert samples.valid.all()
 
 
-@pytest.mark.parametrize("rate_hz", [1.0, 3.0, 7.7, 100.0, 1000.0 / 3.0, 1e5])
-@pytest.mark.parametrize("phase_s", [0.0, 0.1])
-def test_intervals_divide_the_samples_exactly_and_without_drift(rate_hz, phase_s):
-    gyro = sensors.Gyro(name="gyro", rate_hz=rate_hz, phase_s=phase_s)
-    for origin in (0, 10**7, 10**9):
-        ends = [phase_s + n / rate_hz for n in (origin, origin + 1, origin + 4, origin + 4, origin + 11)]
-        ends += [ends[-1] + 0.37 / rate_hz, phase_s + (origin + 13) / rate_hz]
-        found = [gyro.sample_numbers(*pair) for pair in pairwise(ends)]
-        assert [n for numbers in found for n in numbers] == list(range(origin, origin + 13))
-        assert list(found[0]) == [origin] and len(found[2]) == 0
-    times = gyro.sample_times(phase_s + 1e7 / rate_hz, phase_s + (1e7 + 3) / rate_hz)
-    np.testing.assert_array_equal(times, phase_s + np.array([1e7, 1e7 + 1, 1e7 + 2]) / rate_hz)
-    assert gyro.sample_numbers(-5.0, 0.0) == range(0)
-
-
-def test_an_interval_of_flashes_holds_the_samples_of_a_commensurate_rate():
-    gyro = sensors.Gyro(name="gyro", rate_hz=100.0)
-    for k in range(1, 5000):
-        assert len(gyro.sample_numbers((k - 1) / 20.0, k / 20.0)) == 5
-
-
 def test_samples_of_an_outage_are_not_valid_and_the_errors_go_on():
     quiet = sensors.Gyro(name="gyro", rate_hz=10.0, angle_random_walk_deg_sqrt_h=1.0, bias_instability_deg_h=1.0)
     gyro = quiet.replace(outages=[{"from_s": 1.0, "to_s": 2.0}])
-    motion, key = make_motion(gyro.sample_times(0.0, 4.0)), sensors.make_key(1, "gyro")
+    motion, key = make_motion(sensors.time_sensor_samples(gyro, range(40))), sensors.make_key(1, "gyro")
     whole, _ = quiet.measure(motion, key, 0)
     samples, _ = gyro.measure(motion, key, 0)
     out = (motion.time_s >= 1.0) & (motion.time_s < 2.0)
