@@ -87,6 +87,28 @@ def matrix_from_quaternion(quaternion_xyzw: np.ndarray) -> np.ndarray:
     return matrix
 
 
+def matrix_from_vector(rotation_rad: np.ndarray) -> np.ndarray:
+    """Return the rotation matrices (…, 3, 3) of rotation vectors (…, 3): axis times angle [rad]."""
+    return matrix_from_quaternion(quaternion_from_vector(rotation_rad))
+
+
+def quaternion_from_vector(rotation_rad: np.ndarray) -> np.ndarray:
+    """Return the quaternions (…, 4) x, y, z, w of rotation vectors (…, 3): axis times angle [rad]."""
+    half = 0.5 * length(rotation_rad)
+    quaternion = np.empty((*rotation_rad.shape[:-1], 4))
+    quaternion[..., :3] = 0.5 * np.sinc(half / np.pi)[..., None] * rotation_rad
+    quaternion[..., 3] = np.cos(half)
+    return quaternion
+
+
+def multiply_quaternions(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the products (…, 4) of quaternions (…, 4) x, y, z, w: the rotation b first, then a."""
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    product[..., :3] = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + cross(a[..., :3], b[..., :3])
+    product[..., 3] = a[..., 3] * b[..., 3] - dot(a[..., :3], b[..., :3])
+    return product
+
+
 class Link:
     """Pose and rates of one set of axes (the child) in another (the parent); single, or batched over epochs.
 
@@ -197,6 +219,12 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     product[..., 1] = a2 * b0 - a0 * b2
     product[..., 2] = a0 * b1 - a1 * b0
     return product
+
+
+def skew(a: np.ndarray) -> np.ndarray:
+    """Return the skew-symmetric matrix (3, 3) of a vector (3): its product with b is the vector product a x b."""
+    x, y, z = a.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -9,11 +9,10 @@ from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Name, NotNegative, Positive, Vector
-from rso_lidar.pose import cross, dot, rotate_vectors
+from rso_lidar.pose import cross, dot, matrix_from_quaternion, rotate_vectors
 from rso_lidar.records import BodyMotion, GnssSamples, RelativeGnssSamples, SensorState
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.sensors.random_errors import ErrorProcess
-from rso_lidar.sensors.rotations import rotate_by_quaternion
 from rso_lidar.sensors.sensor_part import SensorPart, gauss_markov
 
 _POSITION, _VELOCITY = (0, 1, 2), (3, 4, 5)
@@ -76,9 +75,10 @@ class Gnss(GnssReceiver):
         position += motion.position_m
         velocity += motion.velocity_m_s
         if any(self.antenna_m):
-            arm = np.broadcast_to(np.asarray(self.antenna_m, dtype=float), motion.position_m.shape)
-            position += rotate_by_quaternion(motion.quaternion_xyzw, arm)
-            velocity += rotate_by_quaternion(motion.quaternion_xyzw, cross(motion.angular_velocity_rad_s, arm))
+            inertial_from_body = matrix_from_quaternion(motion.quaternion_xyzw)
+            arm = np.asarray(self.antenna_m, dtype=float)
+            position += rotate_vectors(inertial_from_body, arm)
+            velocity += rotate_vectors(inertial_from_body, cross(motion.angular_velocity_rad_s, arm))
         errors[~valid] = np.nan
         return GnssSamples(motion.time_s, motion.time_s + self.latency_s, valid, position, velocity), state
 
@@ -96,6 +96,21 @@ class RelativeGnss(GnssReceiver):
         default="rtn", description="Axes of the solution: `inertial`, or the rtn axes of the target."
     )
 
+    def find_axes(self, position_m: np.ndarray, velocity_m_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Find the axes of the solution for inertial states of the target.
+
+        Parameters
+        ----------
+        position_m, velocity_m_s : of the target (…, xyz) in inertial axes [m], [m/s].
+
+        Returns
+        -------
+        inertial_from_axes (…, 3, 3), and the angular velocity (…, 3) of the axes, in them [rad/s].
+        """
+        if self.axes == "rtn":
+            return rtn_matrix(position_m, velocity_m_s)
+        return np.broadcast_to(np.eye(3), (*position_m.shape, 3)), np.zeros_like(position_m)
+
     def measure(
         self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
     ) -> tuple[RelativeGnssSamples, SensorState]:
@@ -105,11 +120,10 @@ class RelativeGnss(GnssReceiver):
             known = ", ".join(motion.targets) or "none"
             raise ScenarioError(f"sensor '{self.name}': no target '{self.target}' (known: {known}); correct the name")
         position, velocity = -relative.position_m, -relative.velocity_m_s
-        if self.axes == "rtn":
-            axes, turning = rtn_matrix(motion.position_m - position, motion.velocity_m_s - velocity)
-            inverse = np.swapaxes(axes, -1, -2)
-            position = rotate_vectors(inverse, position)
-            velocity = rotate_vectors(inverse, velocity) - cross(turning, position)
+        axes, turning = self.find_axes(motion.position_m - position, motion.velocity_m_s - velocity)
+        inverse = np.swapaxes(axes, -1, -2)
+        position = rotate_vectors(inverse, position)
+        velocity = rotate_vectors(inverse, velocity) - cross(turning, position)
         errors, valid, state = self.draw(key, first_sample, motion.time_s, state)
         errors[:, :3] += position
         errors[:, 3:] += velocity

@@ -11,14 +11,19 @@ from pydantic import Field
 from rso_lidar import units
 from rso_lidar.motion.mount import Mount
 from rso_lidar.part import NotNegative, Positive
-from rso_lidar.pose import dot, length
+from rso_lidar.pose import (
+    dot,
+    length,
+    matrix_from_quaternion,
+    multiply_quaternions,
+    quaternion_from_vector,
+    rotate_vectors,
+)
 from rso_lidar.records import BodyMotion, SensorState, StarTrackerSamples
 from rso_lidar.sensors.random_errors import ErrorProcess
-from rso_lidar.sensors.rotations import multiply_quaternions, quaternion_from_vector, rotate_by_quaternion
 from rso_lidar.sensors.sensor_part import SensorPart, gauss_markov
 
 _ACROSS, _ABOUT = (0, 1), (2,)
-_BORESIGHT = np.array([0.0, 0.0, 1.0])
 
 ExclusionAngle = Annotated[NotNegative, Field(le=180.0)]
 
@@ -74,15 +79,14 @@ class StarTracker(SensorPart):
 
     @cached_property
     def _body_from_tracker(self) -> np.ndarray:
-        return np.asarray(self.mount.rotation.as_quat())
+        return np.asarray(self.mount.rotation.as_matrix())
 
     def measure(
         self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
     ) -> tuple[StarTrackerSamples, SensorState]:
         """Measure the attitude of the body."""
         errors, valid, state = self.draw(key, first_sample, motion.time_s, state)
-        mount = np.broadcast_to(self._body_from_tracker, motion.quaternion_xyzw.shape)
-        error = quaternion_from_vector(rotate_by_quaternion(mount, errors))
+        error = quaternion_from_vector(rotate_vectors(self._body_from_tracker, errors))
         quaternion = multiply_quaternions(motion.quaternion_xyzw, error)
         quaternion = np.where(quaternion[:, 3:] < 0.0, -quaternion, quaternion)
         valid &= ~self.is_blinded(motion)
@@ -99,9 +103,8 @@ class StarTracker(SensorPart):
         blinded = np.zeros(len(motion.time_s), np.bool_)
         if self.max_rate_deg_s is not None:
             blinded |= length(motion.angular_velocity_rad_s) > self.max_rate_deg_s * units.DEG
-        mount = np.broadcast_to(self._body_from_tracker, motion.quaternion_xyzw.shape)
-        along = rotate_by_quaternion(mount, np.broadcast_to(_BORESIGHT, (len(blinded), 3)))
-        along = rotate_by_quaternion(motion.quaternion_xyzw, along)
+        boresight = self._body_from_tracker[:, 2]  # +z of the mount, in body axes
+        along = rotate_vectors(matrix_from_quaternion(motion.quaternion_xyzw), boresight)
         sources = (
             (self.sun_exclusion_deg, motion.sun_direction, 0.0),
             (self.moon_exclusion_deg, motion.moon_direction, 0.0),

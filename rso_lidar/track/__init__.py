@@ -3,10 +3,10 @@
 from rso_lidar.public_names import limit_dir
 from rso_lidar.track.centroid import Fix, locate_centroid
 from rso_lidar.track.controller import Controller
-from rso_lidar.track.error_states import NavigationEstimate, NavigationUpdate
 from rso_lidar.track.follow import PoseFollower
 from rso_lidar.track.icp import Alignment, SampledMesh, acquire, align, measure_visible_centroid, sample_mesh
 from rso_lidar.track.kalman import Track, filter_positions, nis_bounds
+from rso_lidar.track.navigation_estimate import NavigationEstimate, NavigationUpdate
 from rso_lidar.track.navigation_filter import NavigationFilter
 from rso_lidar.track.navigator import Navigator
 from rso_lidar.track.pointing import Pointing

@@ -8,21 +8,14 @@ Apart from these, the filter has the error models of the simulation, so it is a 
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.rpo.relative.rtn import rtn_matrix
-from rso_lidar.track.error_states import (
-    NavigationEstimate,
-    NavigationUpdate,
-    SensorProcesses,
-    require,
-    rotation_vector,
-    skew,
-    turn_matrix,
-)
+from rso_lidar.pose import matrix_from_vector, skew
+from rso_lidar.track.navigation_estimate import NavigationEstimate, NavigationUpdate
+from rso_lidar.track.sensor_processes import SensorProcesses
 from rso_lidar.track.two_orbits import STATES, predict_orbits
 
 if TYPE_CHECKING:
@@ -32,6 +25,8 @@ ORBIT, TURN, CORE = slice(0, 12), slice(12, 15), 15
 _OWN, _OWN_RATE, _RELATIVE, _RELATIVE_RATE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 _BEFORE, _AFTER = slice(15, 18), slice(18, 21)  # noise of the gyro's samples about an instant
 _FIRST_PROCESS = 21
+
+_Sensor = TypeVar("_Sensor")
 
 
 class NavigationFilter:
@@ -155,7 +150,7 @@ class NavigationFilter:
             before = 1.0 - after
             rate = before * (first - states[_BEFORE]) + after * (last - states[_AFTER])
         rate = self._body_from_gyro @ (rate - self._gyro_spread @ states[_FIRST_PROCESS:])
-        turn = turn_matrix(step_s * rate)
+        turn = matrix_from_vector(step_s * rate)
         self._attitude = self._attitude @ turn
         shift = -step_s * self._body_from_gyro
         mixed = turn.T @ covariance[TURN] + shift @ (
@@ -199,11 +194,14 @@ class NavigationFilter:
         time_s : instant [s].
         inertial_from_body : measured attitude, a matrix (3, 3).
         """
-        part = require(self._tracker, "star_tracker")
+        from scipy.spatial.transform import Rotation
+
+        part = _require(self._tracker, "star_tracker")
         self.predict(time_s)
         mount = part.mount.rotation.as_matrix()
         sensitivity = mount @ self._spread(part.name, 3)
-        residual = rotation_vector(self._attitude.T @ inertial_from_body) - sensitivity @ self._states
+        turn = Rotation.from_matrix(self._attitude.T @ inertial_from_body).as_rotvec()
+        residual = turn - sensitivity @ self._states
         sensitivity[:, TURN] = np.eye(3)
         self._update(part.name, residual, sensitivity, mount @ np.diag(part.error_model.white**2) @ mount.T)
 
@@ -215,7 +213,7 @@ class NavigationFilter:
         time_s : instant [s].
         position_m, velocity_m_s : of the antenna (xyz) in inertial axes [m], [m/s].
         """
-        part = require(self._gnss, "gnss")
+        part = _require(self._gnss, "gnss")
         self.predict(time_s)
         self._predict_orbits()
         place, turned = self._states[_OWN], self._attitude
@@ -239,13 +237,11 @@ class NavigationFilter:
         time_s : instant [s].
         position_m, velocity_m_s : of the follower relative to the target, in the axes of the sensor [m], [m/s].
         """
-        part = require(self._relative, "relative_gnss")
+        part = _require(self._relative, "relative_gnss")
         self.predict(time_s)
         self._predict_orbits()
         states = self._states
-        axes, rate = np.eye(3), np.zeros(3)
-        if part.axes == "rtn":
-            axes, rate = rtn_matrix(states[_OWN] + states[_RELATIVE], states[_OWN_RATE] + states[_RELATIVE_RATE])
+        axes, rate = part.find_axes(states[_OWN] + states[_RELATIVE], states[_OWN_RATE] + states[_RELATIVE_RATE])
         turned = np.zeros((6, STATES))
         turned[:3, _RELATIVE] = turned[3:, _RELATIVE_RATE] = -axes.T
         turned[3:, _RELATIVE] = skew(rate) @ axes.T
@@ -323,6 +319,13 @@ class NavigationFilter:
         )
         kept = np.eye(len(self._states)) - gain @ sensitivity
         self._covariance = kept @ self._covariance @ kept.T + gain @ noise @ gain.T  # Joseph's form stays positive
-        self._attitude = self._attitude @ turn_matrix(correction[TURN])
+        self._attitude = self._attitude @ matrix_from_vector(correction[TURN])
         correction[TURN] = 0.0
         self._states += correction
+
+
+def _require(part: _Sensor | None, name: str) -> _Sensor:
+    """Return a sensor, or raise an error if the filter was made without it."""
+    if part is None:
+        raise ScenarioError(f"navigation: the filter has no {name}; give the part when the filter is made")
+    return part

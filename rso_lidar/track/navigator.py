@@ -10,6 +10,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.aim import lidar_from_ptu
 from rso_lidar.motion.gimbal.ptu import Ptu, ptu_link
 from rso_lidar.motion.mount import Mount
+from rso_lidar.pose import matrix_from_quaternion
 from rso_lidar.records import (
     GnssSamples,
     GyroSamples,
@@ -18,9 +19,8 @@ from rso_lidar.records import (
     SensorSamples,
     StarTrackerSamples,
 )
-from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.track.centroid import Fix
-from rso_lidar.track.error_states import NavigationEstimate, NavigationUpdate
+from rso_lidar.track.navigation_estimate import NavigationEstimate, NavigationUpdate
 from rso_lidar.track.navigation_filter import NavigationFilter
 from rso_lidar.track.two_orbits import predict_orbits
 
@@ -118,7 +118,8 @@ class Navigator:
                 case GyroSamples():
                     self._rates.append((time_s, samples.angular_velocity_rad_s[k]))
                 case StarTrackerSamples():
-                    self._waiting.append((time_s, "star_tracker", (_matrix(samples.quaternion_xyzw[k]),)))
+                    attitude = matrix_from_quaternion(samples.quaternion_xyzw[k])
+                    self._waiting.append((time_s, "star_tracker", (attitude,)))
                 case GnssSamples():
                     self._waiting.append((time_s, "gnss", (samples.position_m[k], samples.velocity_m_s[k])))
                 case RelativeGnssSamples():
@@ -182,10 +183,8 @@ class Navigator:
         """
         assert self._relative is not None
         relative = np.zeros(6)
-        for _ in range(3):  # the axes are those of the target, which this finds
-            axes, rate = np.eye(3), np.zeros(3)
-            if self._relative.axes == "rtn":
-                axes, rate = rtn_matrix(states[:3] + relative[:3], states[3:6] + relative[3:])
+        for _ in range(3):  # its axes are those of the target; each pass gains the ratio of distance to orbit radius
+            axes, rate = self._relative.find_axes(states[:3] + relative[:3], states[3:6] + relative[3:])
             relative = -np.concatenate([axes @ position_m, axes @ (velocity_m_s + np.cross(rate, position_m))])
         return relative
 
@@ -221,10 +220,3 @@ def _advance(
         updates[kind](time_s, *measured)
         given += 1
     return rates[used:], waiting[given:]
-
-
-def _matrix(quaternion_xyzw: np.ndarray) -> np.ndarray:
-    """Return the rotation (3, 3) of a quaternion."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_quat(quaternion_xyzw).as_matrix())

@@ -10,8 +10,8 @@ from scipy.stats import chi2
 
 from rso_lidar import motion, sensors, track
 from rso_lidar.motion.aim import lidar_from_ptu
+from rso_lidar.pose import matrix_from_vector
 from rso_lidar.records import BodyState
-from rso_lidar.track.error_states import turn_matrix
 from rso_lidar.track.two_orbits import predict_orbits
 from tests.sensors.motion_for_tests import make_motion
 
@@ -80,7 +80,7 @@ def run(seed, **changed):
     first = states[0] + error[:12]
     start = attitudes(0.0, GRID_S, len(states))[0].as_matrix()
     estimate = track.NavigationEstimate(
-        0.0, first[:3], first[3:6], first[6:9], first[9:], start[0] @ turn_matrix(error[12:]), np.diag(SIGMA**2)
+        0.0, first[:3], first[3:6], first[6:9], first[9:], start[0] @ matrix_from_vector(error[12:]), np.diag(SIGMA**2)
     )
     found = {name: measure(part, states, seed) for name, part in PARTS.items()}
     parts = PARTS | changed

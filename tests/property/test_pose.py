@@ -7,7 +7,19 @@ from hypothesis import given
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.pose import ROOT, Link, PoseTree, pose, quaternion_xyzw
+from rso_lidar.pose import (
+    ROOT,
+    Link,
+    PoseTree,
+    cross,
+    matrix_from_quaternion,
+    matrix_from_vector,
+    multiply_quaternions,
+    pose,
+    quaternion_from_vector,
+    quaternion_xyzw,
+    skew,
+)
 
 SHAPES = st.sampled_from([(), (1,), (4,)])  # one epoch, a batch of one, a batch
 SEEDS = st.integers(0, 2**32 - 1)
@@ -34,6 +46,23 @@ def same(a, b, size=1e4):
     ]:
         here, there = np.broadcast_arrays(here, there)  # a batch of equal ones is the single one
         np.testing.assert_allclose(here, there, rtol=0.0, atol=tolerance)
+
+
+@given(SEEDS)
+def test_sums_that_are_written_out_are_the_rotations_of_scipy(seed):
+    rng = np.random.default_rng(seed)
+    vectors = 2.0 * rng.normal(size=(5, 3)) * [[1.0], [1e-3], [1e-9], [0.0], [1.0]]
+    turns, others = Rotation.from_rotvec(vectors), Rotation.from_quat(rng.normal(size=(5, 4)))
+    matrices = turns.as_matrix()
+    np.testing.assert_allclose(matrix_from_vector(vectors), matrices, atol=1e-14)
+    np.testing.assert_allclose(matrix_from_quaternion(3.0 * turns.as_quat()), matrices, atol=1e-14)
+    product = multiply_quaternions(quaternion_from_vector(vectors), others.as_quat())
+    np.testing.assert_allclose(matrix_from_quaternion(product), (turns * others).as_matrix(), atol=1e-14)
+    for k in range(5):  # alone, with the same bits
+        alone = multiply_quaternions(quaternion_from_vector(vectors[k]), others.as_quat()[k])
+        np.testing.assert_array_equal(alone, product[k])
+        expected = cross(vectors[k], vectors[k - 1])
+        np.testing.assert_allclose(skew(vectors[k]) @ vectors[k - 1], expected, rtol=1e-14, atol=1e-14)
 
 
 @given(SEEDS, SHAPES, SHAPES, SHAPES)
