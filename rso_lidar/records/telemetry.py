@@ -22,12 +22,12 @@ ALL_READ = frozenset({ATTITUDE, PLACE, SKY, DYNAMICS, ANGULAR_ACCELERATION})
 class BodyMotion(Record):
     """True motion of the follower at the epochs of samples: the input of sensors, and never part of an observation.
 
-    Directions are unit vectors from the follower in inertial axes. In a local world they are None, except that to a Sun
-    which the world states, and so is the angular radius of the Earth. Position, velocity and attitude are NaN where no
-    sensor reads them. `targets` holds, by name, the state of each target relative to the follower's origin (target minus
-    follower) in inertial axes (time, xyz). `dynamics` holds arrays (time, entry) of the follower's user-defined dynamics,
-    where it has them: the state x and the input u of its motion as ``motion.state`` and ``motion.input``, those of its
-    attitude as ``attitude.state`` and ``attitude.input``.
+    Directions are unit vectors from the follower in inertial axes. In a local world they and the angular radius of the
+    Earth are None; only the direction to a Sun that the world states is given. Position, velocity and attitude are NaN
+    where no sensor reads them. `targets` holds, by name, the state of each target relative to the follower's origin
+    (target minus follower) in inertial axes (time, xyz). `dynamics` holds arrays (time, entry) of the follower's
+    user-defined dynamics, where it has them: the state x and the input u of its motion as ``motion.state`` and
+    ``motion.input``, those of its attitude as ``attitude.state`` and ``attitude.input``.
     """
 
     time_s: np.ndarray = array("time", "f8", "s", "instants since start_utc")

@@ -25,6 +25,7 @@ import numpy as np
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.kernels import packed
 from rso_lidar.philox import fill_row
+from rso_lidar.pose import dot, length
 from rso_lidar.records.taxonomy import FRAGMENT_LENGTHS_M, FragmentKind, ShapeFamily, Taxonomy, classify_size
 from rso_lidar.shapes.area_to_mass import draw_area_to_mass, power_of_ten
 from rso_lidar.shapes.model import CraftModel, CraftPart
@@ -122,7 +123,7 @@ def breakup_fragment(kind: FragmentKind, seed: int, characteristic_length_m: flo
     if category.is_sheet:  # in the unit in which the sheet is made
         thickness *= _measure(category.make(_Numbers(seed, kind, _SHAPE), thickness).vertices)[1]
     solid = _fit(category.make(_Numbers(seed, kind, _SHAPE), thickness), characteristic_length_m)
-    volume_m3, surface_m2 = _find_volume(solid)[0], _find_surface(solid)
+    volume_m3, surface_m2 = solid.volume_m3(), _find_surface(solid)
     return CraftModel(
         name=f"fragment_{kind}_{seed}",
         what=f"Debris: {category.what}, of characteristic length {characteristic_length_m:g} m (seed {seed})",
@@ -170,10 +171,10 @@ def _make_flexible(numbers: _Numbers, thickness: float) -> Solid:
     sheet = build_sheet(outline, thickness, 12)
     x, y, z = sheet.vertices.T
     height = z.copy()
-    for length in (1.1, 0.8, 0.6, 0.45, 0.35):
+    for period in (1.1, 0.8, 0.6, 0.45, 0.35):
         sine, cosine = sine_cosine(2.0 * math.pi * numbers.random())
-        steps = (cosine * x + sine * y) / length + numbers.random()
-        height = height + numbers.between(0.15, 0.40) * length * np.abs(steps - np.round(steps))
+        steps = (cosine * x + sine * y) / period + numbers.random()
+        height = height + numbers.between(0.15, 0.40) * period * np.abs(steps - np.round(steps))
     crumpled = Solid(np.column_stack([x, y, height]), sheet.facets)
     return bend_solids(numbers, [crumpled], numbers.between(0.5, 1.2), 3, 0.3)[0]
 
@@ -222,13 +223,13 @@ def _make_rod(numbers: _Numbers, aspect: float) -> Solid:
 def _make_nugget(numbers: _Numbers, _thickness: float) -> Solid:
     """Make a lump, about 2 : sqrt(2) : 1: a box or spheroid whose corners are broken off along flat faces."""
     cube, facets = _build_cube(12)
-    direction = cube / np.sqrt(_dot(cube * cube, np.ones(3)))[:, None]
+    direction = cube / length(cube)[:, None]
     is_round = numbers.random() < 0.3
     radius = np.ones(len(cube)) if is_round else 1.0 / np.abs(direction).max(axis=1)
     for _ in range(14):
         z, around = numbers.between(-1.0, 1.0), 2.0 * math.pi * numbers.between(0.0, 1.0)
         (sine, cosine), level = sine_cosine(around), math.sqrt(1.0 - z * z)
-        toward = _dot(direction, np.array([level * cosine, level * sine, z]))
+        toward = dot(direction, np.array([level * cosine, level * sine, z]))
         radius = np.minimum(radius, numbers.between(0.75, 1.15) / np.maximum(toward, 1e-3))
     radius = radius * (1.0 + 0.02 * (np.asarray(numbers.random(len(cube))) - 0.5))
     shape = np.array([1.0, numbers.between(0.55, 0.85), numbers.between(0.35, 0.65)])
@@ -269,21 +270,15 @@ _CATEGORIES: dict[FragmentKind, _Category] = {
 }
 
 
-def _dot(points: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Return the scalar products of points (n, 3) and an axis, summed in the same order on every processor."""
-    product: np.ndarray = points[:, 0] * axis[0] + points[:, 1] * axis[1] + points[:, 2] * axis[2]
-    return product
-
-
 def _find_longest(points: np.ndarray) -> np.ndarray:
     """Return the vector between the two points that are farthest apart."""
     away = points - 0.5 * (points.min(axis=0) + points.max(axis=0))
-    radius = np.sqrt(_dot(away * away, np.ones(3)))
+    radius = length(away)
     from_one = points - points[int(np.argmax(radius))]
-    reach = math.sqrt(float(_dot(from_one * from_one, np.ones(3)).max()))
+    reach = math.sqrt(float(dot(from_one, from_one).max()))
     outer = points[radius >= reach * (1.0 - 1e-9) - radius.max()]  # no other point can be an end
     apart = outer[:, None] - outer
-    squared = apart[..., 0] * apart[..., 0] + apart[..., 1] * apart[..., 1] + apart[..., 2] * apart[..., 2]
+    squared = dot(apart, apart)
     first, second = np.unravel_index(int(np.argmax(squared)), squared.shape)
     longest: np.ndarray = outer[first] - outer[second]
     return longest
@@ -293,12 +288,12 @@ def _measure(points: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the axes (3, xyz) of the three orthogonal extents of points, right-handed, and the mean extent."""
     longest = _find_longest(points)
     x = longest / math.sqrt(float((longest * longest).sum()))
-    flat = points - _dot(points, x)[:, None] * x
+    flat = points - dot(points, x)[:, None] * x
     across = _find_longest(flat)
     y = across - float((across * x).sum()) * x
     y = y / math.sqrt(float((y * y).sum()))
     axes = np.stack([x, y, np.cross(x, y)])
-    sides = [float(np.ptp(_dot(points, axis))) for axis in axes]
+    sides = [float(np.ptp(dot(points, axis))) for axis in axes]
     return axes, math.fsum(sides) / len(sides)
 
 
@@ -311,23 +306,13 @@ def _fit(solid: Solid, length_m: float) -> Solid:
     length_m : characteristic length [m].
     """
     axes, found = _measure(solid.vertices)
-    vertices = np.column_stack([_dot(solid.vertices, axis) for axis in axes]) * (length_m / found)
+    vertices = np.column_stack([dot(solid.vertices, axis) for axis in axes]) * (length_m / found)
     vertices = vertices - 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    _, center = _find_volume(Solid(vertices, solid.facets))
+    center = Solid(vertices, solid.facets).centroid_m()
     return Solid(np.round((vertices - center) / _STEP_M) * _STEP_M + 0.0, solid.facets)
-
-
-def _find_volume(solid: Solid) -> tuple[float, np.ndarray]:
-    """Return the enclosed volume and the centre of mass, from exactly rounded sums over tetrahedra."""
-    a, b, c = (solid.vertices[solid.facets[:, k]] for k in range(3))
-    volumes = _dot(a * np.cross(b, c), np.ones(3)) / 6.0
-    volume = math.fsum(volumes.tolist())
-    moments = volumes[:, None] * (a + b + c) / 4.0
-    return volume, np.array([math.fsum(moments[:, axis].tolist()) for axis in range(3)]) / volume
 
 
 def _find_surface(solid: Solid) -> float:
     """Return the area of all facets."""
     a, b, c = (solid.vertices[solid.facets[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    return 0.5 * math.fsum(np.sqrt(_dot(normal * normal, np.ones(3))).tolist())
+    return 0.5 * math.fsum(length(np.cross(b - a, c - a)).tolist())

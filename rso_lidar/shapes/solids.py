@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rso_lidar.pose import dot
 from rso_lidar.units import DEG
 
 Point = Sequence[float]
@@ -72,8 +73,21 @@ class Solid(NamedTuple):
 
     def volume_m3(self) -> float:
         """Return the enclosed volume [m3]; negative where facets face inward."""
+        return math.fsum(self._measure_tetrahedra()[0].tolist())
+
+    def centroid_m(self) -> np.ndarray:
+        """Return the centroid (xyz) [m] of the enclosed volume."""
+        volumes, centroids = self._measure_tetrahedra()
+        moments = volumes[:, None] * centroids
+        return np.array([math.fsum(along.tolist()) for along in moments.T]) / math.fsum(volumes.tolist())
+
+    def _measure_tetrahedra(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the signed volumes (facet) and the centroids (facet, xyz) of the tetrahedra from the origin to each facet.
+
+        Sums of these by `math.fsum` are exactly rounded, so every processor finds the same.
+        """
         a, b, c = (self.vertices[self.facets[:, k]] for k in range(3))
-        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+        return dot(a, np.cross(b, c)) / 6.0, (a + b + c) / 4.0
 
 
 def join(*solids: Solid) -> Solid:
