@@ -308,8 +308,15 @@ def _fit(solid: Solid, length_m: float) -> Solid:
     axes, found = _measure(solid.vertices)
     vertices = np.column_stack([dot(solid.vertices, axis) for axis in axes]) * (length_m / found)
     vertices = vertices - 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    center = Solid(vertices, solid.facets).centroid_m()
+    center = _find_centroid(Solid(vertices, solid.facets))
     return Solid(np.round((vertices - center) / _STEP_M) * _STEP_M + 0.0, solid.facets)
+
+
+def _find_centroid(solid: Solid) -> np.ndarray:
+    """Return the centroid (xyz) of the enclosed volume, from exactly rounded sums over tetrahedra."""
+    volumes = solid.tetrahedra_m3()
+    moments = volumes[:, None] * solid.vertices[solid.facets].sum(axis=1) / 4.0
+    return np.array([math.fsum(along.tolist()) for along in moments.T]) / solid.volume_m3()
 
 
 def _find_surface(solid: Solid) -> float:

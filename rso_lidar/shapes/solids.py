@@ -73,21 +73,12 @@ class Solid(NamedTuple):
 
     def volume_m3(self) -> float:
         """Return the enclosed volume [m3]; negative where facets face inward."""
-        return math.fsum(self._measure_tetrahedra()[0].tolist())
+        return math.fsum(self.tetrahedra_m3().tolist())  # exactly rounded, so that every processor finds the same
 
-    def centroid_m(self) -> np.ndarray:
-        """Return the centroid (xyz) [m] of the enclosed volume."""
-        volumes, centroids = self._measure_tetrahedra()
-        moments = volumes[:, None] * centroids
-        return np.array([math.fsum(along.tolist()) for along in moments.T]) / math.fsum(volumes.tolist())
-
-    def _measure_tetrahedra(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the signed volumes (facet) and the centroids (facet, xyz) of the tetrahedra from the origin to each facet.
-
-        Sums of these by `math.fsum` are exactly rounded, so every processor finds the same.
-        """
+    def tetrahedra_m3(self) -> np.ndarray:
+        """Return the signed volumes (facet) [m3] of the tetrahedra from the origin to each facet."""
         a, b, c = (self.vertices[self.facets[:, k]] for k in range(3))
-        return dot(a, np.cross(b, c)) / 6.0, (a + b + c) / 4.0
+        return dot(a, np.cross(b, c)) / 6.0
 
 
 def join(*solids: Solid) -> Solid:
@@ -316,28 +307,15 @@ def pipe(points_m: Iterable[Point], radius_m: float, sides: int = 8) -> Solid:
     slant = np.abs(tangents[0])
     across, before = np.eye(3)[np.argmax(slant < slant.min() + _TIE)], tangents[0]
     angle = (np.arange(sides) + 0.5) * (2.0 * math.pi / sides)
-    vertices = []
+    sections = []
     for point, tangent in zip(points, tangents, strict=True):
         # The shortest turn from one tangent to the next, so that the bar does not twist (Bishop 1975, Am. Math. Monthly 82)
         across = across - (before + tangent) * ((across @ tangent) / (1.0 + before @ tangent))
         across = across - tangent * (across @ tangent)
         across, before = across / np.linalg.norm(across), tangent
         up = np.cross(tangent, across)
-        vertices.append(point + radius_m * (np.outer(np.cos(angle), across) + np.outer(np.sin(angle), up)))
-    n = len(points)
-    facets = []
-    for ring_index in range(n - 1):
-        base = ring_index * sides
-        for k in range(sides):
-            after = (k + 1) % sides
-            facets += [
-                (base + k, base + after, base + sides + after),
-                (base + k, base + sides + after, base + sides + k),
-            ]
-    last = (n - 1) * sides
-    for k in range(1, sides - 1):
-        facets += [(0, k + 1, k), (last, last + k, last + k + 1)]
-    return Solid(np.concatenate(vertices), np.array(facets))
+        sections.append(point + radius_m * (np.outer(np.cos(angle), across) + np.outer(np.sin(angle), up)))
+    return skin(sections)
 
 
 def lattice(x_m: Sequence[float], y_m: Sequence[float], opened: Iterable[tuple[int, int]], thickness_m: float) -> Solid:
@@ -387,7 +365,7 @@ def tiles(size_m: Point, count: tuple[int, int], gap_m: float, center_m: Point =
     return join(*(box(tile, (x, y, 0.0)) for x, y in places)).move(*center_m)
 
 
-def skin(outlines_m: Sequence[Sequence[Point]]) -> Solid:
+def skin(outlines_m: Sequence[Sequence[Point] | np.ndarray]) -> Solid:
     """Return the solid inside a skin over several outlines, closed by fans over the first and the last outline.
 
     Parameters
