@@ -52,7 +52,7 @@ class Host:
             extract(path, self.folder, lambda name: not name.startswith(("sources/", "documentation/")))
         except OSError as error:
             raise FmuError(f"cannot be read ({error.strerror or error})") from None
-        except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError) as error:
+        except (zipfile.BadZipFile, EOFError, RuntimeError) as error:
             raise FmuError(f"is not a ZIP archive that can be read ({error}); it is not an FMU") from None
         try:
             description = read_model_description(self.folder, validate=False)

@@ -18,7 +18,7 @@ TOKEN = "0123456789abcdef"
         ("tcp://127.8.9.1:*", True),
         ("tcp://localhost:1", True),
         ("tcp://[::1]:5571", True),
-        ("ipc:///tmp/lidar", True),
+        ("ipc://lidar", True),
         ("tcp://0.0.0.0:5571", False),
         ("tcp://*:5571", False),
         ("tcp://[::]:5571", False),
