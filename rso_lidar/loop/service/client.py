@@ -6,7 +6,7 @@ import dataclasses
 import os
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
@@ -16,7 +16,14 @@ import numpy as np
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.loop.service.endpoints import import_zmq, load_keys, load_public_key
 from rso_lidar.loop.service.linked_simulation import Delivery
-from rso_lidar.loop.service.wire_format import build_observation, build_samples, build_truth, decode, encode_request
+from rso_lidar.loop.service.wire_format import (
+    build_observation,
+    build_samples,
+    build_truth,
+    check_reply,
+    decode,
+    encode_request,
+)
 from rso_lidar.records import Command, Observation, SensorSamples, Truth
 from rso_lidar.records.telemetry import join_samples
 
@@ -68,7 +75,8 @@ class Client:
         self._context = self._zmq.Context()
         self._socket = self._context.socket(self._zmq.DEALER)
         self._sequence = 0
-        self._header: dict[str, Any] = {}
+        self._time_ns, self._is_over, self._overruns = 0, False, 0
+        self._next_flash_ns: int | None = None
         self._sight: np.ndarray | None = None
         self._observation: Observation | None = None
         self._samples: Mapping[str, SensorSamples] = {}
@@ -83,7 +91,7 @@ class Client:
             self._socket.rcvtimeo = min(_LOOK_MS, max(1, int(1e3 * self.timeout_s)))
             self._connect()
             hello: dict[str, Any] = {"version": 1, "role": role, "client": name or f"Python, process {os.getpid()}"}
-            self.description: dict[str, Any] = self._ask("hello", **hello, token=token)[0]["describe"]
+            self.description: dict[str, Any] = self._ask("hello", _read_description, **hello, token=token)
         except BaseException:
             self.close()
             raise
@@ -127,23 +135,22 @@ class Client:
     @property
     def time_s(self) -> float:
         """Present time of the simulation [s since start_utc]."""
-        return float(self._header["time_ns"] / _NS_PER_S)
+        return self._time_ns / _NS_PER_S
 
     @property
     def next_flash_s(self) -> float | None:
         """Time of the next flash [s since start_utc]; None after the last."""
-        at_ns = self._header["next_flash_ns"]
-        return None if at_ns is None else float(at_ns / _NS_PER_S)
+        return None if self._next_flash_ns is None else self._next_flash_ns / _NS_PER_S
 
     @property
     def is_over(self) -> bool:
         """Whether the last flash has been made, and its reading has arrived."""
-        return bool(self._header["is_over"])
+        return self._is_over
 
     @property
     def overruns(self) -> int:
         """Number of deadlines that a server on the wall clock has missed."""
-        return int(self._header["overruns"])
+        return self._overruns
 
     @property
     def observation(self) -> Observation | None:
@@ -158,7 +165,8 @@ class Client:
     @property
     def truth(self) -> Truth:
         """Poses of all bodies at the present time, from a server that tells the truth."""
-        return build_truth(*self._ask("truth"))
+        truth: Truth = self._ask("truth", build_truth)
+        return truth
 
     def step(
         self, command: Command | None = None, *, dt_s: float | None = None, stamp_s: float | None = None
@@ -184,11 +192,13 @@ class Client:
         """
         fields = {"dt_ns": _to_ns("dt_s", dt_s), "stamp_ns": _to_ns("stamp_s", stamp_s)}
         asked = None if command is None else _list_fields(command)
-        return self._read(*self._ask("step", command=asked, **fields))
+        delivery: Delivery | None = self._ask("step", self._read_step, command=asked, **fields)
+        return delivery
 
     def read(self) -> Delivery | None:
         """Ask for the latest reading once more, as an observer does; None before the first."""
-        return self._read(*self._ask("observation"), again=True)
+        delivery: Delivery | None = self._ask("observation", self._read_observation)
+        return delivery
 
     def reset(self, seed: int | None = None) -> None:
         """Go back to t = 0, before the first flash.
@@ -203,7 +213,8 @@ class Client:
 
     def save(self) -> str:
         """Have the server keep the present state, and return its name."""
-        return str(self._ask("save")[0]["state"])
+        name: str = self._ask("save", lambda header, arrays: str(header["state"]))
+        return name
 
     def restore(self, state: str, *, forget: bool = False) -> None:
         """Go on from a state that the server keeps.
@@ -221,18 +232,15 @@ class Client:
         """End the server; a recording is completed."""
         self._ask("shutdown")
 
-    def _read(self, header: dict[str, Any], arrays: dict[str, np.ndarray], *, again: bool = False) -> Delivery | None:
-        """Return the flash in a reply, if there is one, and keep its reading.
+    def _read_observation(self, header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Delivery | None:
+        """Return the flash in a reply that holds all samples since the reading before, and keep its reading."""
+        self._since.clear()
+        return self._read_step(header, arrays)
 
-        Parameters
-        ----------
-        header, arrays : of the reply.
-        again : whether its samples are all those of the reading, and not those of a step.
-        """
+    def _read_step(self, header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Delivery | None:
+        """Return the flash in a reply that holds the samples of a step, if there is a flash, and keep its reading."""
         self._sight = arrays.get("line_of_sight", self._sight)
         self._samples = build_samples(header, arrays)
-        if again:
-            self._since.clear()
         self._since.append(self._samples)
         frame = header["frame"]
         if frame is None:
@@ -246,12 +254,15 @@ class Client:
             self._since.clear()
         return Delivery(frame["index"], frame["status"], frame["t_emission_ns"], frame["t_available_ns"], observation)
 
-    def _ask(self, kind: str, **fields: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-        """Send a request, and return header and arrays of its reply.
+    def _ask(
+        self, kind: str, read: Callable[[dict[str, Any], dict[str, np.ndarray]], Any] | None = None, **fields: Any
+    ) -> Any:
+        """Send a request, and return what `read` makes of its reply.
 
         Parameters
         ----------
         kind : of the request.
+        read : function of the header and the arrays of the reply (None: nothing is read).
         **fields : of the request; None is left out.
         """
         if self._socket.closed:
@@ -262,11 +273,16 @@ class Client:
             header, arrays = decode(self._receive(kind)[1:])
             if header.get("request_sequence") == self._sequence:  # else a late reply to a request given up before
                 break
-        if not header["ok"]:
-            error = header["error"]
-            raise (RunError if error["code"] == "failed" else ScenarioError)(f"{self.endpoint}: {error['message']}")
-        self._header = header if "time_ns" in header else self._header
-        return header, arrays
+        with check_reply(self.endpoint):
+            refusal = None if header["ok"] else (str(header["error"]["code"]), str(header["error"]["message"]))
+        if refusal is not None:
+            code, message = refusal
+            raise (RunError if code == "failed" else ScenarioError)(f"{self.endpoint}: {message}")
+        with check_reply(self.endpoint):
+            self._time_ns, self._is_over = int(header["time_ns"]), bool(header["is_over"])
+            self._next_flash_ns = None if header["next_flash_ns"] is None else int(header["next_flash_ns"])
+            self._overruns = int(header["overruns"])
+            return None if read is None else read(header, arrays)
 
     def _receive(self, kind: str) -> list[bytes]:
         """Return the parts of the next message, or raise `RunError` where none comes."""
@@ -283,6 +299,10 @@ class Client:
             f"{self.endpoint}: gave no answer to '{kind}' within {self.timeout_s:g} s; "
             "see what the server does, or allow more with timeout_s"
         )
+
+
+def _read_description(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+    return dict(header["describe"])
 
 
 def _to_ns(name: str, time_s: float | None) -> int | None:

@@ -181,7 +181,7 @@ def parse_json(text: bytes, where: str) -> dict[str, Any]:
         If it is no JSON object, holds NaN or an infinity, or a key twice.
     """
     try:
-        tree = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_join_pairs)
+        tree = json.loads(text.decode(), parse_constant=_refuse_constant, object_pairs_hook=_join_pairs)
     except RecursionError:
         raise ScenarioError(f"{where}: is nested too deeply; send a flat JSON object") from None
     except ValueError as error:  # of JSON and of UTF-8

@@ -118,7 +118,7 @@ class Server:
             ) from None
 
     def _make_socket(self, context: Any, undone: ExitStack, kind: int) -> Any:
-        """Make a socket of the server, with bounds on what clients can make it hold.
+        """Make a socket of the server, with limits on the size of a part and on the number of messages that wait.
 
         Parameters
         ----------

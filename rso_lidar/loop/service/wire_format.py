@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -164,7 +165,7 @@ def decode(parts: Sequence[Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]]
         If they are no message of this schema.
     """
     try:
-        header = json.loads(parts[0])
+        header = json.loads(bytes(parts[0]).decode())
     except (IndexError, RecursionError, ValueError):
         header = None
     if not isinstance(header, dict):
@@ -191,6 +192,21 @@ def _read_array(entry: Any, data: Any) -> tuple[str, np.ndarray]:
             f"reply: the array {path} of {dtype or '?'} {shape} does not fit its {size} bytes; use equal versions"
         )
     return path, np.frombuffer(data, dtype).reshape(shape) if size else np.zeros(shape, dtype)
+
+
+@contextmanager
+def check_reply(endpoint: str) -> Iterator[None]:
+    """Raise `RunError` where a reply that is read in this context lacks a key or an array, or has another type.
+
+    Parameters
+    ----------
+    endpoint : address of the server.
+    """
+    try:
+        yield
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        what = f"lacks {error}" if isinstance(error, KeyError) else f"cannot be read ({' '.join(str(error).split()):.100})"
+        raise RunError(f"{endpoint}: the reply {what}; use equal versions") from error
 
 
 def build_observation(

@@ -45,6 +45,8 @@ def server(scenario):
 BAD = {
     b"": "is not JSON in UTF-8",
     b"\xff\xfe\x00": "is not JSON in UTF-8",
+    '{"request": "describe"}'.encode("utf-16"): "is not JSON in UTF-8",  # which json.loads would detect
+    '{"request": "describe"}'.encode("utf-8-sig"): "is not JSON in UTF-8",  # RFC 8259, sec. 8.1: no byte order mark
     b"[1, 2]": "is list and not an object",
     b'{"request": "step"': "is not JSON in UTF-8",
     b"[" * 60_000: "is nested too deeply|is not JSON",
