@@ -19,9 +19,16 @@ Settings = Annotated[
 TrustFmu = Annotated[
     bool, typer.Option("--trust-fmu", help="Run the native code of FMUs that the scenario names, because you trust it.")
 ]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")]
+Threads = Annotated[int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
 
 _LENGTHS_M = {"m": 1.0, "km": units.KM}
+
+
+def join_settings(settings: list[str] | None, seed: int | None) -> tuple[str, ...]:
+    """Return the settings of a scenario, with the seed of its option as the last one."""
+    return (*(settings or ()), *(() if seed is None else (f"seed={seed}",)))
 
 
 def parse_length_m(option: str, text: str) -> float:

@@ -39,3 +39,9 @@ def open_live_view(scenario: Scenario, live: bool, address: str | None, viewer: 
     how = f"rerun {view.url}" if viewer == "rerun" else "in Lichtblick or Foxglove: a connection, Foxglove WebSocket"
     echo(f"live view   {view.url} ({how})", err=True)
     return view
+
+
+def report_live_view(view: QueuedView | None) -> None:
+    """Print how many frames a live view has shown, if there is one."""
+    if view is not None:
+        echo(f"live view   {view.shown:,} frames shown, {view.dropped:,} dropped")

@@ -80,7 +80,7 @@ def count_frames(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:
 
 @contextmanager
 def count_steps(doing: str, of: str) -> Iterator[Callable[[int, int], None]]:
-    """Return a function that shows finished steps of a number that is known at its first call, none for no steps.
+    """Yield a function that shows finished steps on a bar; it is called with their number and that of all, 0 for no bar.
 
     Parameters
     ----------

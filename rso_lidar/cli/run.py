@@ -11,8 +11,17 @@ import numpy as np
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustFmu, parse_frames
-from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view
+from rso_lidar.cli.arguments import (
+    Overwrite,
+    ScenarioFile,
+    Seed,
+    Settings,
+    Threads,
+    TrustFmu,
+    join_settings,
+    parse_frames,
+)
+from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view, report_live_view
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
@@ -31,10 +40,8 @@ def run(
             "--frames", metavar="A:B", help="Frames A to B-1 only; a third number after another colon is the step."
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")] = None,
-    threads: Annotated[
-        int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")
-    ] = None,
+    seed: Seed = None,
+    threads: Threads = None,
     workers: Annotated[
         int | None,
         typer.Option("--workers", min=1, max=256, help="Processes in place of threads, for long runs on many cores."),
@@ -56,8 +63,7 @@ def run(
     live_with: LiveWith = None,
 ) -> None:
     """Simulate a scenario and record its frames with truth and labels."""
-    changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
-    scenario = Scenario.load(file, changes, trust_fmu=trust_fmu)
+    scenario = Scenario.load(file, join_settings(settings, seed), trust_fmu=trust_fmu)
     numbers = scenario.time.choose_frames(parse_frames(frames))
     kept = _parse_keep(keep)
     if threads is not None and workers is not None:
@@ -100,8 +106,7 @@ def run(
                     tally.add(frame)
                     bar.advance()
     echo(tally.table(output, done))
-    if view is not None:
-        echo(f"live view   {view.shown:,} frames shown, {view.dropped:,} dropped")
+    report_live_view(view)
 
 
 def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from rso_lidar import interruption
-from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustFmu
-from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Seed, Settings, Threads, TrustFmu, join_settings
+from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view, report_live_view
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
@@ -47,10 +47,10 @@ def serve(
             autocompletion=lambda: list(POLICIES),
         ),
     ] = "slip",
-    truth: Annotated[bool, typer.Option("--truth", help="Tell the truth to clients that ask for it.")] = False,
+    truth: Annotated[bool, typer.Option("--truth", help="Answer requests for the truth.")] = False,
     token_file: Annotated[
         Path | None,
-        typer.Option("--token-file", metavar="FILE", help=f"File of the token that clients need; or {_TOKEN}."),
+        typer.Option("--token-file", metavar="FILE", help=f"File of the token that clients need; else {_TOKEN}."),
     ] = None,
     curve_key: Annotated[
         Path | None,
@@ -60,10 +60,8 @@ def serve(
         Path | None,
         typer.Option("--curve-clients", metavar="FOLDER", help="Folder of the public keys of clients (.key)."),
     ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")] = None,
-    threads: Annotated[
-        int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")
-    ] = None,
+    seed: Seed = None,
+    threads: Threads = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
     trust_fmu: TrustFmu = False,
@@ -78,20 +76,19 @@ def serve(
     if late not in POLICIES:
         raise ScenarioError(f"--late {late}: is not {', '.join(POLICIES)}")
     deadlines = None if real_time is None else Deadlines(real_time, late)
-    changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
-    scenario = Scenario.load(file, changes, trust_fmu=trust_fmu)
+    scenario = Scenario.load(file, join_settings(settings, seed), trust_fmu=trust_fmu)
     recorder = FlightRecorder(output, overwrite=overwrite) if output else None
     signals: list[int] = []
     with ExitStack() as undone:
         simulation = undone.enter_context(Simulation(scenario, threads=threads))
         view = open_live_view(scenario, live, live_at, live_with)
         show = undone.enter_context(view).show if view else None
-        session = Session(simulation, tells_truth=truth, recorder=recorder, show=show)
+        session = Session(simulation, serves_truth=truth, recorder=recorder, show=show)
         server = undone.enter_context(
-            Server(session, bind, publish=publish, security=security, deadlines=deadlines, tell=_log)
+            Server(session, bind, publish=publish, security=security, deadlines=deadlines, log=_log)
         )
         with announce_compiling():
-            simulation.step()  # so that no client waits for the compiler
+            simulation.step()  # compiles before the first request
         simulation.reset()
         stream = f"; readings at {server.stream}" if server.stream else ""
         _log(f"serving     {scenario.name} at {server.endpoint}{stream}")
@@ -100,8 +97,7 @@ def serve(
                 server.run(lambda: bool(signals))
         finally:
             _report(recorder, deadlines)
-    if view is not None:
-        _log(f"live view   {view.shown:,} frames shown, {view.dropped:,} dropped")
+    report_live_view(view)
     if signals:
         if signals[0] != signal.SIGINT:
             echo(interruption.format_ending(signals[0]), err=True)

@@ -58,7 +58,7 @@ def parse_address(text: str, where: str) -> NetworkAddress:
 
 
 def require_loopback(address: NetworkAddress, where: str, what: str) -> None:
-    """Refuse an address that other machines can reach, for a server that cannot tell who asks.
+    """Refuse an address that other machines can reach, for a server without authentication.
 
     Parameters
     ----------

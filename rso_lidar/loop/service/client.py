@@ -28,15 +28,15 @@ from rso_lidar.records import Command, Observation, SensorSamples, Truth
 from rso_lidar.records.telemetry import join_samples
 
 _NS_PER_S = 1_000_000_000
-_MOST_STEPS = 10_000  # whose samples wait for a reading
-_LOOK_MS = 100  # after which a client that waits looks whether the server has gone
+_MOST_STEPS = 10_000  # whose samples are kept until the next reading
+_LOOK_MS = 100  # period at which a client that waits checks the connection
 _CONNECT_S = 10.0  # longest wait for the connection itself
 
 
 class Client:
     """A simulation in another process, stepped over a socket; a context manager.
 
-    It reads like `Simulation`, but for labels and truth, which flight software does not have::
+    It has the methods and properties of `Simulation`, without labels::
 
         with rl.loop.Client("tcp://127.0.0.1:5571") as simulation:
             flash = simulation.step()
@@ -52,7 +52,7 @@ class Client:
     role : ``driver`` steps the simulation; ``observer`` only reads.
     timeout_s : longest wait for a reply [s].
     name : in the server's log.
-    token : secret of a server that asks for one.
+    token : secret that the server requires.
     key : file of this client's CURVE keys (``.key_secret``).
     server_key : file of the server's public key.
     """
@@ -80,7 +80,7 @@ class Client:
         self._sight: np.ndarray | None = None
         self._observation: Observation | None = None
         self._samples: Mapping[str, SensorSamples] = {}
-        self._since: deque[Mapping[str, SensorSamples]] = deque(maxlen=_MOST_STEPS)  # the reading before
+        self._since: deque[Mapping[str, SensorSamples]] = deque(maxlen=_MOST_STEPS)  # the reading before it
         try:
             self._socket.setsockopt(self._zmq.LINGER, 0)
             self._socket.setsockopt(self._zmq.IPV6, "[" in endpoint)
@@ -115,7 +115,7 @@ class Client:
         )
 
     def _read_event(self) -> int:
-        """Return what happened to the connection next."""
+        """Return the next event of the connection."""
         from zmq.utils.monitor import recv_monitor_message
 
         return int(recv_monitor_message(self._monitor)["event"])
@@ -164,7 +164,7 @@ class Client:
 
     @property
     def truth(self) -> Truth:
-        """Poses of all bodies at the present time, from a server that tells the truth."""
+        """Poses of all bodies at the present time, from a server that was started with ``--truth``."""
         truth: Truth = self._ask("truth", build_truth)
         return truth
 
@@ -212,19 +212,19 @@ class Client:
         self._since.clear()
 
     def save(self) -> str:
-        """Have the server keep the present state, and return its name."""
+        """Save the present state on the server, and return its name."""
         name: str = self._ask("save", lambda header, arrays: str(header["state"]))
         return name
 
-    def restore(self, state: str, *, forget: bool = False) -> None:
-        """Go on from a state that the server keeps.
+    def restore(self, state: str, *, delete: bool = False) -> None:
+        """Go on from a state that was saved on the server.
 
         Parameters
         ----------
         state : its name, from `save`.
-        forget : whether the server forgets it afterwards.
+        delete : whether the server deletes it afterwards.
         """
-        self._ask("restore", state=state, forget=forget)
+        self._ask("restore", state=state, delete=delete)
         self._observation = None
         self.read()
 
@@ -296,8 +296,8 @@ class Client:
             if self._monitor.poll(0) and self._read_event() == self._zmq.Event.DISCONNECTED:
                 raise RunError(f"{self.endpoint}: the server has ended; start it again, and make a new Client")
         raise RunError(
-            f"{self.endpoint}: gave no answer to '{kind}' within {self.timeout_s:g} s; "
-            "see what the server does, or allow more with timeout_s"
+            f"{self.endpoint}: did not answer '{kind}' within {self.timeout_s:g} s; "
+            "check the server, or raise timeout_s"
         )
 
 

@@ -19,8 +19,8 @@ class Deadlines:
     """Deadlines of the wall clock for the steps of a simulation.
 
     The first reply after a reset starts the clock. The reply of a step to simulated time t is due t / `factor` later.
-    A reply that is ready before is held back until then. A reply that is ready later has missed its deadline: ``slip``
-    moves all deadlines after it by as much, ``skip`` keeps them and leaves out flashes whose deadlines have passed before
+    A reply that is ready before is held until then. A reply that is ready later has missed its deadline: ``slip``
+    moves all later deadlines by the delay, ``skip`` keeps them and leaves out flashes whose deadlines have passed before
     they begin, and ``fail`` ends the run.
 
     Parameters
@@ -54,7 +54,7 @@ class Deadlines:
         self._origin = self._last = None
 
     def has_passed(self, time_ns: int) -> bool:
-        """Return whether flashes are left out and the deadline of one has passed already.
+        """Return whether the policy leaves out late flashes and the deadline of one has passed.
 
         Parameters
         ----------

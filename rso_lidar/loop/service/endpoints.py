@@ -35,7 +35,7 @@ class Security:
             raise ScenarioError("--curve-key and --curve-clients: need each other; give both or none")
 
     def accepts(self, token: str | None) -> bool:
-        """Return whether a token is the right one, in a time that does not depend on where it differs.
+        """Return whether a token is the right one, by a comparison in constant time.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Recordings of a served simulation: one file for each flight from t = 0, whole whenever the server ends."""
+"""Recordings of a served simulation: one file for each flight from t = 0."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class FlightRecorder:
 
     def _write(self, frame: Frame) -> None:
         if self._recorder is None:
-            # An identity of its own: two servers, or a killed one and the next, never share a temporary file.
+            # Its own identity: two servers, or a killed one and the next, never share a temporary file.
             recorder = export.Recorder(
                 self.path,
                 frame.source,

@@ -19,7 +19,7 @@ _NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class Delivery:
-    """One flash as flight software learns of it.
+    """One flash as it is delivered to flight software.
 
     `t_emission_ns` is the time of the flash, and `t_available_ns` the time at which flight software has the reading, both
     since start_utc. `observation` is None where the reading was lost on the link (``dropped``), or the flash was left out
@@ -35,7 +35,7 @@ class Delivery:
 
 @dataclass(frozen=True, eq=False)
 class LinkedState:
-    """State of a linked simulation at an instant: that of the simulation, and what is on its way on the link."""
+    """State of a linked simulation at an instant: that of the simulation, and the commands and readings in transit."""
 
     simulation: SimulationState
     active: Command | None
@@ -63,7 +63,7 @@ class LinkedSimulation:
         self.frame: Frame | None = None  # of the last step, for those that record
         self._active: Command | None = None
         self._commands: list[tuple[int, Command | None]] = []  # with the instant from which each acts, in order
-        self._readings: list[Delivery] = []  # on their way, in the order of their arrival
+        self._readings: list[Delivery] = []  # in transit, in the order of their arrival
         self._delivered: Delivery | None = None
         self._samples: list[Mapping[str, SensorSamples]] = []  # of the last step, by its parts
 
@@ -85,7 +85,7 @@ class LinkedSimulation:
 
     @property
     def is_over(self) -> bool:
-        """Whether the last flash has been made, and no reading is on its way."""
+        """Whether the last flash has been made, and no reading is in transit."""
         return self.simulation.is_over and not self._readings
 
     @property
@@ -140,7 +140,7 @@ class LinkedSimulation:
             if not self.simulation.is_over:
                 self._fly(self.time_ns + dt_ns)
             elif not self._readings:
-                self.simulation.step(dt_s=dt_ns / _NS_PER_S)  # which says that it is over
+                self.simulation.step(dt_s=dt_ns / _NS_PER_S)  # raises the error that it is over
             else:
                 end_ns = self._readings[0].t_available_ns
             return self._receive(end_ns)
@@ -161,7 +161,7 @@ class LinkedSimulation:
         self._commands.sort(key=lambda entry: entry[0])  # stable: of equal ones the last given acts
 
     def _take_command(self) -> int | None:
-        """Let the commands act whose time has come; return the time of the next one [ns]."""
+        """Activate the commands whose time has come, and return the time of the next one [ns]; None for none."""
         while self._commands and self._commands[0][0] <= self.time_ns:
             self._active = self._commands.pop(0)[1]
         return self._commands[0][0] if self._commands else None

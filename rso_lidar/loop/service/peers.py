@@ -1,4 +1,4 @@
-"""The clients of a server: who has said hello, who drives, and what each may ask."""
+"""The clients of a server: their names and roles, and the requests that each may make."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _FOR_OBSERVERS = ("hello", "describe", "observation", "truth")
 
 
 class RefusalError(Exception):
-    """A request that is not answered; `code` is the reason as a program reads it."""
+    """A request that is refused; `code` is the reason for programs."""
 
     def __init__(self, code: str, message: str) -> None:
         super().__init__(message)
@@ -22,28 +22,28 @@ class RefusalError(Exception):
 
 @dataclass(frozen=True)
 class _Peer:
-    """A client that has said hello."""
+    """A client that has sent hello."""
 
     name: str
     is_driver: bool
-    connection: int  # number of its socket, by which libzmq reports that it has gone
+    connection: int  # number of its socket, by which libzmq reports the end of a connection
 
 
 class Peers:
-    """The clients that have said hello, with one driver at a time.
+    """The clients that have sent hello, with one driver at a time.
 
     Parameters
     ----------
     security : who may connect.
-    tell : prints a line of the log.
+    log : prints a line of the log.
     """
 
-    def __init__(self, security: Security, tell: Callable[[str], None]) -> None:
-        self._security, self._tell = security, tell
+    def __init__(self, security: Security, log: Callable[[str], None]) -> None:
+        self._security, self._log = security, log
         self._peers: dict[bytes, _Peer] = {}
 
     def admit(self, identity: bytes, connection: int, request: Request) -> None:
-        """Check that a client may make a request, and note who says hello.
+        """Check that a client may make a request, and register a client that sends hello.
 
         Parameters
         ----------
@@ -57,16 +57,16 @@ class Peers:
             If it may not.
         """
         if isinstance(request, HelloRequest):
-            self._greet(identity, connection, request)
+            self._register(identity, connection, request)
             return
         kind = request.request
         if (peer := self._peers.get(identity)) is None:
-            raise RefusalError("no_session", f"{kind}: comes from a client that has not said hello; say hello first")
+            raise RefusalError("no_session", f"{kind}: comes from a client that has not sent hello; send hello first")
         if not peer.is_driver and kind not in _FOR_OBSERVERS:
             raise RefusalError("forbidden", f"{kind}: is for the driver, and this client is an observer")
 
-    def _greet(self, identity: bytes, connection: int, request: HelloRequest) -> None:
-        """Make a client a driver or an observer.
+    def _register(self, identity: bytes, connection: int, request: HelloRequest) -> None:
+        """Register a client as a driver or an observer.
 
         Parameters
         ----------
@@ -79,12 +79,12 @@ class Peers:
         drivers = [peer.name for key, peer in self._peers.items() if peer.is_driver and key != identity]
         if is_driver and drivers:
             raise RefusalError(
-                "busy", f"hello: {drivers[0]!r} is the driver already; end it first, or say hello as an observer"
+                "busy", f"hello: {drivers[0]!r} is the driver already; end it first, or connect as an observer"
             )
         if identity not in self._peers and len(self._peers) >= MOST_CLIENTS:
             raise RefusalError("busy", f"hello: {MOST_CLIENTS} clients are connected already; end one first")
         self._peers[identity] = _Peer(request.client, is_driver, connection)
-        self._tell(f"client      {request.client} is here as {request.role}")
+        self._log(f"client      {request.client} has connected as {request.role}")
 
     def find(self, connection: int) -> list[bytes]:
         """Return the identities of the clients on a connection.
@@ -95,14 +95,14 @@ class Peers:
         """
         return [identity for identity, peer in self._peers.items() if peer.connection == connection]
 
-    def forget(self, identity: bytes, what: str) -> None:
-        """Forget a client, if it is known.
+    def remove(self, identity: bytes, reason: str) -> None:
+        """Remove a client, if it is known.
 
         Parameters
         ----------
         identity : of the client.
-        what : happened to it, for the log.
+        reason : verb phrase for the log.
         """
         if (peer := self._peers.pop(identity, None)) is not None:
             waits = "; the simulation waits for another" if peer.is_driver else ""
-            self._tell(f"client      {peer.name} {what}{waits}")
+            self._log(f"client      {peer.name} {reason}{waits}")

@@ -1,4 +1,4 @@
-"""Requests of flight software, as parts: what each may say, in which units, and how a text is checked."""
+"""Requests of flight software, as parts: their keys with units and bounds, and the parser of a request."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class CommandRequest(Part):
 
 
 class Request(Part):
-    """What every request may say."""
+    """Keys of every request."""
 
     request: str = Field(description="Kind of the request.")
     sequence: Annotated[Whole, Field(ge=0, le=_MOST_SEQUENCE)] = Field(
@@ -47,10 +47,10 @@ class Request(Part):
 
 
 class HelloRequest(Request):
-    """Begins the conversation: the first request on every connection."""
+    """Opens the session of a client: the first request on every connection."""
 
     request: Literal["hello"] = Field(description="Kind of the request.")
-    version: Literal[1] = Field(description="Version of the schema that the client speaks.")
+    version: Literal[1] = Field(description="Version of the schema that the client uses.")
     role: Literal["driver", "observer"] = Field(
         default="driver", description="A driver steps the simulation; there is one at a time. An observer only reads."
     )
@@ -61,13 +61,13 @@ class HelloRequest(Request):
 
 
 class DescribeRequest(Request):
-    """Asks what does not change: times, pixels, PTU, inputs, link; and for the line of sight of the pixels."""
+    """Requests what does not change: times, pixels, PTU and link, and the line of sight of the pixels."""
 
     request: Literal["describe"] = Field(description="Kind of the request.")
 
 
 class StepRequest(Request):
-    """Goes to the next flash, or on by a time, under a command."""
+    """Steps to the next flash, or by a time, under a command."""
 
     request: Literal["step"] = Field(description="Kind of the request.")
     command: CommandRequest | None = Field(default=None, description="Command; null or left out is an empty one.")
@@ -81,7 +81,7 @@ class StepRequest(Request):
 
 
 class ResetRequest(Request):
-    """Goes back to t = 0, before the first flash."""
+    """Resets the simulation to t = 0, before the first flash."""
 
     request: Literal["reset"] = Field(description="Kind of the request.")
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] | None = Field(
@@ -90,29 +90,29 @@ class ResetRequest(Request):
 
 
 class ObservationRequest(Request):
-    """Asks for the latest reading once more."""
+    """Requests the latest reading again."""
 
     request: Literal["observation"] = Field(description="Kind of the request.")
 
 
 class TruthRequest(Request):
-    """Asks for the true poses at the present time, of a server that was started with --truth."""
+    """Requests the true poses at the present time, from a server that was started with --truth."""
 
     request: Literal["truth"] = Field(description="Kind of the request.")
 
 
 class SaveRequest(Request):
-    """Has the server keep the present state; the reply names it."""
+    """Saves the present state on the server; the reply holds its name."""
 
     request: Literal["save"] = Field(description="Kind of the request.")
 
 
 class RestoreRequest(Request):
-    """Goes on from a state that the server keeps."""
+    """Restores a state that was saved on the server."""
 
     request: Literal["restore"] = Field(description="Kind of the request.")
     state: Text = Field(description="Name of the state, from the reply to `save`.")
-    forget: Flag = Field(default=False, description="Whether the server forgets the state afterwards.")
+    delete: Flag = Field(default=False, description="Whether the server deletes the state afterwards.")
 
 
 class ShutdownRequest(Request):
@@ -159,7 +159,7 @@ def parse_request(header: bytes) -> Any:
 
 
 def find_sequence(header: bytes) -> int:
-    """Return the number of a request that may be wrong otherwise, so that its refusal can repeat it; 0 for none."""
+    """Return the number of a request that may be invalid otherwise, so that its refusal can repeat it; 0 for none."""
     try:
         number = parse_json(header, "request").get("sequence")
     except ScenarioError:

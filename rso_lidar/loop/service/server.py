@@ -17,10 +17,10 @@ from rso_lidar.loop.service.requests import HelloRequest, Request, find_sequence
 from rso_lidar.loop.service.session import Answer, Session
 from rso_lidar.loop.service.wire_format import encode
 
-MOST_REQUEST_BYTES = 65_536  # of one part of a message; libzmq closes the connection of who sends more
-_WAITING = 16  # messages of one client that wait; a slow reader of the stream loses those beyond
+MOST_REQUEST_BYTES = 65_536  # of one part of a message; libzmq closes the connection of a client that sends more
+_WAITING = 16  # messages queued for one client; a slow reader of the stream loses further ones
 _POLL_S = 0.1  # within which a signal is noticed
-_SLEEP_S = 0.002  # before a deadline, where polling is too coarse
+_SLEEP_S = 0.002  # last part of a wait, for which polling is too coarse
 _LINGER_MS = 500  # to send the last reply
 
 
@@ -47,7 +47,7 @@ class Server:
     publish : address of the stream; None for none.
     security : who may connect.
     deadlines : deadlines of the wall clock; None for lock-step as fast as it goes.
-    tell : prints a line of the log.
+    log : prints a line of the log.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Server:
         publish: str | None = None,
         security: Security | None = None,
         deadlines: Deadlines | None = None,
-        tell: Callable[[str], None] = lambda line: None,
+        log: Callable[[str], None] = lambda line: None,
     ) -> None:
         self._session, self._deadlines = session, deadlines
         self._security = security or Security()
@@ -68,7 +68,7 @@ class Server:
         self._bind, self._publish = bind, publish
         self._zmq = import_zmq("serve")
         self._open = ExitStack()
-        self._peers = Peers(self._security, tell)
+        self._peers = Peers(self._security, log)
         self._due: _Due | None = None
         self._sequence = self._published = 0
         self.endpoint, self.stream = bind, publish  # as bound, with the numbers of ports
@@ -80,7 +80,7 @@ class Server:
             context.set(self._zmq.MAX_SOCKETS, 64)
             self._authenticate(context, undone)
             self._requests = self._make_socket(context, undone, self._zmq.ROUTER)
-            self._requests.set(self._zmq.ROUTER_MANDATORY, 1)  # a reply to who has gone is an error, not nothing
+            self._requests.set(self._zmq.ROUTER_MANDATORY, 1)  # a reply to a client that has disconnected is an error
             self._monitor = self._requests.get_monitor_socket(self._zmq.Event.DISCONNECTED)
             undone.enter_context(self._monitor)
             undone.callback(self._requests.disable_monitor)
@@ -107,11 +107,11 @@ class Server:
             raise ScenarioError(
                 f"--curve-clients {self._security.client_keys}: is no folder; name that of the .key files"
             )
-        keeper = ThreadAuthenticator(context)
-        keeper.start()
-        undone.callback(keeper.stop)
+        authenticator = ThreadAuthenticator(context)
+        authenticator.start()
+        undone.callback(authenticator.stop)
         try:
-            keeper.configure_curve(domain="*", location=str(self._security.client_keys))
+            authenticator.configure_curve(domain="*", location=str(self._security.client_keys))
         except (OSError, ValueError) as failure:
             raise ScenarioError(
                 f"--curve-clients {self._security.client_keys}: {failure}; mend the .key file"
@@ -168,7 +168,7 @@ class Server:
         Raises
         ------
         RunError
-            If a deadline was missed that must not be, or a recording cannot be written.
+            If a deadline was missed under the policy ``fail``, or a recording cannot be written.
         """
         while not self._is_done and not is_stopped():
             self._receive(self._find_timeout_ms())
@@ -196,19 +196,19 @@ class Server:
             self._stream.send_multipart([b"reading", *due.parts], self._zmq.NOBLOCK)
 
     def _note_disconnections(self) -> None:
-        """Forget the clients whose connections have ended."""
+        """Remove the clients whose connections have ended."""
         from zmq.utils.monitor import recv_monitor_message
 
         while self._monitor.poll(0):
-            gone = int(recv_monitor_message(self._monitor)["value"])
-            for identity in self._peers.find(gone):
-                self._forget(identity, "has gone")
+            connection = int(recv_monitor_message(self._monitor)["value"])
+            for identity in self._peers.find(connection):
+                self._remove(identity, "has disconnected")
 
-    def _forget(self, identity: bytes, what: str) -> None:
-        """Forget a client, and the reply that waits for it."""
+    def _remove(self, identity: bytes, reason: str) -> None:
+        """Remove a client, and the reply that waits for it."""
         if self._due is not None and self._due.envelope[0] == identity:
             self._due = None
-        self._peers.forget(identity, what)
+        self._peers.remove(identity, reason)
 
     # ------------------------------------------------------------------------------------------------ one request
 
@@ -234,7 +234,7 @@ class Server:
             request = parse_request(body[0])
             sequence = request.sequence
             if isinstance(request, HelloRequest):
-                self._note_disconnections()  # libzmq reports that a client has gone before another takes its socket's number
+                self._note_disconnections()  # libzmq reports a disconnection before it uses the socket's number again
             self._peers.admit(envelope[0], frames[-1].get(self._zmq.SRCFD), request)
             if self._due is not None and self._due.envelope[0] == envelope[0]:
                 raise RefusalError("busy", f"{request.request}: comes before the reply to the one before; wait for it")
@@ -248,7 +248,7 @@ class Server:
             self._refuse(envelope, sequence or find_sequence(body[0]), "bad_request", str(error))
 
     def _answer(self, envelope: list[bytes], request: Request, asked_s: float) -> None:
-        """Answer a request, or have the answer wait for its deadline.
+        """Answer a request at once, or hold the answer until its deadline.
 
         Parameters
         ----------
@@ -290,7 +290,7 @@ class Server:
         return self._sequence
 
     def _refuse(self, envelope: list[bytes], sequence: int, code: str, message: str) -> None:
-        """Send the reply that says why a request has no answer.
+        """Send an error reply.
 
         Parameters
         ----------
@@ -310,13 +310,13 @@ class Server:
         self._send(envelope, encode(header))
 
     def _send(self, envelope: list[bytes], parts: list[Any]) -> None:
-        """Send a reply; a client that has gone, or reads nothing, is forgotten."""
+        """Send a reply; a client that has disconnected, or does not read, is removed."""
         try:
             self._requests.send_multipart([*envelope, *parts], self._zmq.NOBLOCK)
         except self._zmq.Again:
-            self._forget(envelope[0], "does not read its replies")
+            self._remove(envelope[0], "does not read its replies")
         except self._zmq.ZMQError:  # EHOSTUNREACH
-            self._forget(envelope[0], "has gone")
+            self._remove(envelope[0], "has disconnected")
 
     def _publish_event(self, event: str) -> None:
         if self._stream is not None:

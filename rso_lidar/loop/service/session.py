@@ -34,7 +34,7 @@ _SIGHT = "line_of_sight"
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """An answer to a request: header and arrays of the message, and what the server has to know of it."""
+    """An answer to a request: header and arrays of the message, and flags for the server."""
 
     header: dict[str, Any]
     arrays: list[WireArray] = field(default_factory=list)
@@ -50,7 +50,7 @@ class Session:
     Parameters
     ----------
     simulation : under commands.
-    tells_truth : whether requests for the truth are answered.
+    serves_truth : whether requests for the truth are answered.
     recorder : of all frames made; None for none.
     show : called with every frame made, such as by a live view; None for nothing.
     """
@@ -59,12 +59,12 @@ class Session:
         self,
         simulation: Simulation,
         *,
-        tells_truth: bool = False,
+        serves_truth: bool = False,
         recorder: FlightRecorder | None = None,
         show: Callable[[Frame], object] | None = None,
     ) -> None:
         self.linked = LinkedSimulation(simulation)
-        self.tells_truth, self._recorder, self._show = tells_truth, recorder, show
+        self.serves_truth, self._recorder, self._show = serves_truth, recorder, show
         self._seed = simulation.scenario.seed
         self._states: dict[str, LinkedState] = {}
         self._names = 0
@@ -98,7 +98,7 @@ class Session:
             case ObservationRequest():
                 return self._observe()
             case TruthRequest():
-                return self._tell_truth()
+                return self._list_truth()
             case ResetRequest():
                 return self._reset(request.seed)
             case SaveRequest():
@@ -110,7 +110,7 @@ class Session:
         raise ScenarioError(f"request: {type(request).__name__} has no answer")
 
     def _state(self) -> dict[str, Any]:
-        """Return what every answer says."""
+        """Return the keys of every answer."""
         linked = self.linked
         return {"time_ns": linked.time_ns, "next_flash_ns": linked.next_flash_ns, "is_over": linked.is_over}
 
@@ -128,7 +128,7 @@ class Session:
             "has_ptu": scenario.ptu is not None,
             "seed": scenario.seed,
             "link": self.linked.link.model_dump(),
-            "tells_truth": self.tells_truth,
+            "serves_truth": self.serves_truth,
             "is_recorded": self._recorder is not None,
         }
 
@@ -195,10 +195,10 @@ class Session:
             has_reading=observation is not None,
         )
 
-    def _tell_truth(self) -> Answer:
-        if not self.tells_truth:
+    def _list_truth(self) -> Answer:
+        if not self.serves_truth:
             raise ScenarioError(
-                "truth: is not for flight software; start the server with --truth where it may be asked"
+                "truth: requests for the truth are refused; start the server with --truth to answer them"
             )
         truth = self.linked.simulation.truth
         header = self._state() | {
@@ -218,7 +218,7 @@ class Session:
 
     def _save(self) -> Answer:
         if len(self._states) >= MOST_STATES:
-            raise ScenarioError(f"save: {MOST_STATES} states are kept already; restore one with forget = true")
+            raise ScenarioError(f"save: {MOST_STATES} states are kept already; restore one with delete = true")
         self._names += 1
         name = f"state-{self._names}"
         self._states[name] = self.linked.save()
@@ -231,7 +231,7 @@ class Session:
             )
         if request.state not in self._states:
             raise ScenarioError(f"restore: no state '{request.state:.40}' is kept; give the name that save returned")
-        state = self._states.pop(request.state) if request.forget else self._states[request.state]
+        state = self._states.pop(request.state) if request.delete else self._states[request.state]
         self.linked.restore(state)
         self._sight = None
         return Answer(self._state())

@@ -205,7 +205,9 @@ def check_reply(endpoint: str) -> Iterator[None]:
     try:
         yield
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        what = f"lacks {error}" if isinstance(error, KeyError) else f"cannot be read ({' '.join(str(error).split()):.100})"
+        what = (
+            f"lacks {error}" if isinstance(error, KeyError) else f"cannot be read ({' '.join(str(error).split()):.100})"
+        )
         raise RunError(f"{endpoint}: the reply {what}; use equal versions") from error
 
 

@@ -19,7 +19,7 @@ SMALL = (
 @contextmanager
 def serving(scenario, *, session=None, **options):
     """Serve a scenario in a thread, and yield the server; it ends with the context."""
-    session = session or rl.loop.Session(rl.Simulation(scenario, threads=1), tells_truth=True)
+    session = session or rl.loop.Session(rl.Simulation(scenario, threads=1), serves_truth=True)
     ready, stop, made, failures = threading.Event(), threading.Event(), [], []
 
     def run():

@@ -75,4 +75,4 @@ def test_a_wrong_answer_later(kind, header, said):
     with answering(HELLO, header) as endpoint, rl.loop.Client(endpoint, timeout_s=20) as client:
         assert client.description == HELLO["describe"] and client.next_flash_s == 0.0
         with pytest.raises(rl.RunError, match=said):
-            client.truth if kind == "truth" else getattr(client, kind)()  # noqa: B018 - a property that asks
+            client.truth if kind == "truth" else getattr(client, kind)()

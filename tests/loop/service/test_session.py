@@ -35,14 +35,14 @@ def test_every_flight_has_a_recording_of_its_own(scenario, tmp_path):
     assert ask(session, '{"request": "step"}').header["frame"]["index"] == 1
 
 
-def test_truth_is_for_those_who_were_given_it(scenario):
+def test_truth_is_served_only_where_it_is_asked_for(scenario):
     session = rl.loop.Session(rl.Simulation(scenario, threads=1))
     answer = ask(session, '{"request": "step"}')
     with pytest.raises(rl.ScenarioError, match="start the server with --truth"):
         ask(session, '{"request": "truth"}')
-    told = [one.path for one in answer.arrays]
-    assert "reading/range_m" in told
-    assert not [path for path in told if "truth" in path or "label" in path]
+    listed = [one.path for one in answer.arrays]
+    assert "reading/range_m" in listed
+    assert not [path for path in listed if "truth" in path or "label" in path]
 
 
 def test_the_line_of_sight_is_sent_once_and_after_a_zoom(scenario):
@@ -62,12 +62,12 @@ def test_the_line_of_sight_is_sent_once_and_after_a_zoom(scenario):
     assert has_sight(step)
 
 
-def test_states_are_bounded_and_can_be_forgotten(scenario):
+def test_states_are_bounded_and_can_be_deleted(scenario):
     session = rl.loop.Session(rl.Simulation(scenario, threads=1))
     names = [ask(session, '{"request": "save"}').header["state"] for _ in range(MOST_STATES)]
     with pytest.raises(rl.ScenarioError, match="states are kept already"):
         ask(session, '{"request": "save"}')
-    ask(session, f'{{"request": "restore", "state": "{names[0]}", "forget": true}}')
+    ask(session, f'{{"request": "restore", "state": "{names[0]}", "delete": true}}')
     with pytest.raises(rl.ScenarioError, match="no state"):
         ask(session, f'{{"request": "restore", "state": "{names[0]}"}}')
     ask(session, '{"request": "save"}')
