@@ -90,6 +90,11 @@ def get_reads(sensor: Any) -> frozenset[str]:
     return sensor.reads if isinstance(sensor, SensorPart) else ALL_READ
 
 
+def get_look_back(sensor: Any) -> int:
+    """Return on the motion at how many earlier samples a sample of a sensor depends; 0 for a user's object."""
+    return sensor.look_back if isinstance(sensor, SensorPart) else 0
+
+
 def time_sensor_samples(sensor: Any, numbers: range) -> np.ndarray:
     """Return the instants (sample) [s] of samples of any sensor: one division each, so that rounding does not add up.
 

@@ -71,6 +71,11 @@ class SensorPart(Part):
         """What the sensor reads of the follower's motion, beside its angular velocity and specific force."""
         return ALL_READ
 
+    @property
+    def look_back(self) -> int:
+        """Number of earlier samples on whose true motion a sample depends. Its random errors need none."""
+        return 0
+
     @abstractmethod
     def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
         """Return the standard deviations of the white noise (channel), and the processes, of this kind of sensor."""

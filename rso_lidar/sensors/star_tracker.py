@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -25,6 +26,8 @@ from rso_lidar.sensors.sensor_part import SensorPart, gauss_markov
 
 _ACROSS, _ABOUT = (0, 1), (2,)
 
+_ROUNDING = 1e-9  # of a sample: 0.3 s at 10 Hz are 3 samples and not 4
+
 ExclusionAngle = Annotated[NotNegative, Field(le=180.0)]
 
 
@@ -33,7 +36,8 @@ class StarTracker(SensorPart):
 
     Errors are small rotations in tracker axes: white noise, a slowly varying part (a Gauss-Markov process, for errors that
     move with the stars over the field of view) and a constant misalignment of the mount. A sample is not valid above
-    `max_rate_deg_s`, or where the boresight is too near to the Sun, the Moon, or the limb of the Earth.
+    `max_rate_deg_s`, or where the boresight is too near to the Sun, the Moon, or the limb of the Earth. After any of these,
+    and after an outage, the tracker needs `acquisition_s` to find its attitude again. It is tracking when a run begins.
     """
 
     type: Literal["star_tracker"] = "star_tracker"
@@ -67,6 +71,13 @@ class StarTracker(SensorPart):
         default=0.0,
         description="Smallest angle between boresight and limb of the Earth [deg]; at 0, the disk itself hides the stars.",
     )
+    acquisition_s: Annotated[NotNegative, Field(le=3600.0)] = Field(
+        default=0.0,
+        description=(
+            "Time without valid samples after the tracker was blinded, too fast or in an outage, while it identifies stars "
+            "without knowledge of its attitude [s]."
+        ),
+    )
 
     def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
         step_s, across, about = 1.0 / self.rate_hz, self.cross_boresight_arcsec, self.boresight_arcsec
@@ -78,19 +89,28 @@ class StarTracker(SensorPart):
         return np.array([across, across, about]) * units.ARCSEC, processes
 
     @cached_property
+    def look_back(self) -> int:
+        """Number of earlier samples on whose true motion a sample depends: those of an acquisition."""
+        return max(0, math.ceil(self.acquisition_s * self.rate_hz - _ROUNDING))
+
+    @cached_property
     def _body_from_tracker(self) -> np.ndarray:
         return np.asarray(self.mount.rotation.as_matrix())
 
     def measure(
         self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
     ) -> tuple[StarTrackerSamples, SensorState]:
-        """Measure the attitude of the body."""
-        errors, valid, state = self.draw(key, first_sample, motion.time_s, state)
+        """Measure the attitude of the body. Samples that the state skips are taken as not blinded."""
+        drawn = None if state is None else SensorState(state.next_sample, state.values[:-1])
+        errors, valid, after = self.draw(key, first_sample, motion.time_s, drawn)
+        searching = 0 if state is None else int(state.values[-1]) - (first_sample - state.next_sample)
         error = quaternion_from_vector(rotate_vectors(self._body_from_tracker, errors))
         quaternion = multiply_quaternions(motion.quaternion_xyzw, error)
         quaternion = np.where(quaternion[:, 3:] < 0.0, -quaternion, quaternion)
         valid &= ~self.is_blinded(motion)
+        valid, searching = find_acquired(valid, max(searching, 0), self.look_back)
         quaternion[~valid] = np.nan
+        state = SensorState(after.next_sample, np.append(after.values, searching))
         return StarTrackerSamples(motion.time_s, motion.time_s + self.latency_s, valid, quaternion), state
 
     def is_blinded(self, motion: BodyMotion) -> np.ndarray:
@@ -101,19 +121,47 @@ class StarTracker(SensorPart):
         motion : true motion of the follower.
         """
         blinded = np.zeros(len(motion.time_s), np.bool_)
+        for mask in self._find_blinding(motion).values():
+            blinded |= mask
+        return blinded
+
+    def _find_blinding(self, motion: BodyMotion) -> dict[str, np.ndarray]:
+        """Return where (time) each cause blinds the tracker, by cause; only causes that the sensor and its world have."""
+        causes = {}
         if self.max_rate_deg_s is not None:
-            blinded |= length(motion.angular_velocity_rad_s) > self.max_rate_deg_s * units.DEG
+            causes["the body's rate"] = length(motion.angular_velocity_rad_s) > self.max_rate_deg_s * units.DEG
         boresight = self._body_from_tracker[:, 2]  # +z of the mount, in body axes
         along = rotate_vectors(matrix_from_quaternion(motion.quaternion_xyzw), boresight)
         sources = (
-            (self.sun_exclusion_deg, motion.sun_direction, 0.0),
-            (self.moon_exclusion_deg, motion.moon_direction, 0.0),
-            (self.earth_exclusion_deg, motion.earth_direction, motion.earth_angle_rad),
+            ("the Sun", self.sun_exclusion_deg, motion.sun_direction, 0.0),
+            ("the Moon", self.moon_exclusion_deg, motion.moon_direction, 0.0),
+            ("the Earth", self.earth_exclusion_deg, motion.earth_direction, motion.earth_angle_rad),
         )
-        for exclusion_deg, direction, radius_rad in sources:
+        for name, exclusion_deg, direction, radius_rad in sources:
             # The disk of the Earth hides the stars behind it, whatever the exclusion angle.
             hides_stars = exclusion_deg > 0.0 or direction is motion.earth_direction
             if hides_stars and direction is not None and radius_rad is not None:  # None in a local world
                 angle = np.arccos(np.clip(dot(along, direction), -1.0, 1.0))
-                blinded |= angle - radius_rad < exclusion_deg * units.DEG
-        return blinded
+                causes[name] = angle - radius_rad < exclusion_deg * units.DEG
+        return causes
+
+
+def find_acquired(clear: np.ndarray, searching: int, look_back: int) -> tuple[np.ndarray, int]:
+    """Find the samples at which a tracker has its attitude: those after `look_back` clear samples, or more.
+
+    Parameters
+    ----------
+    clear : (sample) bool, whether stars can be tracked.
+    searching : number of the first samples that have no attitude yet because of what was before them.
+    look_back : number of samples that an acquisition takes.
+
+    Returns
+    -------
+    whether each sample (sample) bool has an attitude, and `searching` for the samples that follow.
+    """
+    if not len(clear):
+        return clear, searching
+    numbers = np.arange(len(clear))
+    before = searching - 1 - look_back  # the last sample that was not clear, counted from the first here
+    lost = np.maximum.accumulate(np.where(clear, before, numbers))
+    return numbers - lost > look_back, max(0, int(lost[-1]) + look_back + 1 - len(clear))

@@ -11,7 +11,13 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.records import BodyMotion, SensorSamples, SensorState
-from rso_lidar.sensors.choice import get_reads, measure_samples, number_available_samples, time_sensor_samples
+from rso_lidar.sensors.choice import (
+    get_look_back,
+    get_reads,
+    measure_samples,
+    number_available_samples,
+    time_sensor_samples,
+)
 from rso_lidar.sensors.random_errors import make_key
 
 FindMotion = Callable[[np.ndarray, frozenset[str], Callable[[], np.ndarray]], BodyMotion]
@@ -61,15 +67,25 @@ class SensorSuite:
                     f"sensor '{name}': {len(of):,} samples from {max(after_s, 0.0):g} s to {until_s:g} s are more than the "
                     f"{_MOST_SAMPLES:,} that fit; lower its rate_hz, or raise time.frame_rate_hz"
                 )
-        times = {name: time_sensor_samples(self._sensors[name], of) for name, of in numbers.items()}
+        flown = {name: self._look_back(name, of) for name, of in numbers.items()}
+        times = {name: time_sensor_samples(self._sensors[name], of) for name, of in flown.items()}
         instants = np.unique(np.concatenate(list(times.values())))
         reads = frozenset[str]().union(*(get_reads(self._sensors[name]) for name in numbers))
         motion = find_motion(instants, reads, partial(self._list_ahead, until_s))
         measured = {}
-        for name, of in numbers.items():
+        for name, of in flown.items():
             own = motion if len(of) == len(instants) else motion.some(np.searchsorted(instants, times[name]))
-            measured[name], self._states[name] = self._measure(name, own, of.start, self._states[name])
+            samples, self._states[name] = self._measure(name, own, of.start, self._states[name])
+            measured[name] = (
+                samples if of == numbers[name] else _slice(samples, slice(numbers[name].start - of.start, None))
+            )
         return measured
+
+    def _look_back(self, name: str, numbers: range) -> range:
+        """Add the earlier samples on which those of a sensor depend, where the state before them is not known."""
+        state = self._states[name]
+        known = 0 if state is None else state.next_sample
+        return range(max(known, numbers.start - get_look_back(self._sensors[name])), numbers.stop)
 
     def _measure(
         self, name: str, motion: BodyMotion, first: int, state: SensorState | None
@@ -102,9 +118,7 @@ class SensorSuite:
             motion = find_motion(np.zeros(1), reads, partial(np.empty, 0))
             for name in missing:
                 samples, _ = self._measure(name, motion, 0, None)
-                values = {field.name: getattr(samples, field.name) for field in dataclasses.fields(samples)}
-                arrays = {field: value[:0] for field, value in values.items() if isinstance(value, np.ndarray)}
-                self._empty[name] = dataclasses.replace(samples, **arrays)
+                self._empty[name] = _slice(samples, slice(0))
         return {name: measured.get(name) or self._empty[name] for name in self._sensors}
 
     def _list_ahead(self, after_s: float) -> np.ndarray:
@@ -137,3 +151,10 @@ class SensorSuite:
                 "this scenario"
             )
         self._states = dict(states)
+
+
+def _slice(samples: SensorSamples, some: slice) -> SensorSamples:
+    """Return some of the samples of a sensor."""
+    values = {field.name: getattr(samples, field.name) for field in dataclasses.fields(samples)}
+    arrays = {field: value[some] for field, value in values.items() if isinstance(value, np.ndarray)}
+    return dataclasses.replace(samples, **arrays)

@@ -93,3 +93,70 @@ def test_in_a_local_world_nothing_blinds():
     )
     assert tracker.measure(motion, KEY, 0)[0].valid.all()
     assert tracker.measure(make_motion(np.arange(2.0)), KEY, 0)[0].valid.all()
+
+
+def test_a_blinded_tracker_needs_time_to_find_its_attitude_again():
+    """At 10 Hz, 0.3 s are three samples: the Sun leaves at the fifth, and the tracker searches there and at two more."""
+    angles = np.full(20, 90.0)
+    angles[[2, 3, 12]] = 20.0
+    motion = make_motion(np.arange(20.0) / 10.0, sun_direction=directions(angles))
+    tracker = sensors.StarTracker(name="tracker", rate_hz=10.0, sun_exclusion_deg=30.0, acquisition_s=0.3)
+    samples, state = tracker.measure(motion, KEY, 0)
+    assert np.flatnonzero(~samples.valid).tolist() == [2, 3, 4, 5, 6, 12, 13, 14, 15]
+    assert state.values[-1] == 0.0
+    assert np.isnan(samples.quaternion_xyzw[~samples.valid]).all()
+    at_once = tracker.replace(acquisition_s=0.0).measure(motion, KEY, 0)[0]
+    assert np.flatnonzero(~at_once.valid).tolist() == [2, 3, 12]
+
+
+@pytest.mark.parametrize("cause", ["outage", "rate", "random outage"])
+def test_it_searches_after_an_outage_and_after_a_fast_turn(cause):
+    rate = np.zeros((30, 3))
+    changes = {"outages": [{"from_s": 1.0, "to_s": 2.0}]}
+    if cause == "rate":
+        rate[1:2], changes = 0.1, {"max_rate_deg_s": 1.0}
+    if cause == "random outage":
+        changes = {"random_outage": {"mean_up_s": 6.0, "mean_down_s": 1.0}}
+    motion = make_motion(np.arange(30.0), angular_velocity_rad_s=rate)
+    tracker = sensors.StarTracker(name="tracker", rate_hz=1.0, acquisition_s=4.0, **changes)
+    out = ~tracker.replace(acquisition_s=0.0).measure(motion, KEY, 0)[0].valid
+    assert 0 < out.sum() < 15
+    expected = [bool(out[max(0, k - 4) : k + 1].any()) for k in range(30)]
+    assert (~tracker.measure(motion, KEY, 0)[0].valid).tolist() == expected
+    assert out.sum() < sum(expected) < 30
+
+
+@pytest.mark.parametrize("acquisition_s", [0.0, 0.3, 1.0, 7.0])
+def test_samples_of_an_acquisition_do_not_depend_on_how_they_are_divided(acquisition_s):
+    """Each is valid after the clear samples that an acquisition takes, whatever calls they were in."""
+    rng = np.random.default_rng(3)
+    angles = np.where(rng.random(400) < 0.04, 20.0, 90.0)
+    motion = make_motion(np.arange(400.0) / 10.0, sun_direction=directions(angles))
+    tracker = sensors.StarTracker(
+        name="tracker", rate_hz=10.0, sun_exclusion_deg=30.0, cross_boresight_arcsec=5.0, acquisition_s=acquisition_s
+    )
+    whole, end = tracker.measure(motion, KEY, 0)
+    back = round(acquisition_s * 10.0)
+    assert tracker.look_back == back
+    assert whole.valid.tolist() == [bool((angles[max(0, k - back) : k + 1] > 30.0).all()) for k in range(400)]
+    assert 0 < whole.valid.sum() < 400
+    state, begin = None, 0
+    while begin < 400:
+        until = min(400, begin + int(rng.integers(1, 12)))
+        some, state = tracker.measure(motion.some(np.arange(begin, until)), KEY, begin, state)
+        np.testing.assert_array_equal(some.quaternion_xyzw, whole.quaternion_xyzw[begin:until])
+        begin = until
+    np.testing.assert_array_equal(state.values, end.values)
+    for first in (1, 57, 200, 395):  # samples alone, with those before them on which they depend
+        begin = max(0, first - back)
+        alone, _ = tracker.measure(motion.some(np.arange(begin, 400)), KEY, begin)
+        np.testing.assert_array_equal(alone.quaternion_xyzw[first - begin :], whole.quaternion_xyzw[first:])
+
+
+def test_samples_that_a_state_skips_count_as_clear():
+    motion = make_motion(np.arange(12.0), sun_direction=directions([20.0] + 11 * [90.0]))
+    tracker = sensors.StarTracker(name="tracker", rate_hz=1.0, sun_exclusion_deg=30.0, acquisition_s=5.0)
+    _, state = tracker.measure(motion.some(np.arange(2)), KEY, 0)
+    assert state.values[-1] == 4.0
+    assert tracker.measure(motion.some(np.arange(4, 8)), KEY, 4, state)[0].valid.tolist() == [False, False, True, True]
+    assert tracker.measure(motion.some(np.arange(8, 9)), KEY, 8, state)[0].valid.all()

@@ -95,6 +95,21 @@ def test_frames_alone_have_the_samples_of_a_run(scenario):
                 np.testing.assert_array_equal(getattr(samples, field), getattr(frame.observation.sensors[name], field))
 
 
+def test_frames_alone_know_of_the_blinding_before_them():
+    """The tracker is in an outage from 0.6 to 0.9 s, and searches for 1 s: the samples of the frame at 2 s begin with it."""
+    scenario = load(
+        '{type="star_tracker", name="tracker", rate_hz=10, boresight_arcsec=10, acquisition_s=1, '
+        "outages=[{from_s=0.6, to_s=0.9}]}"
+    )
+    whole = [frame.observation.sensors["tracker"] for frame in rl.simulate(scenario)]
+    assert np.flatnonzero(np.concatenate([~samples.valid for samples in whole])).tolist() == list(range(6, 19))
+    for numbers in ([2], [0, 2], [1, 2]):
+        found = [frame.observation.sensors["tracker"] for frame in rl.simulate(scenario, frames=numbers)]
+        for samples, number in zip(found, numbers, strict=True):
+            for field in vars(samples):
+                np.testing.assert_array_equal(getattr(samples, field), getattr(whole[number], field))
+
+
 def test_perfect_sensors_measure_the_truth():
     """The push shows as 0.01 m/s2 along body +x (along-track) and as 1 N of 100 kg; the body turns with its orbit.
 
