@@ -32,6 +32,7 @@ SPANNING = {
     "shapes/test_targets.py",
     "study/passes/test_screening_sets.py",
     "study/trades/test_worked_studies.py",
+    "test_bridge_basilisk.py",
     "test_bridge_cfs.py",
     "test_examples.py",
     "test_learning_examples.py",
