@@ -61,7 +61,7 @@ class FlashLidar(sysModel.SysModel):
         target = scenario.target[0].replace(motion=self.stage, attitude=self.stage)
         self.scenario = scenario.replace(follower=follower, target=(target,))
 
-    def UpdateState(self, CurrentSimNanos):  # noqa: N802, N803 (Basilisk names it)
+    def UpdateState(self, CurrentSimNanos):  # noqa: N802 (Basilisk names it)
         time_s = CurrentSimNanos * macros.NANO2SEC
         self.servicer.take(self.servicerInMsg(), time_s)
         self.stage.take(self.stageInMsg(), time_s)
@@ -86,7 +86,7 @@ class PointAtTarget(sysModel.SysModel):
         self.attGuidOutMsg = messaging.AttGuidMsg()
         self.sight, self.rate_rad_s, self.seen_s = None, np.zeros(3), -1.0  # in N axes
 
-    def UpdateState(self, CurrentSimNanos):  # noqa: N802, N803 (Basilisk names it)
+    def UpdateState(self, CurrentSimNanos):  # noqa: N802 (Basilisk names it)
         reading, attitude = self.opNavInMsg(), self.attNavInMsg()
         inertial_from_body = Rotation.from_mrp(attitude.sigma_BN)
         if reading.valid and reading.timeTag > self.seen_s:
