@@ -27,11 +27,11 @@ def scenario(range_m: float, rate_hz: float, frames: int) -> rl.Scenario:
 
 
 def _serve(connection: Connection, text: str) -> None:
-    """Serve a scenario in a process of its own until told to end."""
+    """Serve a scenario in a process of its own until a client shuts it down."""
     session = rl.loop.Session(rl.Simulation(rl.Scenario.loads(text), threads=1))
     with rl.loop.Server(session, "tcp://127.0.0.1:*") as server:
         connection.send(server.endpoint)
-        server.run(connection.poll)
+        server.run()
 
 
 @contextmanager
@@ -46,8 +46,8 @@ def connected(flown: rl.Scenario) -> Iterator[tuple[rl.loop.Client, Callable[[],
     try:
         with rl.loop.Client(ours.recv()) as client:
             yield client, lambda: time.process_time() + time.clock_gettime(clock)
+            client.shut_down()
     finally:
-        ours.send("end")
         process.join()
 
 

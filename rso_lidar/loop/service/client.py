@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import time
 from collections import deque
@@ -16,6 +15,7 @@ import numpy as np
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.loop.service.endpoints import import_zmq, load_keys, load_public_key
 from rso_lidar.loop.service.linked_simulation import Delivery
+from rso_lidar.loop.service.multipart import receive_parts, send_parts
 from rso_lidar.loop.service.wire_format import (
     build_observation,
     build_samples,
@@ -268,29 +268,31 @@ class Client:
         if self._socket.closed:
             raise ScenarioError("Client: is closed; make a new one")
         self._sequence += 1
-        self._socket.send_multipart([b"", encode_request(kind, self._sequence, fields)])
+        try:
+            send_parts(self._socket, [b"", encode_request(kind, self._sequence, fields)])
+        except self._zmq.Again:  # a thousand requests wait
+            raise RunError(
+                f"{self.endpoint}: does not read '{kind}'; check the server, and make a new Client"
+            ) from None
         while True:
             header, arrays = decode(self._receive(kind)[1:])
             if header.get("request_sequence") == self._sequence:  # else a late reply to a request given up before
                 break
         with check_reply(self.endpoint):
-            refusal = None if header["ok"] else (str(header["error"]["code"]), str(header["error"]["message"]))
-        if refusal is not None:
-            code, message = refusal
-            raise (RunError if code == "failed" else ScenarioError)(f"{self.endpoint}: {message}")
-        with check_reply(self.endpoint):
-            self._time_ns, self._is_over = int(header["time_ns"]), bool(header["is_over"])
-            self._next_flash_ns = None if header["next_flash_ns"] is None else int(header["next_flash_ns"])
-            self._overruns = int(header["overruns"])
-            return None if read is None else read(header, arrays)
+            if header["ok"]:
+                self._time_ns, self._is_over = int(header["time_ns"]), bool(header["is_over"])
+                self._next_flash_ns = None if header["next_flash_ns"] is None else int(header["next_flash_ns"])
+                self._overruns = int(header["overruns"])
+                return None if read is None else read(header, arrays)
+            code, message = str(header["error"]["code"]), str(header["error"]["message"])
+        raise (RunError if code == "failed" else ScenarioError)(f"{self.endpoint}: {message}")
 
-    def _receive(self, kind: str) -> list[bytes]:
+    def _receive(self, kind: str) -> list[Any]:
         """Return the parts of the next message, or raise `RunError` where none comes."""
         end_s = time.monotonic() + self.timeout_s
         while time.monotonic() < end_s:
             try:
-                parts: list[bytes] = self._socket.recv_multipart()
-                return parts
+                return receive_parts(self._socket)
             except self._zmq.Again:
                 pass
             if self._monitor.poll(0) and self._read_event() == self._zmq.Event.DISCONNECTED:
@@ -316,7 +318,7 @@ def _to_ns(name: str, time_s: float | None) -> int | None:
 
 def _list_fields(command: Command) -> dict[str, Any]:
     """Return the fields of a command as JSON takes them."""
-    found = {one.name: getattr(command, one.name) for one in dataclasses.fields(command)}
-    if found["inputs"] is not None:
-        found["inputs"] = {name: np.asarray(row, dtype=float).ravel().tolist() for name, row in found["inputs"].items()}
-    return {name: value for name, value in found.items() if value is not None}
+    found = {name: value for name, value in vars(command).items() if value is not None}
+    if command.inputs is not None:
+        found["inputs"] = {name: np.asarray(row, dtype=float).ravel().tolist() for name, row in command.inputs.items()}
+    return found

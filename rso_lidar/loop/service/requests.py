@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections import Counter
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
@@ -34,7 +34,7 @@ class CommandRequest(Part):
 
     def to_command(self) -> Command:
         """Return the record of this command."""
-        return Command(**{name: getattr(self, name) for name in type(self).model_fields})
+        return Command(**vars(self))
 
 
 class Request(Part):
@@ -181,7 +181,7 @@ def parse_json(text: bytes, where: str) -> dict[str, Any]:
         If it is no JSON object, holds NaN or an infinity, or a key twice.
     """
     try:
-        tree = json.loads(text.decode(), parse_constant=_refuse_constant, object_pairs_hook=_join_pairs)
+        tree = _DECODER.decode(text.decode())
     except RecursionError:
         raise ScenarioError(f"{where}: is nested too deeply; send a flat JSON object") from None
     except ValueError as error:  # of JSON and of UTF-8
@@ -195,10 +195,12 @@ def _refuse_constant(word: str) -> float:
     raise ValueError(f"{word} is no JSON number")
 
 
-def _join_pairs(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    joined: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in joined:
-            raise ValueError(f"the key {key!r:.40} occurs twice")
-        joined[key] = value
+def _join_pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    joined = dict(pairs)
+    if len(joined) < len(pairs):
+        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise ValueError(f"the key {twice!r:.40} occurs twice")
     return joined
+
+
+_DECODER = json.JSONDecoder(parse_constant=_refuse_constant, object_pairs_hook=_join_pairs)

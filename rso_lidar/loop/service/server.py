@@ -12,6 +12,7 @@ from typing import Any, Self
 from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
 from rso_lidar.loop.service.deadlines import Deadlines
 from rso_lidar.loop.service.endpoints import Security, import_zmq, load_keys
+from rso_lidar.loop.service.multipart import receive_parts, send_parts
 from rso_lidar.loop.service.peers import Peers, RefusalError
 from rso_lidar.loop.service.requests import HelloRequest, Request, find_sequence, parse_request
 from rso_lidar.loop.service.session import Answer, Session
@@ -72,6 +73,7 @@ class Server:
         self._due: _Due | None = None
         self._sequence = self._published = 0
         self.endpoint, self.stream = bind, publish  # as bound, with the numbers of ports
+        self._timeout_ms = -1  # of the request socket
         self._is_done = False
 
     def __enter__(self) -> Self:
@@ -193,7 +195,7 @@ class Server:
         self._send(due.envelope, due.parts)
         if due.is_published and self._stream is not None:
             self._published += 1
-            self._stream.send_multipart([b"reading", *due.parts], self._zmq.NOBLOCK)
+            send_parts(self._stream, [b"reading", *due.parts])
 
     def _note_disconnections(self) -> None:
         """Remove the clients whose connections have ended."""
@@ -214,9 +216,11 @@ class Server:
 
     def _receive(self, timeout_ms: int) -> None:
         """Wait for one message and answer it."""
-        self._requests.rcvtimeo = timeout_ms
+        if timeout_ms != self._timeout_ms:
+            self._requests.setsockopt(self._zmq.RCVTIMEO, timeout_ms)
+            self._timeout_ms = timeout_ms
         try:
-            frames = self._requests.recv_multipart(copy=False)
+            frames = receive_parts(self._requests)
         except self._zmq.Again:
             self._note_disconnections()
             return
@@ -299,7 +303,8 @@ class Server:
         code : of the reason.
         message : *where: what: what to do*.
         """
-        error = {"code": code, "message": message}
+        sendable = message.encode(errors="backslashreplace").decode()  # a request can hold a lone surrogate
+        error = {"code": code, "message": sendable}
         header = {
             "reply": "error",
             "ok": False,
@@ -312,7 +317,7 @@ class Server:
     def _send(self, envelope: list[bytes], parts: list[Any]) -> None:
         """Send a reply; a client that has disconnected, or does not read, is removed."""
         try:
-            self._requests.send_multipart([*envelope, *parts], self._zmq.NOBLOCK)
+            send_parts(self._requests, [*envelope, *parts])
         except self._zmq.Again:
             self._remove(envelope[0], "does not read its replies")
         except self._zmq.ZMQError:  # EHOSTUNREACH
@@ -322,4 +327,4 @@ class Server:
         if self._stream is not None:
             self._published += 1
             header = {"event": event, "sequence": self._published}
-            self._stream.send_multipart([b"event", *encode(header)], self._zmq.NOBLOCK)
+            send_parts(self._stream, [b"event", *encode(header)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -179,12 +178,10 @@ class Session:
             }
         if observation is not None:
             header["frame"]["time_s"] = observation.time_s
-            header["frame"]["settings"] = {
-                name: value if math.isfinite(value) else None for name, value in observation.settings.items()
-            }
+            header["frame"]["settings"] = dict(observation.settings)
             sight = observation.line_of_sight
             if is_step:
-                is_new = self._sight is None or not (sight is self._sight or np.array_equal(sight, self._sight))
+                is_new = self._sight is None or not _are_equal(sight, self._sight)
                 self._sight = sight
         header["records"], arrays = list_reading(observation, samples, with_line_of_sight=is_new)
         return Answer(
@@ -235,3 +232,12 @@ class Session:
         self.linked.restore(state)
         self._sight = None
         return Answer(self._state())
+
+
+def _are_equal(one: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two read-only arrays are equal; views of all of one array are, without a look at their values."""
+    base = one.base
+    if base is None or base is not other.base:
+        return np.array_equal(one, other)
+    is_whole = one.shape == other.shape == base.shape and one.strides == other.strides
+    return is_whole or np.array_equal(one, other)

@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
+from pydantic_core import from_json, to_json
 
 from rso_lidar import records
 from rso_lidar.errors import RunError, ScenarioError
@@ -31,7 +32,9 @@ from rso_lidar.records import (
 
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 
-_DTYPES = {"|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f4", "<f8"}
+_DTYPES = {
+    name: np.dtype(name) for name in ("|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f4", "<f8")
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,23 +122,25 @@ def encode(header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any
 
     Parameters
     ----------
-    header : of the message, without schema and arrays.
+    header : of the message, without schema and arrays. A number that is not finite is sent as null.
     arrays : in the order in which they are sent.
     """
     packed = [_to_little_endian(one.values) for one in arrays]
-    listed = ", ".join(
-        _describe_array(one.path, one.spec, values.dtype.str, values.shape)
-        for one, values in zip(arrays, packed, strict=True)
+    listed = b",".join(
+        [
+            _describe_array(one.path, one.spec, values.dtype.str, values.shape)
+            for one, values in zip(arrays, packed, strict=True)
+        ]
     )
-    text = json.dumps({"schema": SCHEMA, **header}, allow_nan=False)
+    text = to_json({"schema": SCHEMA, **header}, inf_nan_mode="null")
     return [
-        f'{text[:-1]}, "arrays": [{listed}]}}'.encode(),
-        *(values.data if values.size else b"" for values in packed),
+        b'%b,"arrays":[%b]}' % (text[:-1], listed),
+        *[values.data if values.size else b"" for values in packed],
     ]
 
 
 @lru_cache(maxsize=1024)
-def _describe_array(path: str, spec: ArraySpec, dtype: str, shape: tuple[int, ...]) -> str:
+def _describe_array(path: str, spec: ArraySpec, dtype: str, shape: tuple[int, ...]) -> bytes:
     """Return the JSON object that describes an array; most are the same from message to message.
 
     Parameters
@@ -144,11 +149,14 @@ def _describe_array(path: str, spec: ArraySpec, dtype: str, shape: tuple[int, ..
     dtype, shape : as it is sent.
     """
     stated = {"unit": spec.unit, "dims": spec.dims, "meaning": spec.meaning}
-    return json.dumps({"name": path, "dtype": dtype, "shape": shape, **stated})
+    return to_json({"name": path, "dtype": dtype, "shape": shape, **stated})
 
 
 def _to_little_endian(values: Any) -> np.ndarray:
+    """Return an array in C order and little-endian bytes; most are already."""
     array = np.asarray(values)
+    if array.flags.c_contiguous and array.dtype.str[0] != ">":
+        return array
     return np.require(array, array.dtype.newbyteorder("<"), "C")
 
 
@@ -165,8 +173,8 @@ def decode(parts: Sequence[Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]]
         If they are no message of this schema.
     """
     try:
-        header = json.loads(bytes(parts[0]).decode())
-    except (IndexError, RecursionError, ValueError):
+        header = from_json(bytes(parts[0]))
+    except (IndexError, ValueError):
         header = None
     if not isinstance(header, dict):
         raise RunError("reply: is none of an rso-lidar server; check the address")
@@ -182,16 +190,17 @@ def decode(parts: Sequence[Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]]
 
 def _read_array(entry: Any, data: Any) -> tuple[str, np.ndarray]:
     """Return path and values of one array of a message."""
+    path, name, size = f"{entry!r:.60}", "", memoryview(data).nbytes
     try:
-        path, dtype, shape = str(entry["name"]), str(entry["dtype"]), tuple(map(int, entry["shape"]))
+        path, name, shape = str(entry["name"]), str(entry["dtype"]), tuple(map(int, entry["shape"]))
+        dtype = _DTYPES[name]
+        if min(shape, default=0) >= 0 and math.prod(shape) * dtype.itemsize == size:
+            return path, np.ndarray(shape, dtype, data)
     except (KeyError, TypeError, ValueError):
-        path, dtype, shape = f"{entry!r:.60}", "", ()
-    size = len(memoryview(data).cast("B")) if len(data) else 0
-    if dtype not in _DTYPES or min(shape, default=0) < 0 or math.prod(shape) * np.dtype(dtype).itemsize != size:
-        raise RunError(
-            f"reply: the array {path} of {dtype or '?'} {shape} does not fit its {size} bytes; use equal versions"
-        )
-    return path, np.frombuffer(data, dtype).reshape(shape) if size else np.zeros(shape, dtype)
+        pass
+    raise RunError(
+        f"reply: the array {path:.60} of {name or '?':.20} does not fit its {size} bytes; use equal versions"
+    )
 
 
 @contextmanager
@@ -309,7 +318,7 @@ def encode_request(kind: str, sequence: int, fields: dict[str, Any]) -> bytes:
     """
     given = {name: value for name, value in fields.items() if value is not None}
     try:
-        text = json.dumps({"request": kind, "sequence": sequence, **given}, allow_nan=False, default=_to_json)
+        text = _REQUEST_ENCODER.encode({"request": kind, "sequence": sequence, **given})
     except (TypeError, ValueError) as error:
         raise ScenarioError(f"{kind}: cannot be sent ({error}); give finite numbers") from None
     return text.encode()
@@ -319,3 +328,6 @@ def _to_json(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"{value!r:.40} is no number")
+
+
+_REQUEST_ENCODER = json.JSONEncoder(allow_nan=False, default=_to_json)

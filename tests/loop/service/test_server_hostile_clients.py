@@ -52,6 +52,9 @@ BAD = {
     b"[" * 60_000: "is nested too deeply|is not JSON",
     b'{"request": "stpe"}': "did you mean 'step'",
     b'{"request": 7}': "7 is not known",
+    b'{"request": "\\ud800"}': r"'.ud800' is not known",  # a lone surrogate, which UTF-8 has no bytes for
+    b'{"request": "restore", "state": "\\udfff"}': "state",
+    b'{"request": "describe", "\\ud800": 1}': "unable to parse raw data as a unicode string",
     b'{"request": "step", "request": "step"}': "occurs twice",
     b'{"request": "step", "command": {"pan_rad": NaN}}': "NaN is no JSON number",
     b'{"request": "step", "command": {"pan_rad": 1e999}}': "command.pan_rad",
