@@ -27,7 +27,7 @@ class FmuModel(Part):
     model exchange is integrated by a classical Runge-Kutta step of fourth order, and its events are found by bisection.
     """
 
-    # Unit and number of elements of each quantity. Those of `optional_names` may be left out.
+    # Unit and number of elements of each quantity; 0 is any number. Those of `optional_names` may be left out.
     input_units: ClassVar[dict[str, tuple[str, int]]] = {}
     output_units: ClassVar[dict[str, tuple[str, int]]] = {}
     optional_names: ClassVar[frozenset[str]] = frozenset()
@@ -140,7 +140,7 @@ class FmuModel(Part):
                 conversion = find_conversion(where, variable["unit"], self.units.get(entry), description["units"], unit)
                 signals.append(Signal(quantity, entry, variable["elements"], conversion))
                 found += variable["elements"]
-            if found != count:
+            if count and found != count:
                 raise ScenarioError(f"{place}: '{quantity}' has {count} elements, and {found} are given; correct them")
         return tuple(signals)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.order import list_dependencies
-from rso_lidar.motion.dynamics.flight import Flight, FlightState, fly_open_loop
+from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.records import Command, Truth
@@ -22,17 +23,17 @@ _MOST_BLOCKS = 4
 
 @dataclass(frozen=True)
 class CourseState:
-    """State of a course: the present instant [s], and the flights of state-space models by name."""
+    """State of a course: the present instant [s], and the states of commanded flights by name."""
 
     now_s: float
-    flights: Mapping[str, FlightState]
+    flights: Mapping[str, Any]
 
 
 class Course:
     """Truth of the bodies at each flash, without PTU and lidar.
 
-    Without state-space models under command, the truth of all flashes is computed in one batch. With them, each flash
-    is computed separately, because the inputs of the controller change the motion.
+    Without state-space models or FMUs under command, the truth of all flashes is computed in one batch. With them, each
+    flash is computed separately, because the inputs of the controller change the motion.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ class Course:
     epochs : of the flashes.
     local : whether the world is local, without an Earth.
     sun_direction : direction to the Sun of a local world; None for none.
-    commanded : whether a controller may give inputs to state-space models.
+    commanded : whether a controller may give inputs to state-space models and FMUs.
     exposure_s : time during which the pulses of a flash are sent, half of it before and half after its epoch [s].
     """
 
@@ -112,7 +113,7 @@ class Course:
             if name not in self.flights:
                 guess = did_you_mean(str(name), self.flights)
                 raise ScenarioError(
-                    f"command: inputs are given for '{name}', which has no state-space model{guess} "
+                    f"command: inputs are given for '{name}', which has no state-space model or FMU with inputs{guess} "
                     f"(known: {', '.join(self.flights) or 'none'})"
                 )
             self.flights[name].hold(self._now_s, _read_inputs(name, inputs))
@@ -148,8 +149,8 @@ class Course:
         with suppress_warnings():  # the flashes themselves have given all warnings
             return self._at(Epochs(self.start_utc, time_s), bodies)
 
-    def flights_of(self, body: Body) -> dict[str, Flight]:
-        """Return the flights of a body's state-space models, as ``motion`` and ``attitude``.
+    def flights_of(self, body: Body) -> dict[str, CommandedFlight]:
+        """Return the flights of a body's commanded models, as ``motion`` and ``attitude``.
 
         Parameters
         ----------
@@ -158,7 +159,7 @@ class Course:
         found = {}
         for name, model in body.models.items():
             place = "motion" if model is body.motion else "attitude"
-            found[place] = self.flights.get(name) or fly_open_loop(model)
+            found[place] = self.flights.get(name) or model.fly_open_loop()
         return found
 
     def save(self) -> CourseState:
@@ -220,11 +221,11 @@ class Course:
         return truth(bodies or self.bodies, epochs, local=self.is_local, sun_direction=self._sun, flights=self.flights)
 
 
-def _make_flights(bodies: Sequence[Body]) -> dict[str, Flight]:
-    return {name: Flight(model) for body in bodies for name, model in body.models.items()}
+def _make_flights(bodies: Sequence[Body]) -> dict[str, CommandedFlight]:
+    return {name: model.begin_flight() for body in bodies for name, model in body.models.items()}
 
 
-def _check_slews(bodies: Sequence[Body], flights: dict[str, Flight]) -> None:
+def _check_slews(bodies: Sequence[Body], flights: dict[str, CommandedFlight]) -> None:
     """Refuse slews that depend on a body under command, whose future position is unknown when the slew is planned."""
     for body in bodies:
         if not isinstance(body.attitude, Slew):

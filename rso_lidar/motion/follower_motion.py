@@ -11,7 +11,9 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError, suppress_warnings
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.course import Course
-from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
+from rso_lidar.motion.dynamics.commands import CommandedFlight
+from rso_lidar.motion.dynamics.flight import Flight
+from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.motion import chief_of
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.proximity import find_plan
@@ -31,8 +33,9 @@ class FollowerMotion:
     """True motion of the follower of a run, for its sensors.
 
     The specific force is the acceleration by thrust: in a proximity operation that of its plan, with a state-space motion
-    f(t, x, u) - f(t, x, 0), so that a body without inputs is in free fall. In a local world, which has no gravitation, it is
-    the acceleration. Otherwise it is zero: drag, light pressure and impulses are left out.
+    f(t, x, u) - f(t, x, 0), so that a body without inputs is in free fall, and with an FMU what it states. In a local
+    world, which has no gravitation, it is the acceleration. Under commands to an FMU that does not state it, it is NaN.
+    Otherwise it is zero: drag, light pressure and impulses are left out.
 
     Parameters
     ----------
@@ -94,7 +97,7 @@ class FollowerMotion:
         )
 
     def _follow_rigid_body(
-        self, motion: StateSpace, time_s: np.ndarray, flight: Flight, list_ahead: Callable[[], np.ndarray]
+        self, motion: StateSpace, time_s: np.ndarray, flight: CommandedFlight, list_ahead: Callable[[], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Read attitude, angular velocity and specific force from the state of a rigid body.
 
@@ -109,6 +112,7 @@ class FollowerMotion:
         """
         matrix, rate = motion.find_matrices(flight, time_s)  # axes_from_body
         body_from_axes = np.swapaxes(matrix, -1, -2)
+        assert isinstance(flight, Flight)
         force = rotate_vectors(body_from_axes, flight.input_rates(time_s)[:, 3:6])
         if motion.relative_to is None:
             return matrix, rate, force
@@ -170,7 +174,9 @@ def _as_rotation(matrix: np.ndarray) -> Rotation:
     return Rotation.from_matrix(matrix, assume_valid=True)
 
 
-def _find_specific_force(course: Course, truth: Truth, time_s: np.ndarray, flights: Mapping[str, Flight]) -> np.ndarray:
+def _find_specific_force(
+    course: Course, truth: Truth, time_s: np.ndarray, flights: Mapping[str, CommandedFlight]
+) -> np.ndarray:
     """Find the acceleration of the follower without gravitation (time, 3) in inertial axes [m/s2].
 
     Parameters
@@ -178,17 +184,19 @@ def _find_specific_force(course: Course, truth: Truth, time_s: np.ndarray, fligh
     course : of the run.
     truth : batch at the instants.
     time_s : (time) instants [s].
-    flights : of the follower's state-space models.
+    flights : of the follower's models, as ``motion`` and ``attitude``.
     """
-    motion = course.bodies[-1].motion
-    if isinstance(motion, StateSpaceModel):
-        thrust = flights["motion"].input_rates(time_s)[:, 3:6]
+    motion, flight = course.bodies[-1].motion, flights.get("motion")
+    if isinstance(flight, Flight):
+        thrust = flight.input_rates(time_s)[:, 3:6]
+    elif isinstance(motion, FmuMotion) and motion.states_specific_force:
+        thrust = motion.find_specific_force(flight, time_s)
     elif (plan := find_plan(course.bodies[-1], course.bodies, course.start_utc)) is not None:
         thrust = plan.control_m_s2(time_s)
     elif course.is_local:
         return _differentiate(course, lambda at: at.states["follower"].velocity_m_s, time_s)
-    else:
-        return np.zeros((len(time_s), 3))
+    else:  # under commands the thrust is unknown, unless the FMU states it
+        return np.full((len(time_s), 3), 0.0 if flight is None else np.nan)
     chief = chief_of(motion)
     if chief is None:
         return thrust
@@ -197,7 +205,7 @@ def _find_specific_force(course: Course, truth: Truth, time_s: np.ndarray, fligh
 
 
 def _find_angular_acceleration(
-    course: Course, follower: Body, time_s: np.ndarray, flights: Mapping[str, Flight], rate: np.ndarray
+    course: Course, follower: Body, time_s: np.ndarray, flights: Mapping[str, CommandedFlight], rate: np.ndarray
 ) -> np.ndarray:
     """Find the rate of change of the follower's angular velocity (time, 3) in body axes [rad/s2].
 
@@ -209,17 +217,18 @@ def _find_angular_acceleration(
     course : of the run.
     follower : the body.
     time_s : (time) instants [s].
-    flights : of the follower's state-space models.
+    flights : of the follower's models, as ``motion`` and ``attitude``.
     rate : angular velocity relative to inertial axes (time, 3), in body axes [rad/s].
 
     Returns
     -------
     It comes from the dynamics of the attitude where the follower has them, else from a difference quotient over 1 ms.
     """
-    for place, model in (("attitude", follower.attitude), ("motion", follower.motion)):
-        if isinstance(model, StateSpaceModel) and (entries := model.body_rate_entries) is not None:
-            relative = flights[place](time_s)[:, entries]
-            change: np.ndarray = flights[place].rates(time_s)[:, entries] - cross(relative, rate - relative)
+    for place in ("attitude", "motion"):
+        flight = flights.get(place)
+        if isinstance(flight, Flight) and (entries := flight.model.body_rate_entries) is not None:
+            relative = flight(time_s)[:, entries]
+            change: np.ndarray = flight.rates(time_s)[:, entries] - cross(relative, rate - relative)
             return change
     return _differentiate(course, lambda at: at.poses.link(ROOT, follower.name).angular_velocity_rad_s, time_s)
 
@@ -261,7 +270,7 @@ def _find_targets(truth: Truth, follower: Body) -> dict[str, BodyState]:
     }
 
 
-def _list_dynamics(time_s: np.ndarray, flights: Mapping[str, Flight]) -> dict[str, np.ndarray]:
+def _list_dynamics(time_s: np.ndarray, flights: Mapping[str, CommandedFlight]) -> dict[str, np.ndarray]:
     """Return states and inputs (time, entry) of the follower's state-space models."""
     found = {}
     for place, flight in flights.items():

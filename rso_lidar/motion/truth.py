@@ -16,7 +16,7 @@ from rso_lidar.motion.attitudes.sun_pointing import sun_line
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.hinge import find_sun_in_body
 from rso_lidar.motion.bodies.order import list_dependencies, sort_bodies
-from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel, fly_open_loop
+from rso_lidar.motion.dynamics.commands import CommandedFlight, CommandedModel
 from rso_lidar.motion.motions.motion import chief_of, list_exceeded_limits, states_of
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.motion.sun_vectors import SunVectors
@@ -27,7 +27,7 @@ from rso_lidar.records import BodyState, Truth
 from rso_lidar.rpo.relative.relative_motion import RelativeMotion
 from rso_lidar.rpo.relative.rtn import inertial_acceleration, rtn_matrix
 
-Flights = Mapping[str, Flight]
+Flights = Mapping[str, CommandedFlight]
 ROUNDING_RAD_S = 1e-15
 
 
@@ -151,10 +151,10 @@ class _Evaluation:
         """Return whether the rotation of a body's orbital plane is needed, for rates or for a body relative to it."""
         return self.rates or any(chief_of(other.motion) == body.name for other in self.bodies)
 
-    def flight_of(self, body: Body, model: StateSpaceModel) -> Flight:
-        """Return the flight of a state-space model of a body, with or without commands."""
-        name = next(name for name, one in body.models.items() if one is model)
-        return self.flights.get(name) or fly_open_loop(body.models[name])
+    def flight_of(self, body: Body, model: CommandedModel) -> CommandedFlight:
+        """Return the flight of a model of a body, with or without commands."""
+        name = next((name for name, one in body.models.items() if one is model), "")
+        return self.flights.get(name) or model.fly_open_loop()
 
     def chief(self, tree: PoseTree, name: str) -> Chief:
         """Return the trajectory of a body that is in the tree already."""
@@ -192,7 +192,7 @@ class _Evaluation:
         """Compute position and velocity of a body's origin in the axes of its motion, and warn of exceeded model limits."""
         motion = body.motion
         if isinstance(motion, PlacedMotion):
-            flight = self.flight_of(body, motion) if isinstance(motion, StateSpaceModel) else None
+            flight = self.flight_of(body, motion) if isinstance(motion, CommandedModel) else None
             return motion.place(self.epochs, flight)
         known: tuple[Any, ...] = (self.epochs,)
         if isinstance(motion, RelativeMotion):

@@ -190,6 +190,11 @@ class Accelerometer(InertialTriad):
     ) -> tuple[AccelerometerSamples, SensorState]:
         """Measure the specific force at the place of the mount."""
         force = motion.specific_force_m_s2
+        if not np.isfinite(force).all():
+            raise ScenarioError(
+                f"sensor '{self.name}': the follower's motion does not state its thrust; map specific_force_m_s2 among the "
+                "outputs of its FMU, or leave the sensor out"
+            )
         if any(self.mount.position_m):
             if motion.angular_acceleration_rad_s2 is None:
                 raise ScenarioError(

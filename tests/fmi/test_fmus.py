@@ -148,7 +148,7 @@ def test_the_reference_ball_bounces_as_in_closed_form(folder, version):
             step_s=0.01,
             outputs={"position_m": (50.0, -3.0, "h"), "velocity_m_s": (0.0, 0.0, "v")},
         )
-        place = motion.place(rl.orbit.Epochs(built_in_start(), time_s), None)
+        place = motion.place(rl.orbit.Epochs(built_in_start(), time_s), motion.fly_open_loop())
         assert np.array_equal(place.position_m[:, :2], np.tile([50.0, -3.0], (6, 1)))
         smooth = np.array([0, 1, 2, 4, 5])  # not the step with the bounce in it, which a cubic smooths
         assert np.abs(place.position_m[:, 2] - height)[smooth].max() < within

@@ -119,9 +119,9 @@ class Instrument:
     def _command(self) -> Command:
         given = self.inputs
         inputs = {
-            name: [given[f"{name}.u[{k + 1}]"] for k in range(len(model.inputs))]
+            name: [given[f"{name}.u[{k + 1}]"] for k in range(len(model.first_inputs))]
             for name, model in self._models.items()
-            if model.inputs
+            if model.first_inputs
         }
         points = self._has_ptu and given["point"] > 0.5
         return Command(
@@ -151,7 +151,7 @@ def list_inputs(scenario: Scenario) -> tuple[Port, ...]:
     held = [
         Port(f"{name}.u[{k + 1}]", "", f"input {k + 1} of the state-space model of {name}", value)
         for name, model in models
-        for k, value in enumerate(model.inputs)
+        for k, value in enumerate(model.first_inputs)
     ]
     return (*(pointing if scenario.ptu is not None else ()), *held)
 

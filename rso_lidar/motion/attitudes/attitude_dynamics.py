@@ -15,7 +15,8 @@ from rso_lidar.motion.dynamics.attitude_state import (
     check_attitude,
     count_entries,
 )
-from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
+from rso_lidar.motion.dynamics.commands import CommandedFlight
+from rso_lidar.motion.dynamics.flight import StateSpaceModel
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -54,7 +55,7 @@ class StateSpaceAttitude(StateSpaceModel):
         first = count_entries(self.attitude_state)
         return slice(first, first + 3)
 
-    def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
+    def orientation(self, flight: CommandedFlight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
         """Integrate the attitude.
 
         Parameters

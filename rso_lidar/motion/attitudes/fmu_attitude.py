@@ -8,20 +8,21 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.motion.dynamics.fmu_history import PrescribedFmu
+from rso_lidar.motion.dynamics.fmu_history import THROTTLES, TORQUES, FmuDynamics, FmuHistory
 from rso_lidar.part import UNIT_NORM_WITHIN
 
 
-class FmuAttitude(PrescribedFmu):
-    """Attitude by an FMU (FMI 2 or 3) without inputs, as a function of time.
+class FmuAttitude(FmuDynamics):
+    """Attitude by an FMU (FMI 2 or 3), as a function of time or under commands.
 
     Quantities of `outputs`: `quaternion_xyzw`, inertial_from_body with four elements, and `body_rate_rad_s`, the angular
     velocity in body axes with three. The FMU has the grid `step_s`. Between its points the body turns about a fixed axis,
-    and the rate changes linearly.
+    and the rate changes linearly. Quantities of `inputs`: `torque_n_m` and `throttle_fraction`.
     """
 
-    input_units: ClassVar[dict[str, tuple[str, int]]] = {}
+    input_units: ClassVar[dict[str, tuple[str, int]]] = {**TORQUES, **THROTTLES}
     output_units: ClassVar[dict[str, tuple[str, int]]] = {"quaternion_xyzw": ("1", 4), "body_rate_rad_s": ("rad/s", 3)}
+    optional_names: ClassVar[frozenset[str]] = frozenset(input_units)
 
     type: Literal["fmu"] = "fmu"
 
@@ -29,7 +30,9 @@ class FmuAttitude(PrescribedFmu):
         """Return the attitude in root axes."""
         from scipy.spatial.transform import Rotation
 
-        before, after, share = self.history().around(situation.epochs.time_s)
+        flight = situation.flight_of(self)
+        assert isinstance(flight, FmuHistory)
+        before, after, share = flight.around(situation.epochs.time_s)
         for rows in (before, after):
             norms = np.linalg.norm(rows[:, :4], axis=1)
             if (np.abs(norms - 1.0) > UNIT_NORM_WITHIN).any():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
+from rso_lidar.motion.dynamics.commands import CommandedFlight, CommandedModel
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Part, kind_of, read_member, show_value
 from rso_lidar.pose import Link, rotate_vectors
@@ -79,7 +79,7 @@ class Situation:
     line : called with the name of a body or of axes, gives the vector to it [m] and the rate of that vector [m/s].
     at : called with other epochs, gives the same body's situation then.
     origin_of : called with the name of another body, gives the link from the root to the axes at its origin.
-    flight_of : called with a state-space model of this body, gives its flight under the inputs so far.
+    flight_of : called with a state-space model or an FMU of this body, gives its flight under the inputs so far.
     """
 
     epochs: Epochs
@@ -93,7 +93,7 @@ class Situation:
     line: Callable[[str], tuple[np.ndarray, np.ndarray]]
     at: Callable[[Epochs], Situation]
     origin_of: Callable[[str], Link]
-    flight_of: Callable[[StateSpaceModel], Flight]
+    flight_of: Callable[[CommandedModel], CommandedFlight]
 
     @property
     def upward(self) -> np.ndarray:

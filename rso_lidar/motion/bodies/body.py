@@ -6,7 +6,7 @@ from pydantic import Field
 
 from rso_lidar.motion.attitudes.attitude import AnyAttitude
 from rso_lidar.motion.bodies.hinge import HingeAxes
-from rso_lidar.motion.dynamics.flight import StateSpaceModel
+from rso_lidar.motion.dynamics.commands import CommandedModel
 from rso_lidar.motion.motions.motion import AnyMotion, has_orbit
 from rso_lidar.motion.mount import Mount
 from rso_lidar.part import Name, Part
@@ -50,9 +50,9 @@ class Body(Part):
         return has_orbit(self.motion)
 
     @property
-    def models(self) -> dict[str, StateSpaceModel]:
-        """State-space models of the body, by the names under which a `Command` gives them inputs."""
-        moves, turns = isinstance(self.motion, StateSpaceModel), isinstance(self.attitude, StateSpaceModel)
+    def models(self) -> dict[str, CommandedModel]:
+        """State-space models and FMUs of the body, by the names under which a `Command` gives them inputs."""
+        moves, turns = (isinstance(one, CommandedModel) and one.is_commanded for one in (self.motion, self.attitude))
         named: dict[str, Any] = {self.name: self.motion} if moves else {}
         if turns:
             named[f"{self.name}.attitude" if moves else self.name] = self.attitude

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.errors import PropagationError
+from rso_lidar.motion.dynamics.commands import CommandedFlight, CommandedModel, check_inputs
 from rso_lidar.motion.dynamics.function import (
     Dynamics,
     Function,
@@ -28,7 +29,7 @@ _COMMANDED_PANEL_S = 1.0  # short, because integration beyond the next command i
 _KEPT = 1000  # pieces between two commands that are remembered
 
 
-class StateSpaceModel(Part):
+class StateSpaceModel(Part, CommandedModel):
     """Base of motions and attitudes by user-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6).
 
     `dynamics` is ``file.py:name``, ``package.module:name`` or, in Python, the callable itself. It is called with
@@ -59,9 +60,27 @@ class StateSpaceModel(Part):
         return name_function(self.dynamics)
 
     @property
+    def is_commanded(self) -> bool:
+        """Whether the model takes commands, which every state-space model does."""
+        return True
+
+    @property
+    def first_inputs(self) -> tuple[float, ...]:
+        """Inputs u at `start_utc`."""
+        return self.inputs
+
+    @property
     def body_rate_entries(self) -> slice | None:
         """Entries of the state that are the body's angular velocity; None if it has no attitude."""
         return None
+
+    def begin_flight(self) -> Flight:
+        """Begin a flight under commands."""
+        return Flight(self)
+
+    def fly_open_loop(self) -> Flight:
+        """Return the flight without commands, cached until the file of its dynamics changes."""
+        return _cache_flight(self, stamp_file(self.dynamics))
 
     def function(self) -> Function:
         """Find the function of the dynamics, and wrap it so that its failures become one-line errors."""
@@ -89,7 +108,7 @@ class FlightState:
     lost_s: tuple[float, float]
 
 
-class Flight:
+class Flight(CommandedFlight):
     """x(t) of one model, under inputs that are held from one command to the next."""
 
     def __init__(self, model: StateSpaceModel) -> None:
@@ -138,12 +157,8 @@ class Flight:
 
     def hold(self, time_s: float, inputs: np.ndarray) -> None:
         """Hold new inputs from `time_s` [s] on, which must not be earlier than the previous command."""
-        inputs, last = np.array(inputs, dtype=float, ndmin=1), self._pieces[-1]
-        if inputs.shape != last.inputs.shape or not np.isfinite(inputs).all():
-            raise ScenarioError(
-                f"command: inputs of {self.model.label} are {inputs.tolist()!s:.60}: give {len(last.inputs)} finite "
-                "numbers, one for each of its `inputs`"
-            )
+        last = self._pieces[-1]
+        inputs = check_inputs(inputs, last.inputs, self.model.label)
         if (inputs == last.inputs).all():
             return
         state = self(np.array([time_s]))[0]
@@ -216,11 +231,6 @@ class Flight:
     def _find_pieces(self, time_s: np.ndarray) -> list[int]:
         """Find the number (time) of the piece that contains each instant [s]."""
         return [max(bisect.bisect_right(self._begins_s, one) - 1, 0) for one in np.asarray(time_s).tolist()]
-
-
-def fly_open_loop(model: StateSpaceModel) -> Flight:
-    """Return the flight of a model without commands, cached until the file of its dynamics changes."""
-    return _cache_flight(model, stamp_file(model.dynamics))
 
 
 @functools.lru_cache(maxsize=64)

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.motion.dynamics.flight import Flight
+from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Part
 
@@ -38,13 +38,13 @@ class PlacedMotion(Part):
         return False
 
     @abstractmethod
-    def place(self, epochs: Epochs, flight: Flight | None) -> Place:
+    def place(self, epochs: Epochs, flight: CommandedFlight | None) -> Place:
         """Compute position and velocity of the body's origin.
 
         Parameters
         ----------
         epochs : instants.
-        flight : of a state-space model; None for any other motion.
+        flight : of a state-space model or an FMU; None for any other motion.
 
         Returns
         -------

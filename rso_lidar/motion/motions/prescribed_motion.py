@@ -13,7 +13,7 @@ from pydantic import Field
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.motion.dynamics.flight import Flight
+from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, read_csv_table
 from rso_lidar.orbit.epochs import Epochs
@@ -37,7 +37,7 @@ class Fixed(PlacedMotion):
         default=None, description="Body to whose axes the position refers. If omitted, the root axes."
     )
 
-    def place(self, epochs: Epochs, flight: Flight | None) -> Place:
+    def place(self, epochs: Epochs, flight: CommandedFlight | None) -> Place:
         """Return the constant position in the parent's axes."""
         return Place(*self.positions(epochs.time_s))
 
@@ -74,7 +74,7 @@ class Table(PlacedMotion):
         default=None, description="Body to whose axes the positions refer. If omitted, the root axes."
     )
 
-    def place(self, epochs: Epochs, flight: Flight | None) -> Place:
+    def place(self, epochs: Epochs, flight: CommandedFlight | None) -> Place:
         """Interpolate position and velocity in the parent's axes."""
         return Place(*self.positions(epochs.time_s))
 

@@ -16,6 +16,7 @@ from rso_lidar.motion.dynamics.attitude_state import (
     count_entries,
     matrix_from_state,
 )
+from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.orbit.epochs import Epochs
@@ -99,9 +100,9 @@ class StateSpace(StateSpaceModel, PlacedMotion):
         """Whether the body has an orbit, and therefore rtn axes."""
         return self.axes != "local"
 
-    def place(self, epochs: Epochs, flight: Flight | None) -> Place:
+    def place(self, epochs: Epochs, flight: CommandedFlight | None) -> Place:
         """Integrate position and velocity in `axes`. For an orbit the result includes their rates, which f gives."""
-        assert flight is not None
+        assert isinstance(flight, Flight)
         state = flight(epochs.time_s)
         rates = flight.rates(epochs.time_s) if self.orbits else None
         known = None if rates is None else (rates[:, :3], rates[:, 3:PLACE])
@@ -132,7 +133,7 @@ class StateSpace(StateSpaceModel, PlacedMotion):
             chief.rotation * rotation, rate + rotate_vectors(rotation.inv(), chief.angular_velocity_rad_s)
         )
 
-    def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
+    def orientation(self, flight: CommandedFlight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
         """Integrate the attitude of a rigid body.
 
         Parameters
@@ -146,7 +147,7 @@ class StateSpace(StateSpaceModel, PlacedMotion):
         """
         return attitude_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)
 
-    def find_matrices(self, flight: Flight, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def find_matrices(self, flight: CommandedFlight, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Integrate the attitude of a rigid body.
 
         Parameters

@@ -194,7 +194,7 @@ def test_without_a_controller_the_inputs_of_the_scenario_hold():
 @pytest.mark.parametrize(
     ("inputs", "words"),
     [
-        ({"follwer": (0.0, 0.0, 0.0)}, "no state-space model; did you mean 'follower'?"),
+        ({"follwer": (0.0, 0.0, 0.0)}, "no state-space model or FMU with inputs; did you mean 'follower'?"),
         ({"follower": (0.0,)}, "give 3 finite numbers"),
         ({"follower": "left"}, "give a row of numbers"),
         ({"follower": (np.nan, 0.0, 0.0)}, "give 3 finite numbers"),
