@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from rso_lidar.cli.arguments import TrustFmu
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.dataset.checking.folder_check import check_folder
@@ -24,6 +25,7 @@ def check(
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed that chooses these samples.")] = 0,
+    trust_fmu: TrustFmu = False,
 ) -> None:
     """Check a specification (sizes, time, balance, leaks) or a folder (hashes, random samples made again bit for bit).
 
@@ -31,9 +33,9 @@ def check(
     """
     with announce_compiling():
         if not path.is_dir():
-            echo(check_spec(path).describe())
+            echo(check_spec(path, trust_fmu=trust_fmu).describe())
             return
-        found = check_folder(path, samples=samples, files=files, seed=seed)
+        found = check_folder(path, samples=samples, files=files, seed=seed, trust_fmu=trust_fmu)
     echo(found.describe())
     if found.problems:
         raise typer.Exit(1)

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import dataset
+from rso_lidar.cli.arguments import TrustFmu
 from rso_lidar.cli.progress import Bar, announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import DatasetError, did_you_mean
@@ -46,6 +47,7 @@ def make(
         ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue a folder that was begun before.")] = False,
+    trust_fmu: TrustFmu = False,
 ) -> None:
     """Make a dataset: frames with labels in HDF5 shards, split for training and test.
 
@@ -69,7 +71,16 @@ def make(
             else:
                 bars[0].advance()
 
-        made = dataset.make(spec, output, workers=workers, scheduler=by, shards=shards, resume=resume, on_shard=show)
+        made = dataset.make(
+            spec,
+            output,
+            workers=workers,
+            scheduler=by,
+            shards=shards,
+            resume=resume,
+            on_shard=show,
+            trust_fmu=trust_fmu,
+        )
     for name in made.splits:
         split = made.split(name)
         echo(f"{name:6} {len(split):9,} frames, shards: {len(split.records):,}")

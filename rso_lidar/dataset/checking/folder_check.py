@@ -53,6 +53,7 @@ def check_folder(
     files: Path | None = None,
     seed: int = 0,
     on_shard: Callable[[int, int], None] | None = None,
+    trust_fmu: bool = False,
 ) -> FolderCheck:
     """Check a dataset: hash every shard, and make random samples again.
 
@@ -63,6 +64,7 @@ def check_folder(
     files : folder in which relative paths of meshes and orbit files start (None: the dataset's folder).
     seed : random seed of the choice of these samples.
     on_shard : called after each shard with the number of hashed shards and the number of all shards.
+    trust_fmu : whether the native code of FMUs that its scenario names may run.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def check_folder(
         If the folder is no dataset, or was made from files that have changed.
     """
     dataset = Dataset(folder)
-    plan = load_plan(dataset, files)
+    plan = load_plan(dataset, files, trust_fmu=trust_fmu)
     problems: list[str] = []
     tell = on_shard or (lambda done, count: None)
     for done, record in enumerate(dataset.records, 1):
@@ -99,7 +101,7 @@ def check_folder(
     return FolderCheck(dataset, plan.n_shards, (*problems, *unlike), remade, collect_statistics(dataset))
 
 
-def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
+def load_plan(dataset: Dataset, files: Path | None = None, *, trust_fmu: bool = False) -> DatasetPlan:
     """Load the plan of a dataset in a folder.
 
     Parameters
@@ -107,13 +109,16 @@ def load_plan(dataset: Dataset, files: Path | None = None) -> DatasetPlan:
     dataset : the dataset.
     files : folder in which relative paths start (None: the dataset's). Without it, the folder may come from somebody
         else: Python code that its scenario names is not run, and files other than meshes are not compared with their hash.
+    trust_fmu : whether FMUs that its scenario names may run.
 
     Raises
     ------
     DatasetError
         If the shards were made from other inputs, such as another mesh of the same name.
     """
-    plan = make_plan(DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=files is not None)
+    plan = make_plan(
+        DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=files is not None, trust_fmu=trust_fmu
+    )
     if (
         files is None
     ):  # files other than meshes may be absent; a sample that is made again shows whether they are the same

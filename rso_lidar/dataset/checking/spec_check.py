@@ -77,12 +77,13 @@ class SpecCheck:
         return "\n".join([*lines, *found])
 
 
-def check_spec(spec: DatasetSpec | str | Path) -> SpecCheck:
+def check_spec(spec: DatasetSpec | str | Path, *, trust_fmu: bool = False) -> SpecCheck:
     """Check a specification: draw a thousand samples, fly some of them, and look for leaks.
 
     Parameters
     ----------
     spec : the specification, or its TOML file.
+    trust_fmu : whether the native code of FMUs that the scenario names may run.
 
     Returns
     -------
@@ -93,7 +94,7 @@ def check_spec(spec: DatasetSpec | str | Path) -> SpecCheck:
     ScenarioError, DatasetError
         For a specification that is not valid.
     """
-    plan = make_plan(spec)
+    plan = make_plan(spec, trust_fmu=trust_fmu)
     check_samples(plan)
     flown: list[LabelledFrame] = []
     numbers: list[dict[str, float]] = []

@@ -53,8 +53,8 @@ class DatasetPlan:
 
     `tables` holds the base scenario with the settings of the specification, and `class_models` the models of each class.
     `mesh_sha256` and `part_names` hold the hash and the parts of each mesh by model, and `file_sha256` the hash of each
-    other file by the name that the scenario or the specification states. `trust_code` is whether Python code that the
-    scenario names may run.
+    other file by the name that the scenario or the specification states. `trust_code` and `trust_fmu` are whether Python
+    code and FMUs that the scenario names may run.
     """
 
     spec: DatasetSpec
@@ -66,6 +66,7 @@ class DatasetPlan:
     part_names: dict[str, tuple[str, ...]]
     file_sha256: dict[str, str]
     trust_code: bool = True
+    trust_fmu: bool = False
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields without cached properties, which another process computes again."""
@@ -105,7 +106,8 @@ class DatasetPlan:
 
     def build(self, tables: dict[str, Any]) -> Scenario:
         """Build a scenario of the dataset from its tables."""
-        return Scenario.from_tables(tables, folder=self.folder, where=self.where, trust_code=self.trust_code)
+        made = Scenario.from_tables(tables, folder=self.folder, where=self.where, trust_code=self.trust_code)
+        return made.with_trusted_fmus() if self.trust_fmu else made
 
     @cached_property
     def image_shape(self) -> tuple[int, int]:
@@ -247,14 +249,16 @@ class DatasetPlan:
         raise DatasetError(f"{self.spec.where}: has {self.n_shards} shards; choose one of them")
 
 
-def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None, trust_code: bool = True) -> DatasetPlan:
+def make_plan(
+    given: DatasetSpec | str | Path, *, files: Path | None = None, trust_code: bool = True, trust_fmu: bool = False
+) -> DatasetPlan:
     """Check the base scenario, models and split of a specification, and make the plan of its dataset.
 
     Parameters
     ----------
     given : the specification, or its TOML file.
     files : folder in which relative paths of meshes and orbit files start (None: that of the scenario).
-    trust_code : whether Python code that the scenario names may run.
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names.
 
     Raises
     ------
@@ -272,7 +276,7 @@ def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None, tru
         for setting in spec.set:
             apply_setting(tables, setting)
     folder = files or path.parent
-    plan = DatasetPlan(spec, tables, folder, path.name, (), {}, {}, {}, trust_code)
+    plan = DatasetPlan(spec, tables, folder, path.name, (), {}, {}, {}, trust_code, trust_fmu)
     with add_place(spec.where):
         base = plan.scenario()
         _find_target(spec, tables)
@@ -282,7 +286,7 @@ def make_plan(given: DatasetSpec | str | Path, *, files: Path | None = None, tru
         hashes = {name: meshes[name].sha256 for name in sorted(meshes)}
         parts = {name: mesh.part_names for name, mesh in meshes.items()}
         files_named = hash_named_files(spec, tables, folder)
-    plan = DatasetPlan(spec, tables, folder, path.name, named, hashes, parts, files_named, trust_code)
+    plan = DatasetPlan(spec, tables, folder, path.name, named, hashes, parts, files_named, trust_code, trust_fmu)
     _check_split(plan)
     return plan
 

@@ -22,7 +22,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class TradePlan:
-    """All inputs of the rows, which worker processes receive."""
+    """All inputs of the rows, which worker processes receive. `trust_fmu` is whether FMUs of the scenario may run."""
 
     study: Study
     points: tuple[tuple[Any, ...], ...]
@@ -31,13 +31,15 @@ class TradePlan:
     where: str
     seed: int
     threads: int | None = None
+    trust_fmu: bool = False
 
     def scenario(self, row: int) -> Scenario:
         """Load the scenario of a row, or raise `ScenarioError`."""
         changes = tuple(f"{field}={text}" for field, text in self.settings(row).items())
-        return Scenario.loads(
+        made = Scenario.loads(
             self.text, folder=self.folder, where=self.where, settings=(*self.study.set, *changes), trust_code=True
         )
+        return made.with_trusted_fmus() if self.trust_fmu else made
 
     def settings(self, row: int) -> dict[str, str]:
         """Return the TOML text of each field that a row sets."""
@@ -61,10 +63,19 @@ class TradePlan:
         return {"row": number, "seed": seed, "merits": merits, "error": why}
 
 
-def make_plan(study: Study, threads: int | None = None) -> tuple[TradePlan, Scenario]:
-    """Make the plan of a study and load its scenario, after a check of every field that changes."""
+def make_plan(study: Study, threads: int | None = None, *, trust_fmu: bool = False) -> tuple[TradePlan, Scenario]:
+    """Make the plan of a study and load its scenario, after a check of every field that changes.
+
+    Parameters
+    ----------
+    study : the study.
+    threads : of a single computation (None: one per core).
+    trust_fmu : whether the native code of FMUs that the scenario names may run.
+    """
     base, path = study.base(), study.scenario_file()
-    plan = TradePlan(study, tuple(list_points(study)), read_toml(path), path.parent, path.name, base.seed, threads)
+    base = base.with_trusted_fmus() if trust_fmu else base
+    text, points = read_toml(path), tuple(list_points(study))
+    plan = TradePlan(study, points, text, path.parent, path.name, base.seed, threads, trust_fmu)
     with suppress_warnings():
         _check_fields(plan)
         _check_points(plan)

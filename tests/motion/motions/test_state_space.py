@@ -348,7 +348,9 @@ def test_what_cannot_be_hashed_or_found_again_is_told():
 
 def test_inputs_without_a_model_are_an_error():
     still = cart_scenario(follower=rl.Follower(motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))))
-    with pytest.raises(ScenarioError, match=re.escape("which has no state-space model (known: none)")):
+    with pytest.raises(
+        ScenarioError, match=re.escape("which has no state-space model or FMU with inputs (known: none)")
+    ):
         list(rl.simulate(still, lambda _: rl.Command(inputs={"follower": (1.0,)})))
 
 
