@@ -34,6 +34,7 @@ SPANNING = {
     "study/trades/test_worked_studies.py",
     "test_bridge_basilisk.py",
     "test_bridge_cfs.py",
+    "test_bridge_ros2.py",
     "test_examples.py",
     "test_learning_examples.py",
     "test_names.py",

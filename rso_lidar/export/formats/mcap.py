@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from rso_lidar.export.layout.target_table import tabulate_targets
 from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.records import Frame, Source
+from rso_lidar.records import Frame, SensorSamples, Source
 
 LIDAR, FOLLOWER = "lidar", "follower"  # frame ids of what the lidar says, and of the body that carries the sensors
 TOPICS = {
@@ -54,6 +54,54 @@ class MessageSpan:
     last_ns: int
     kinds: Mapping[str, str]
     counts: Mapping[str, int]
+
+
+class RosStream:
+    """The ROS 2 messages of successive frames, as dictionaries: what `write_mcap` writes and a ROS node publishes.
+
+    `kinds` holds the type of each topic, and `definitions` the message definition of each type. A message comes with its
+    topic and the time [ns since 1970] at which it is known: of a sample, when flight software receives it.
+
+    Parameters
+    ----------
+    first : first frame.
+    place : name of the output, for messages.
+    """
+
+    def __init__(self, first: Frame, place: str | os.PathLike[str] = "ROS") -> None:
+        self._place, self._source = Path(place), first.source
+        self._sight, self.camera = first.line_of_sight, fit_camera(first.line_of_sight)
+        self._sensors = list_topics(first)
+        self._mounts = make_mounts(self._sensors, first.source)
+        self.kinds = TOPICS | {one.topic: one.kind for one in self._sensors}
+        self.definitions = DEFINITIONS | {one.kind: one.definition for one in self._sensors if one.definition}
+
+    def convert_frame(self, frame: Frame) -> Iterator[tuple[str, dict[str, Any], int]]:
+        """Yield topic, message and time of each message of a frame, without the samples of other sensors."""
+        if frame.line_of_sight is not self._sight and not np.array_equal(frame.line_of_sight, self._sight):
+            self._sight, self.camera = frame.line_of_sight, fit_camera(frame.line_of_sight)
+        at_ns = self.to_stamp_ns(frame.time_s)
+        for topic, message in _messages(frame, at_ns, self.camera, self._mounts).items():
+            yield topic, message, at_ns
+
+    def convert_samples(self, samples: Mapping[str, SensorSamples]) -> Iterator[tuple[str, dict[str, Any], int]]:
+        """Yield topic, message and time of each sample, in the order in which they become available."""
+        for available_s, time_s, one, body in list_samples(self._sensors, samples):
+            stamp = to_ros_time(self.to_stamp_ns(time_s))
+            yield one.topic, {"header": {"stamp": stamp, "frame_id": one.axes}} | body, self.to_stamp_ns(available_s)
+
+    def to_stamp_ns(self, time_s: float) -> int:
+        """Return an instant [s since start_utc] as a stamp [ns since 1970]."""
+        at_ns = to_stamp_ns(self._source.start_utc, time_s)
+        if not 0 <= at_ns < _LAST_S * _NS:
+            start_utc = self._source.start_utc
+            raise RecordingError(f"{self._place}: ROS stamps hold 1970 to 2038, the run is at {start_utc}; shift it")
+        return at_ns
+
+
+def to_ros_time(at_ns: int) -> dict[str, int]:
+    """Return a stamp [ns since 1970] as builtin_interfaces/Time."""
+    return {"sec": at_ns // _NS, "nanosec": at_ns % _NS}
 
 
 def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
@@ -100,33 +148,24 @@ def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Fram
     """
     from mcap_ros2.writer import Writer
 
-    sight, camera = first.line_of_sight, fit_camera(first.line_of_sight)
-    sensors = list_topics(first)
-    mounts = make_mounts(sensors, first.source)
-    kinds = TOPICS | {one.topic: one.kind for one in sensors}
-    texts = DEFINITIONS | {one.kind: one.definition for one in sensors if one.definition}
+    stream = RosStream(first, place)
+    kinds = stream.kinds
     counts, ends = dict.fromkeys(kinds, 0), [_LAST_S * _NS, 0]
     with draft.open("wb") as file:
         writer: Any = Writer(file, chunk_size=max(_CHUNK_BYTES * first.range_m.size, _LEAST_BYTES))
-        schemas = {kind: writer.register_msgdef(kind, texts[kind]) for kind in dict.fromkeys(kinds.values())}
-        writer.add_metadata("rso_lidar", _provenance(first.source, camera))
-
-        def write(topic: str, message: dict[str, Any], at_ns: int) -> None:
-            writer.write_message(topic, schemas[kinds[topic]], message, at_ns, at_ns, counts[topic])
-            counts[topic] += 1
-            ends[:] = min(ends[0], at_ns), max(ends[1], at_ns)
-
+        schemas = {
+            kind: writer.register_msgdef(kind, stream.definitions[kind]) for kind in dict.fromkeys(kinds.values())
+        }
+        writer.add_metadata("rso_lidar", _provenance(first.source, stream.camera))
         for frame in frames:
             check_stream(file, draft, place)
-            if frame.line_of_sight is not sight and not np.array_equal(frame.line_of_sight, sight):
-                sight, camera = frame.line_of_sight, fit_camera(frame.line_of_sight)
-            for available_s, time_s, one, body in list_samples(sensors, frame):
-                stamp = _to_ros_time(_stamp(place, first.source, time_s))
-                header = {"stamp": stamp, "frame_id": one.axes}
-                write(one.topic, {"header": header} | body, _stamp(place, first.source, available_s))
-            at_ns = _stamp(place, first.source, frame.time_s)
-            for topic, message in _messages(frame, at_ns, camera, mounts).items():
-                write(topic, message, at_ns)
+            for topic, message, at_ns in [
+                *stream.convert_samples(frame.observation.sensors),
+                *stream.convert_frame(frame),
+            ]:
+                writer.write_message(topic, schemas[kinds[topic]], message, at_ns, at_ns, counts[topic])
+                counts[topic] += 1
+                ends[:] = min(ends[0], at_ns), max(ends[1], at_ns)
             file.flush()
         writer.finish()
         check_stream(file, draft, place)
@@ -170,24 +209,6 @@ def _provenance(source: Source, camera: Camera) -> dict[str, str]:
     }
 
 
-def _stamp(place: Path, source: Source, time_s: float) -> int:
-    """Return an instant as a stamp [ns since 1970].
-
-    Parameters
-    ----------
-    place : of the output, for the message.
-    source, time_s : with the start, and the time since it [s].
-    """
-    at_ns = to_stamp_ns(source.start_utc, time_s)
-    if not 0 <= at_ns < _LAST_S * _NS:
-        raise RecordingError(f"{place}: ROS stamps hold 1970 to 2038, the run is at {source.start_utc}; shift it")
-    return at_ns
-
-
-def _to_ros_time(at_ns: int) -> dict[str, int]:
-    return {"sec": at_ns // _NS, "nanosec": at_ns % _NS}
-
-
 def _messages(frame: Frame, at_ns: int, camera: Camera, mounts: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return the messages of a frame by topic.
 
@@ -199,7 +220,7 @@ def _messages(frame: Frame, at_ns: int, camera: Camera, mounts: Sequence[dict[st
     mounts : poses of sensors in the follower's axes.
     """
     rows, cols = frame.range_m.shape
-    stamp = _to_ros_time(at_ns)
+    stamp = to_ros_time(at_ns)
     header = {"stamp": stamp, "frame_id": LIDAR}
     on_follower: dict[str, Any] = {"header": {"stamp": stamp, "frame_id": FOLLOWER}}
     cloud = np.empty((rows, cols, len(_FIELDS)), dtype="<f4")

@@ -165,13 +165,15 @@ def make_mounts(topics: Sequence[SensorTopic], source: Source) -> list[dict[str,
     return made
 
 
-def list_samples(topics: Sequence[SensorTopic], frame: Frame) -> list[tuple[float, float, SensorTopic, dict[str, Any]]]:
-    """List the messages of a frame in the order in which the samples become available.
+def list_samples(
+    topics: Sequence[SensorTopic], sensors: Mapping[str, SensorSamples]
+) -> list[tuple[float, float, SensorTopic, dict[str, Any]]]:
+    """List the messages of samples in the order in which they become available.
 
     Parameters
     ----------
     topics : of the recording.
-    frame : with the samples.
+    sensors : their samples, by name.
 
     Returns
     -------
@@ -180,7 +182,7 @@ def list_samples(topics: Sequence[SensorTopic], frame: Frame) -> list[tuple[floa
     """
     found = []
     for one in topics:
-        samples = [frame.observation.sensors[name] for name in one.sensors]
+        samples = [sensors[name] for name in one.sensors]
         for k, (time_s, available_s) in enumerate(zip(samples[0].time_s, samples[0].available_s, strict=True)):
             if (body := one.body(samples, k)) is not None:
                 found.append((float(available_s), float(time_s), one, body))

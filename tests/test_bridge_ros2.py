@@ -1,0 +1,209 @@
+"""The ROS 2 node: its bytes, made with rosbags, are read by mcap_ros2. The node itself needs ROS and is only compiled."""
+
+import importlib.util
+import json
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+import rso_lidar as rl
+from rso_lidar.errors import ScenarioError
+from rso_lidar.export.formats.mcap import RosStream
+from rso_lidar.export.formats.trajectory import to_stamp_ns
+
+pytest.importorskip("rosbags.typesys", reason="needs rosbags: pip install rosbags")
+mcap = pytest.importorskip("mcap_ros2.decoder", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+FOLDER = EXAMPLES / "bridges" / "ros2"
+SMALL = (
+    "time.duration_s=2",
+    "lidar.receiver.n_rows=16",
+    "lidar.receiver.n_cols=16",
+    "lidar.receiver.rays_per_pixel=1",
+    "lidar.receiver.min_rays_per_target=0",
+)
+CLOCK = "builtin_interfaces/Time clock\n" + "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+
+
+@pytest.fixture(scope="module")
+def example():
+    return SimpleNamespace(**runpy.run_path(str(FOLDER / "messages.py"), run_name="example"))
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    """Four flashes at a tumbling stage from a craft with a PTU, a gyro and an accelerometer of one unit, and GNSS."""
+    whole = rl.Scenario.load(EXAMPLES / "flight_software" / "tumbling_stage.toml", settings=SMALL)
+    imu = rl.sensors.Gyro(name="imu", rate_hz=20.0), rl.sensors.Accelerometer(name="force", rate_hz=20.0)
+    return whole.replace(sensor=(*imu, rl.sensors.Gnss(name="gnss", rate_hz=1.0)))
+
+
+@pytest.fixture(scope="module")
+def flown(example, scenario):
+    """The messages of each step of 0.1 s, told after the first flash where to look."""
+    lidar = example.SteppedLidar(scenario, 0.1)
+    steps = [lidar.step()]
+    lidar.point({"tilt": 0.01})
+    lidar.point({"pan": 0.775})
+    while not lidar.is_over:
+        steps.append(lidar.step())
+    return steps
+
+
+@pytest.fixture(scope="module")
+def decode(scenario):
+    """Return a function that reads CDR with mcap_ros2, by the definitions of our MCAP files."""
+    stream = RosStream(next(iter(rl.simulate(scenario, frames=[0]))))
+    texts = stream.definitions | {"rosgraph_msgs/msg/Clock": CLOCK}
+    made = {}
+
+    def read(kind, data):
+        if kind not in made:
+            schema = SimpleNamespace(id=len(made), name=kind, encoding="ros2msg", data=texts[kind].encode())
+            made[kind] = mcap.DecoderFactory().decoder_for("cdr", schema)
+        return made[kind](data)
+
+    return read
+
+
+def pixels(message, dtype):
+    return np.frombuffer(message.data, dtype).reshape(message.height, message.width)
+
+
+def stamp_ns(time):
+    return time.sec * 10**9 + time.nanosec
+
+
+def test_frames_are_those_of_the_simulation(scenario, flown, decode):
+    simulation = rl.Simulation(scenario)
+    frames = [simulation.step(rl.Command(), dt_s=0.1)]
+    told = rl.Command(pan_rad=0.775, tilt_rad=0.01)
+    frames += [frame for _ in flown[1:] if (frame := simulation.step(told, dt_s=0.1)) is not None]
+    with_frame = [{topic: decode(kind, data) for topic, kind, data in step} for step in flown if len(step) > 8]
+    assert len(with_frame) == len(frames) == 4
+    for frame, ours in zip(frames, with_frame, strict=True):
+        at_ns = to_stamp_ns(frame.source.start_utc, frame.time_s)
+        for topic in ("/lidar/range", "/lidar/intensity", "/lidar/points", "/lidar/camera_info", "/labels/target"):
+            header = ours[topic].header
+            assert (header.frame_id, stamp_ns(header.stamp)) == ("lidar", at_ns)
+        np.testing.assert_array_equal(pixels(ours["/lidar/range"], "<f4"), frame.range_m)
+        np.testing.assert_array_equal(pixels(ours["/lidar/intensity"], "<u2"), frame.intensity_counts)
+        np.testing.assert_array_equal(pixels(ours["/labels/target"], "<i2"), frame.labels.target)
+        cloud = np.frombuffer(ours["/lidar/points"].data, "<f4").reshape(16, 16, 4)
+        np.testing.assert_array_equal(cloud[..., :3], frame.points_m.astype("f4"))
+        assert [field.name for field in ours["/lidar/points"].fields] == ["x", "y", "z", "intensity"]
+        joints = ours["/ptu/joint_states"]
+        assert (joints.name, joints.position) == (["pan", "tilt"], frame.observation.pan_tilt_rad.tolist())
+        assert stamp_ns(joints.header.stamp) == at_ns
+        moves = {one.child_frame_id: one for one in ours["/tf"].transforms}
+        move, turn = moves["lidar"].transform.translation, moves["lidar"].transform.rotation
+        rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w])
+        parent_from_lidar = RigidTransform.from_components([move.x, move.y, move.z], rotation)
+        expected = frame.truth.pose(moves["lidar"].header.frame_id, "lidar")
+        np.testing.assert_allclose(parent_from_lidar.as_matrix(), expected.as_matrix(), atol=1e-14)
+        assert {"imu", "stage", "follower"} <= {name.removeprefix("sensors/") for name in moves}
+
+
+def test_the_clock_and_the_samples_come_with_every_step(scenario, flown, decode):
+    start_ns = to_stamp_ns(next(iter(rl.simulate(scenario, frames=[0]))).source.start_utc, 0.0)
+    simulation, rates = rl.Simulation(scenario), []
+    for number, step in enumerate(flown):
+        simulation.step(dt_s=0.1)
+        rates += simulation.samples["imu"].angular_velocity_rad_s.tolist()
+        (topic, kind, data), *_ = step
+        assert topic == "/clock"
+        end_s = min(0.1 * (number + 1), 1.5)  # the run ends at the last flash
+        assert stamp_ns(decode(kind, data).clock) == start_ns + round(end_s * 1e9)
+    unit = [decode(kind, data) for step in flown for topic, kind, data in step if topic == "/sensors/imu/imu"]
+    assert len(unit) == len(rates) == 31
+    np.testing.assert_array_equal(
+        [[one.angular_velocity.x, one.angular_velocity.z] for one in unit], np.array(rates)[:, ::2]
+    )
+    assert [stamp_ns(one.header.stamp) - start_ns for one in unit] == [50_000_000 * k for k in range(31)]
+    assert unit[0].header.frame_id == "sensors/imu" and unit[0].linear_acceleration_covariance[0] == 0.0
+    places = [topic for step in flown for topic, *_ in step if topic == "/sensors/gnss/position"]
+    assert len(places) == 2
+
+
+def test_truth_stays_at_home_where_it_is_not_wanted(example, scenario, flown):
+    lidar = example.SteppedLidar(scenario, 0.1, tells_truth=False)
+    topics = {topic for topic, *_ in lidar.step()}
+    told = {topic for topic, *_ in flown[0]}
+    assert told - topics == {"/tf", "/labels/target", "/labels/part"}
+    assert "/lidar/points" in topics
+
+
+def test_thrust_reaches_the_body_and_an_impossible_command_is_forgotten(example):
+    scenario = rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=SMALL)
+    lidar, simulation = example.SteppedLidar(scenario, 0.5), rl.Simulation(scenario)
+    lidar.push("follower", [0.02, 0.0, -0.01])
+    for _ in range(2):
+        lidar.step()
+        simulation.step(rl.Command(inputs={"follower": (0.02, 0.0, -0.01)}), dt_s=0.5)
+    ours, theirs = (one.truth.pose("stage", "follower").translation for one in (lidar.simulation, simulation))
+    np.testing.assert_array_equal(ours, theirs)
+    again = example.SteppedLidar(scenario, 0.5)
+    again.push("nobody", [1.0])
+    with pytest.raises(ScenarioError, match="nobody"):
+        again.step()
+    assert again.step()
+
+
+@pytest.mark.parametrize("release", ["humble", "kilted"])
+def test_releases_agree_on_the_bytes(example, scenario, flown, release):
+    assert example.SteppedLidar(scenario, 0.1, release=release).step() == flown[0]
+
+
+def test_requests_that_are_wrong_have_one_line_and_the_run_goes_on(example):
+    lidar = example.SteppedLidar(rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=SMALL), 0.5)
+    for line in (
+        b"",
+        b"[]",
+        b"{",
+        b'{"inputs": {"nobody": [1]}}',
+        b'{"inputs": {"follower": 1}}',
+        b'{"angles": {"pan": "x"}}',
+    ):
+        head, *messages = example.answer(lidar, line)
+        head = json.loads(head)
+        assert head["error"] and "\n" not in head["error"] and not messages and head["messages"] == []
+    head, *messages = example.answer(lidar, b"{}")
+    assert [len(one) for one in messages] == [length for *_, length in json.loads(head)["messages"]]
+
+
+def test_the_process_behind_the_node_flies_the_same(example, tmp_path):
+    path = tmp_path / "thrusters.toml"
+    whole = (EXAMPLES / "thrusters.toml").read_text(encoding="utf-8").replace("= 600", "= 2")
+    path.write_text(whole.replace("rays_per_pixel      = 4", "rays_per_pixel = 1\nn_rows = 16\nn_cols = 16"))
+    (tmp_path / "thrusters.py").write_bytes((EXAMPLES / "thrusters.py").read_bytes())
+    requests = [b'{"inputs": {"follower": [0.02, 0, 0]}}', b"{}", b"{}"]
+    command = [sys.executable, FOLDER / "messages.py", path, "--step", "0.4", "--no-truth"]
+    run = subprocess.run(command, input=b"\n".join(requests), capture_output=True, timeout=60)
+    assert (run.returncode, run.stderr) == (0, b"")
+    lidar = example.SteppedLidar(rl.Scenario.load(path), 0.4, tells_truth=False)
+    expected = [b'{"inputs": ["follower"]}\n']
+    for line in requests:
+        expected += example.answer(lidar, line)
+    assert run.stdout == b"".join(expected)
+    assert b'"is_over": true' in run.stdout
+
+
+def test_a_scenario_that_is_not_there_is_one_line(example, monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "argv", ["messages.py", str(tmp_path / "none.toml")])
+    with pytest.raises(SystemExit, match=r"^messages\.py: .*none\.toml.*$"):
+        example.main()
+
+
+def test_the_node_compiles_and_names_what_it_needs():
+    """Without ROS this is all that can be said of it."""
+    code = compile((FOLDER / "node.py").read_text(encoding="utf-8"), "node.py", "exec")
+    if importlib.util.find_spec("rclpy") is None:
+        with pytest.raises(ModuleNotFoundError, match="rclpy"):
+            exec(code, {"__name__": "example"})
