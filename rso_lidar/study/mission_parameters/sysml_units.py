@@ -1,11 +1,12 @@
 """Units of parameters in SysML v2: quantity types of ISQ, and measurement units of SI.
 
-Units that the library SI of SysML v2 (release 2026-06, `SI.sysml`) lacks are declared with a prefix, as it declares its
-own. Counts of pixels, photons or electrons have the dimension one; their unit stands in the documentation.
+Units that the library SI of SysML v2 (release 2026-06, `SI.sysml`) lacks are declared with a prefix or a factor, as it
+declares its own. Counts of pixels, photons or electrons have the dimension one; their unit stands in the documentation.
 """
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 
@@ -38,8 +39,15 @@ UNITS = {
     "rad/s": UnitNotation("AngularVelocityValue", "rad/s"),
     "deg/s²": UnitNotation("AngularAccelerationValue", "'°'/s^2"),
     "rad/s²": UnitNotation("AngularAccelerationValue", "rad/s^2"),
+    "deg/√h": UnitNotation("ScalarQuantityValue", "'°'/h^0.5"),
+    "deg/h/√h": UnitNotation("ScalarQuantityValue", "'°'/h^1.5"),
     "m/s": UnitNotation("SpeedValue", "m/s"),
+    "m/s/√h": UnitNotation("ScalarQuantityValue", "m/s/h^0.5"),
     "m/s²": UnitNotation("AccelerationValue", "m/s^2"),
+    "g": UnitNotation("AccelerationValue", "gn"),
+    "µg": UnitNotation("AccelerationValue", "'µgn'"),
+    "µg/√h": UnitNotation("ScalarQuantityValue", "'µgn'/h^0.5"),
+    "ppm": UnitNotation("DimensionOneValue", "ppm"),
     "kg": UnitNotation("MassValue", "kg"),
     "kg m²": UnitNotation("MomentOfInertiaValue", "kg*m^2"),
     "N": UnitNotation("ForceValue", "N"),
@@ -51,12 +59,13 @@ UNITS = {
     "Ω": UnitNotation("ResistanceValue", "'Ω'"),
     "1/V": UnitNotation("ScalarQuantityValue", "V^-1"),
     "1/sr": UnitNotation("ScalarQuantityValue", "sr^-1"),
+    "rpm": UnitNotation("ScalarQuantityValue", "min^-1"),
     "rev/day": UnitNotation("ScalarQuantityValue", "d^-1"),
     "rev/day²": UnitNotation("ScalarQuantityValue", "d^-2"),
     "rev/day³": UnitNotation("ScalarQuantityValue", "d^-3"),
 }
 
-# Units that SI.sysml lacks: name, type, prefix, and unit that the prefix is of.
+# Units that SI.sysml lacks: name, type, and conversion by a prefix or a factor from another unit.
 _PREFIXED = {
     "mJ": ("millijoule", "EnergyUnit", "milli", "J"),
     "ns": ("nanosecond", "DurationUnit", "nano", "s"),
@@ -65,6 +74,12 @@ _PREFIXED = {
     "MHz": ("megahertz", "FrequencyUnit", "mega", "Hz"),
     "nA": ("nanoampere", "ElectricCurrentUnit", "nano", "A"),
     "nF": ("nanofarad", "CapacitanceUnit", "nano", "F"),
+    "'µgn'": ("'micro standard acceleration of free fall'", "AccelerationUnit", "micro", "gn"),
+}
+_CONVERTED = {
+    # 3rd CGPM (1901), exact; `g` is the gram of SI.sysml
+    "gn": ("'standard acceleration of free fall'", "AccelerationUnit", "9.80665", "m/s^2"),
+    "ppm": ("'part per million'", "DimensionOneUnit", "1.0E-6", "one"),
 }
 
 
@@ -80,9 +95,17 @@ def declare_units(units: set[str]) -> list[str]:
     ----------
     units : expressions of the units that a text uses.
     """
-    return [
-        f"attribute <{short}> {name} : {kind} "
-        f"{{ :>> unitConversion : ConversionByPrefix {{ :>> prefix = {prefix}; :>> referenceUnit = {of}; }} }}"
+    symbols = {symbol for unit in units for symbol in re.findall(r"'[^']+'|[A-Za-z]+", unit)}
+    symbols |= {_PREFIXED[symbol][3] for symbol in symbols & set(_PREFIXED)}
+    conversions = {
+        short: (name, kind, f"ConversionByConvention {{ :>> referenceUnit = {of}; :>> conversionFactor = {factor}; }}")
+        for short, (name, kind, factor, of) in _CONVERTED.items()
+    } | {
+        short: (name, kind, f"ConversionByPrefix {{ :>> prefix = {prefix}; :>> referenceUnit = {of}; }}")
         for short, (name, kind, prefix, of) in _PREFIXED.items()
-        if short in units
+    }
+    return [
+        f"attribute <{short}> {name} : {kind} {{ :>> unitConversion : {conversion} }}"
+        for short, (name, kind, conversion) in conversions.items()
+        if short in symbols
     ]

@@ -21,11 +21,13 @@ PATIENCE_MS = 30_000
 
 
 @contextmanager
-def connected(endpoint, kind=None):
-    """Yield a plain socket connected to a server."""
+def connected(endpoint, kind=None, **options):
+    """Yield a plain socket connected to a server; options count only if they are set before."""
     with zmq.Context() as context, context.socket(kind or zmq.REQ) as plug:
         plug.setsockopt(zmq.RCVTIMEO, PATIENCE_MS)
         plug.setsockopt(zmq.LINGER, 0)
+        for name, value in options.items():
+            plug.setsockopt(getattr(zmq, name), value)
         plug.connect(endpoint)
         yield plug
 
@@ -146,8 +148,13 @@ def test_a_client_that_is_killed_leaves_the_simulation_to_the_next(scenario):
 
 
 def test_a_slow_subscriber_slows_nothing_and_a_killed_server_leaves_its_frames(tmp_path):
-    """Served by a process of its own, with a reader of the stream that reads nothing, and killed in the middle."""
-    settings = [word for setting in (*SMALL, "time.duration_s=100") for word in ("--set", setting)]
+    """Served by a process of its own, with a reader of the stream that reads nothing, and killed in the middle.
+
+    A message has 115 kB. The 100 steps send more than can wait: 16 messages in the server, 4 MB in its kernel (the greatest
+    default of Linux), and one message and 4 kB in the reader.
+    """
+    steps, size = 100, ("lidar.receiver.n_rows=128", "lidar.receiver.n_cols=128", "time.duration_s=100")
+    settings = [word for setting in (*SMALL, *size) for word in ("--set", setting)]
     command = [sys.executable, "-m", "rso_lidar", "serve", str(EXAMPLES / "closed_loop.toml"), *settings]
     command += ["--bind", "tcp://127.0.0.1:*", "--publish", "tcp://127.0.0.1:*", "-o", str(tmp_path / "a.h5")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as child:
@@ -156,17 +163,19 @@ def test_a_slow_subscriber_slows_nothing_and_a_killed_server_leaves_its_frames(t
                 if line.startswith("serving"):
                     break
             endpoint, stream = line.split(" at ")[1].split(";")[0], line.split(" at ")[2].strip()
-            with connected(stream, zmq.SUB) as idle, connected(stream, zmq.SUB) as reader:
-                for plug in (idle, reader):
-                    plug.setsockopt(zmq.RCVHWM, 1)
-                    plug.setsockopt(zmq.SUBSCRIBE, b"reading")
+            with connected(stream, zmq.SUB, RCVHWM=1, RCVBUF=4096, SUBSCRIBE=b"reading") as idle:
                 time.sleep(0.3)
                 with rl.loop.Client(endpoint, timeout_s=30) as client:
-                    for _ in range(60):
+                    for _ in range(steps):
                         client.step()
-                    topic, header, *arrays = reader.recv_multipart()
-                    assert topic == b"reading"
-                    assert len(json.loads(header)["arrays"]) == len(arrays) >= 4
+                    kept = []
+                    while idle.poll(500):
+                        topic, header, *arrays = idle.recv_multipart()
+                        assert topic == b"reading"
+                        assert len(json.loads(header)["arrays"]) == len(arrays) >= 4
+                        kept.append(json.loads(header)["frame"]["index"])
+                    assert kept == sorted(set(kept)) and kept[0] == 0  # whole messages in their order
+                    assert 1 < len(kept) < steps  # the rest were dropped, and no step waited
                     child.send_signal(signal.SIGKILL)
                     child.wait(10)
                     with pytest.raises(rl.RunError, match="the server has ended"):
@@ -175,8 +184,8 @@ def test_a_slow_subscriber_slows_nothing_and_a_killed_server_leaves_its_frames(t
             child.kill()
     (left,) = tmp_path.glob("a.h5.tmp-*")
     with rl.open(left) as recording:
-        assert len(recording) == 60
-        assert recording[59].index == 59
+        assert len(recording) == steps
+        assert recording[steps - 1].index == steps - 1
 
 
 def test_no_server_is_said_in_a_line():

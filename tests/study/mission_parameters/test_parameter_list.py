@@ -18,8 +18,7 @@ from rso_lidar.study.mission_parameters.parameter_table import list_parameters
 from rso_lidar.study.mission_parameters.sysml_units import UNITS
 
 WORDS = {  # units for which SysML has none: numbers there, with the unit in words
-    "pixels", "photons", "electrons", "counts", "bits", "counts/photon", "electrons/count", "1/R⊕", "ppm", "rpm", "g", "µg",
-    "µg/√h", "m/s/√h", "deg/√h", "deg/h/√h",
+    "pixels", "photons", "electrons", "counts", "bits", "counts/photon", "electrons/count", "1/R⊕",
 }  # fmt: skip
 
 

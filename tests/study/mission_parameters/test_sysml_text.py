@@ -78,6 +78,19 @@ def test_names_and_texts_are_quoted(tmp_path):
     assert quote_name("in") == "'in'" and quote_name("9m") == "'9m'" and quote_name("a_1") == "a_1"
 
 
+def test_units_of_inertial_sensors_are_declared_with_their_factors(tmp_path):
+    values = [
+        MissionParameter(f"imu.{name}", 2.5, unit, "Noise.", None, "scenario")
+        for name, unit in (("bias", "µg/√h"), ("walk", "deg/√h"), ("scale", "ppm"), ("most", "g"), ("speed", "rpm"))
+    ]
+    text = write_model("units", values, "about")
+    assert "attribute bias : ScalarQuantityValue = 2.5 ['µgn'/h^0.5] {" in text
+    assert ":>> referenceUnit = m/s^2; :>> conversionFactor = 9.80665;" in text  # of gn, of which µgn is the millionth
+    assert text.index("attribute <gn>") < text.index("attribute <'µgn'>")
+    kinds = {name.rpartition("::")[2]: kind.rpartition("::")[2] for name, kind in typings(read(text, tmp_path)).items()}
+    assert kinds["most"] == "AccelerationValue" and kinds["scale"] == "DimensionOneValue"
+
+
 def test_units_are_those_of_the_library_or_declared():
     sysml = pytest.importorskip("sysml")
     folder = Path(sysml.standard_library()) / "Domain Libraries" / "Quantities and Units"
@@ -85,7 +98,7 @@ def test_units_are_those_of_the_library_or_declared():
     assert {"m", "nm", "'°'", "'Ω'"} <= known
     for notation in UNITS.values():
         words = set(re.findall(r"'[^']+'|[A-Za-z]+", notation.unit))
-        declared = {line.partition("<")[2].partition(">")[0] for line in declare_units(words)}
+        declared = {line.partition("<")[2].partition(">")[0] for line in declare_units({notation.unit})}
         assert words <= known | declared, notation
         assert not declared & known
 
