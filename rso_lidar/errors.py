@@ -7,8 +7,9 @@ A message reads *where: what: what to do*. The command line prints it as one lin
 import difflib
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
+from types import TracebackType
 
 import numpy as np
 
@@ -106,23 +107,30 @@ def warn(message: str) -> None:
         warnings.warn(message, RsoLidarWarning, stacklevel=3)
 
 
-@contextmanager
-def add_place(place: str) -> Iterator[None]:
-    """Prefix the message of an `RsoLidarError` raised in this context with a place.
+class _Place(AbstractContextManager[None]):
+    """A place by which messages are prefixed. It costs little to enter, because some are entered at every step of a run."""
+
+    def __init__(self, place: str) -> None:
+        self._place = place
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, RsoLidarError) and not str(error).startswith(f"{self._place}: "):
+            prefixed = type(error)(f"{self._place}: {error}")
+            vars(prefixed).update(vars(error))  # such as the mask of bad epochs
+            raise prefixed from None
+
+
+def add_place(place: str) -> AbstractContextManager[None]:
+    """Prefix the message of an `RsoLidarError` raised in this context, which may be entered again, with a place.
 
     >>> with add_place("tdrs.motion"):
     ...     raise ScenarioError("no such thing; name another")
     Traceback (most recent call last):
     rso_lidar.errors.ScenarioError: tdrs.motion: no such thing; name another
     """
-    try:
-        yield
-    except RsoLidarError as error:
-        if str(error).startswith(f"{place}: "):
-            raise
-        prefixed = type(error)(f"{place}: {error}")
-        vars(prefixed).update(vars(error))  # such as the mask of bad epochs
-        raise prefixed from None
+    return _Place(place)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

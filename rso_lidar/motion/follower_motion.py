@@ -9,6 +9,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, suppress_warnings
+from rso_lidar.kernels import kernel, packed
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.course import Course
 from rso_lidar.motion.dynamics.commands import CommandedFlight
@@ -26,6 +27,7 @@ from rso_lidar.records.telemetry import ANGULAR_ACCELERATION, ATTITUDE, DYNAMICS
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
+_OF_ALL = frozenset({PLACE, SKY})  # what needs the truth of all bodies
 _STEP_S = 1e-3  # of a difference quotient: rounding of 1e-12 becomes 1e-9 of the derivative
 
 
@@ -65,8 +67,8 @@ class FollowerMotion:
         course, follower = self._course, self._follower
         flights = course.flights_of(follower)
         truth = None
-        if self._rigid is None or reads & {PLACE, SKY}:
-            truth = course.moving(time_s, for_body=None if reads & {PLACE, SKY} else follower)
+        if self._rigid is None or reads & _OF_ALL:
+            truth = course.moving(time_s, for_body=None if reads & _OF_ALL else follower)
         shape = (len(time_s), 3)
         if self._rigid is not None:
             matrix, rate, force = self._follow_rigid_body(self._rigid, time_s, flights["motion"], list_ahead)
@@ -78,7 +80,7 @@ class FollowerMotion:
             thrust = _find_specific_force(course, truth, time_s, flights)
             force = rotate_vectors(np.swapaxes(matrix, -1, -2), thrust)
         state = truth.states[follower.name] if truth else None
-        unread = np.broadcast_to(np.nan, (len(time_s), 4))
+        unread = np.full((len(time_s), 4), np.nan)
         return BodyMotion(
             time_s,
             unread[:, :3] if state is None else np.broadcast_to(state.position_m, shape),
@@ -110,14 +112,16 @@ class FollowerMotion:
         -------
         inertial_from_body (time, 3, 3), angular velocity (time, 3) [rad/s] and specific force (time, 3) [m/s2] in body axes.
         """
-        matrix, rate = motion.find_matrices(flight, time_s)  # axes_from_body
-        body_from_axes = np.swapaxes(matrix, -1, -2)
+        axes_from_body, rate = motion.find_matrices(flight, time_s)
         assert isinstance(flight, Flight)
-        force = rotate_vectors(body_from_axes, flight.input_rates(time_s)[:, 3:6])
+        force = flight.input_rates(time_s)[:, 3:6]
         if motion.relative_to is None:
-            return matrix, rate, force
-        inertial_from_rtn, turning = self._find_chief_axes(motion.relative_to, time_s, list_ahead)
-        return np.matmul(inertial_from_rtn, matrix), rate + rotate_vectors(body_from_axes, turning), force
+            return axes_from_body, rate, rotate_vectors(np.swapaxes(axes_from_body, -1, -2), force)
+        inertial_from_axes, turning = self._find_chief_axes(motion.relative_to, time_s, list_ahead)
+        found: tuple[np.ndarray, np.ndarray, np.ndarray] = leave_turning_axes(
+            inertial_from_axes, turning, packed(axes_from_body), packed(rate), packed(force)
+        )
+        return found
 
     def _find_chief_axes(
         self, name: str, time_s: np.ndarray, list_ahead: Callable[[], np.ndarray]
@@ -132,18 +136,50 @@ class FollowerMotion:
         time_s, list_ahead : as for `find`.
         """
         known_s, matrix, turning = self._ahead
-        rows = np.searchsorted(known_s, time_s)
-        if not len(known_s) or rows[-1] >= len(known_s) or not np.array_equal(known_s[rows], time_s):
+        rows = known_s.searchsorted(time_s)
+        if not len(known_s) or rows[-1] >= len(known_s) or (known_s[rows] != time_s).any():
             is_commanded = any(flown.partition(".")[0] != self._follower.name for flown in self._course.flights)
             known_s = time_s if is_commanded else np.unique(np.concatenate([time_s, list_ahead()]))
             origin = next(body for body in self._course.bodies if body.name == name)
             with suppress_warnings():
                 link = self._course.moving(known_s, for_body=origin).poses.link(ROOT, origin.origin)
-            matrix = np.broadcast_to(link.matrix, (len(known_s), 3, 3))
-            turning = np.broadcast_to(link.angular_velocity_rad_s, (len(known_s), 3))
+            matrix = packed(np.broadcast_to(link.matrix, (len(known_s), 3, 3)))
+            turning = packed(np.broadcast_to(link.angular_velocity_rad_s, (len(known_s), 3)))
             self._ahead = known_s, matrix, turning
             rows = np.searchsorted(known_s, time_s)
         return matrix[rows], turning[rows]
+
+
+@kernel
+def leave_turning_axes(
+    inertial_from_axes: np.ndarray, turning: np.ndarray, axes_from_body: np.ndarray, rate: np.ndarray, force: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Refer the attitude and the angular velocity of a body in turning axes to inertial axes.
+
+    Parameters
+    ----------
+    inertial_from_axes, turning : (time, 3, 3) of the axes, and their angular velocity (time, 3) in themselves [rad/s].
+    axes_from_body, rate : (time, 3, 3), and the angular velocity (time, 3) relative to the axes, in body axes [rad/s].
+    force : (time, 3) a vector in the axes.
+
+    Returns
+    -------
+    inertial_from_body (time, 3, 3), angular velocity relative to inertial axes (time, 3) and the vector, both in body axes.
+    """
+    matrix, total, turned = np.empty_like(axes_from_body), np.empty_like(rate), np.empty_like(force)
+    for k in range(len(rate)):
+        for row in range(3):
+            x, y, z = axes_from_body[k, 0, row], axes_from_body[k, 1, row], axes_from_body[k, 2, row]
+            total[k, row] = rate[k, row] + (x * turning[k, 0] + y * turning[k, 1] + z * turning[k, 2])
+            turned[k, row] = x * force[k, 0] + y * force[k, 1] + z * force[k, 2]
+            a, b, c = inertial_from_axes[k, row]
+            for column in range(3):
+                matrix[k, row, column] = (
+                    a * axes_from_body[k, 0, column]
+                    + b * axes_from_body[k, 1, column]
+                    + c * axes_from_body[k, 2, column]
+                )
+    return matrix, total, turned
 
 
 def _find_sky(course: Course, truth: Truth, time_s: np.ndarray) -> dict[str, np.ndarray]:

@@ -69,7 +69,7 @@ class SensorSuite:
                 )
         flown = {name: self._look_back(name, of) for name, of in numbers.items()}
         times = {name: time_sensor_samples(self._sensors[name], of) for name, of in flown.items()}
-        instants = np.unique(np.concatenate(list(times.values())))
+        instants = _join_instants([*times.values()])
         reads = frozenset[str]().union(*(get_reads(self._sensors[name]) for name in numbers))
         motion = find_motion(instants, reads, partial(self._list_ahead, until_s))
         measured = {}
@@ -127,7 +127,7 @@ class SensorSuite:
         for sensor in self._sensors.values():
             numbers = number_available_samples(sensor, after_s, after_s + _AHEAD_S)
             times.append(time_sensor_samples(sensor, numbers[:_MOST_AHEAD]))
-        return np.unique(np.concatenate(times))
+        return _join_instants(times)
 
     def save(self) -> dict[str, SensorState | None]:
         """Return the present states, from which `restore` goes on."""
@@ -158,3 +158,11 @@ def _slice(samples: SensorSamples, some: slice) -> SensorSamples:
     values = {field.name: getattr(samples, field.name) for field in dataclasses.fields(samples)}
     arrays = {field: value[some] for field, value in values.items() if isinstance(value, np.ndarray)}
     return dataclasses.replace(samples, **arrays)
+
+
+def _join_instants(times: Sequence[np.ndarray]) -> np.ndarray:
+    """Return all instants of several ascending lists, ascending and without repetition."""
+    first, *others = times
+    if all(len(one) == len(first) and (one == first).all() for one in others):  # as for sensors of one rate
+        return first
+    return np.unique(np.concatenate(times))

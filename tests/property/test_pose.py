@@ -18,6 +18,7 @@ from rso_lidar.pose import (
     pose,
     quaternion_from_vector,
     quaternion_xyzw,
+    rotate_vectors,
     skew,
 )
 
@@ -46,6 +47,24 @@ def same(a, b, size=1e4):
     ]:
         here, there = np.broadcast_arrays(here, there)  # a batch of equal ones is the single one
         np.testing.assert_allclose(here, there, rtol=0.0, atol=tolerance)
+
+
+def test_one_epoch_has_the_same_bits_and_shape_alone_and_within_a_batch():
+    """A single rotation takes a shorter way, whatever its dimensions of length 1."""
+    rng = np.random.default_rng(3)
+    quaternions, vectors, others = rng.normal(size=(5, 4)), rng.normal(size=(5, 3)), rng.normal(size=(5, 3))
+    matrices = matrix_from_quaternion(quaternions)
+    rotated, product = rotate_vectors(matrices, vectors), cross(vectors, others)
+    for k in range(5):
+        np.testing.assert_array_equal(matrix_from_quaternion(quaternions[k]), matrices[k], strict=True)
+        one = slice(k, k + 1)
+        np.testing.assert_array_equal(matrix_from_quaternion(quaternions[one]), matrices[one], strict=True)
+        for matrix, vector in ((matrices[k], vectors[one]), (matrices[one], vectors[k]), (matrices[one], vectors[one])):
+            np.testing.assert_array_equal(rotate_vectors(matrix, vector), rotated[one], strict=True)
+        np.testing.assert_array_equal(rotate_vectors(matrices[k], vectors[k]), rotated[k], strict=True)
+        np.testing.assert_array_equal(cross(vectors[k], others[one]), product[one], strict=True)
+        np.testing.assert_array_equal(cross(vectors[k], others[k]), product[k], strict=True)
+    np.testing.assert_array_equal(rotate_vectors(matrices[None, :1], vectors[0]), rotated[None, :1], strict=True)
 
 
 @given(SEEDS)

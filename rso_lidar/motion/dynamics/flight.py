@@ -54,7 +54,7 @@ class StateSpaceModel(Part, CommandedModel):
         default=1e-9, description="Absolute tolerance of an integration step, in the units of x."
     )
 
-    @property
+    @functools.cached_property
     def label(self) -> str:
         """Name of the dynamics in error messages."""
         return name_function(self.dynamics)
@@ -114,6 +114,11 @@ class Flight(CommandedFlight):
     def __init__(self, model: StateSpaceModel) -> None:
         self.model = model
         self._function = model.function()
+        self._accuracy: dict[str, Any] = {
+            "rtol": model.relative_tolerance,
+            "atol": model.absolute_tolerance,
+            "name": model.label,
+        }
         state, inputs = np.array(model.initial_state, dtype=float), np.array(model.inputs, dtype=float)
         self._pieces = [self._begin_piece(0.0, inputs, state)]
         self._begins_s = [0.0]
@@ -129,17 +134,13 @@ class Flight(CommandedFlight):
         inputs : (m,), constant.
         state : (n,) at `begin_s`.
         """
-        function, model = self._function, self.model
-
-        def derivative(t: float, x: np.ndarray) -> np.ndarray:
-            return np.asarray(function(t + begin_s, x, inputs))
-
-        tolerances: dict[str, Any] = {"rtol": model.relative_tolerance, "atol": model.absolute_tolerance}
-        solution = (
-            ShortSolution(derivative, state, panel_s=_COMMANDED_PANEL_S, name=model.label, **tolerances)
-            if begin_s > 0.0
-            else OdeSolution(derivative, state, panel_s=_PANEL_S, name=model.label, **tolerances)
-        )
+        inputs.setflags(write=False)
+        f = self._function
+        solution: OdeSolution | ShortSolution
+        if begin_s > 0.0:
+            solution = ShortSolution(f, begin_s, state, inputs, panel_s=_COMMANDED_PANEL_S, **self._accuracy)
+        else:
+            solution = OdeSolution(lambda t, x: f(t, x, inputs), state, panel_s=_PANEL_S, **self._accuracy)
         return Piece(begin_s, inputs, state, solution)
 
     def save(self) -> FlightState:
@@ -175,17 +176,12 @@ class Flight(CommandedFlight):
         times = np.asarray(time_s, dtype=float)
         if len(times) == 1 and self._last[0] == (key := (times.item(), len(self._begins_s), self._begins_s[-1])):
             return self._last[1]
-        lost = (times > self._lost_s[0]) & (times < self._lost_s[1])
-        if lost.any():
-            raise PropagationError(
-                f"{self.model.label}: the states from {self._lost_s[0]:g} to {self._lost_s[1]:g} s are no longer kept, "
-                f"because more than {_KEPT} commands followed: request later instants",
-                lost,
-            )
         number = self._find_pieces(times)
+        if 0 in number:
+            self._check_kept(times)
         if len(times) == 1:
             states = self._evaluate_piece(number[0], times)
-            states.flags.writeable = False
+            states.setflags(write=False)
             self._last = key, states
             return states
         states = np.empty((len(times), len(self.model.initial_state)))
@@ -193,6 +189,16 @@ class Flight(CommandedFlight):
             rows = np.array(number) == one
             states[rows] = self._evaluate_piece(one, times[rows])
         return states
+
+    def _check_kept(self, time_s: np.ndarray) -> None:
+        """Refuse instants (time) [s] whose pieces are no longer kept; only the first piece reaches into their span."""
+        lost = (time_s > self._lost_s[0]) & (time_s < self._lost_s[1])
+        if lost.any():
+            raise PropagationError(
+                f"{self.model.label}: the states from {self._lost_s[0]:g} to {self._lost_s[1]:g} s are no longer kept, "
+                f"because more than {_KEPT} commands followed: request later instants",
+                lost,
+            )
 
     def _evaluate_piece(self, number: int, time_s: np.ndarray) -> np.ndarray:
         """Integrate x (time, n) to instants (time) [s] of one piece."""
@@ -202,31 +208,29 @@ class Flight(CommandedFlight):
 
     def rates(self, time_s: np.ndarray) -> np.ndarray:
         """Evaluate x' (time, n) at `time_s` (time,) [s], under the inputs that are held from there on."""
-        return self._evaluate(time_s, 1.0)
+        rates: np.ndarray = np.array(self(time_s))
+        for row, (t, inputs) in enumerate(self._list_inputs(time_s)):
+            rates[row] = self._function(t, rates[row], inputs)
+        return rates
 
     def input_rates(self, time_s: np.ndarray) -> np.ndarray:
         """Evaluate the share of x' (time, n) that comes from the inputs: f(t, x, u) - f(t, x, 0)."""
-        share: np.ndarray = self._evaluate(time_s, 1.0) - self._evaluate(time_s, 0.0)
+        share: np.ndarray = np.array(self(time_s))
+        f, none = self._function, np.zeros(len(self.model.inputs))
+        for row, (t, inputs) in enumerate(self._list_inputs(time_s)):
+            share[row] = f(t, share[row], inputs) - f(t, share[row], none)
         return share
 
     def inputs_at(self, time_s: np.ndarray) -> np.ndarray:
         """Return the inputs (time, m) that are held from `time_s` (time,) [s] on."""
-        held = [self._pieces[number].inputs for number in self._find_pieces(time_s)]
+        held = [inputs for _, inputs in self._list_inputs(time_s)]
         inputs: np.ndarray = np.array(held).reshape(len(held), len(self.model.inputs))
         return inputs
 
-    def _evaluate(self, time_s: np.ndarray, share: float) -> np.ndarray:
-        """Evaluate x' (time, n) with a share of the inputs.
-
-        Parameters
-        ----------
-        time_s : (time) instants [s].
-        share : factor of the inputs.
-        """
-        times = np.asarray(time_s, dtype=float)
-        inputs = [share * self._pieces[number].inputs for number in self._find_pieces(times)]
-        rows = [self._function(t, x, u) for t, x, u in zip(times.tolist(), self(times), inputs, strict=True)]
-        return np.array(rows, dtype=float).reshape(len(times), len(self.model.initial_state))
+    def _list_inputs(self, time_s: np.ndarray) -> list[tuple[float, np.ndarray]]:
+        """List instants (time,) [s] with the inputs that are held from each on."""
+        numbers = self._find_pieces(time_s)
+        return [(t, self._pieces[number].inputs) for t, number in zip(time_s.tolist(), numbers, strict=True)]
 
     def _find_pieces(self, time_s: np.ndarray) -> list[int]:
         """Find the number (time) of the piece that contains each instant [s]."""

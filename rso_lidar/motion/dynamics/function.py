@@ -94,8 +94,11 @@ def wrap_dynamics(function: Function, label: str, n: int) -> Function:
         ScenarioError
             If the function fails, or if its result is not (n,) finite numbers.
         """
-        x, u = x.copy(), u.copy()
-        x.flags.writeable = u.flags.writeable = False  # f must not change the state by writing into its arguments
+        x = x.copy()  # f must not change the state by writing into its arguments, nor keep what changes later
+        x.setflags(write=False)
+        if u.flags.writeable:
+            u = u.copy()
+            u.setflags(write=False)
         try:
             rates = np.asarray(function(t, x, u), dtype=float)
         except RsoLidarError:
@@ -109,7 +112,7 @@ def wrap_dynamics(function: Function, label: str, n: int) -> Function:
                 f"{label}: returned the shape {rates.shape} at t = {t:g} s; return one derivative for each of the {n} "
                 "entries of the state"
             )
-        if not np.isfinite(rates).all():
+        if not rates.dot(rates) < np.inf and not np.isfinite(rates).all():  # the sum of squares may overflow
             raise ScenarioError(
                 f"{label}: returned {rates.tolist()!s:.60} at t = {t:g} s; return finite numbers for this state"
             )

@@ -292,12 +292,13 @@ def _select_commands(state: PtuState, command: Command, latency: int) -> tuple[t
     -------
     commands, each with the first tick at which the drive obeys it.
     """
-    past = sum(1 for tick, _ in state.commands if tick <= state.tick)
-    commands = state.commands[max(0, past - 1) :]
-    if command == (commands[-1][1] if commands else Command()):
-        return commands
     tick, rest_s = _split_time(state.time_s)
-    return (*commands, (tick + (rest_s > 0.0) + latency, command))
+    commands = state.commands
+    if command != (commands[-1][1] if commands else Command()):
+        commands = (*commands, (tick + (rest_s > 0.0) + latency, command))
+    while len(commands) > 1 and commands[1][0] <= state.tick:
+        commands = commands[1:]
+    return commands
 
 
 def _sample_demand(
@@ -326,16 +327,16 @@ def _sample_demand(
     if commands and commands[0][0] <= first and both:
         demanded = np.empty((end - first, 2))
     else:
-        demanded = np.array(demand(np.maximum(np.arange(first, end) - latency, 0) / TICKS_PER_S), dtype=float)
+        free = demand(np.maximum(np.arange(first, end) - latency, 0) / TICKS_PER_S)
+        demanded = np.clip(free, *np.transpose(travel))
     ends = [tick for tick, _ in commands[1:]] + [end]
     for (begin, command), finish in zip(commands, ends, strict=True) if commands else ():
         rows = slice(max(begin - first, 0), max(finish - first, 0))
         for axis, angle in enumerate((command.pan_rad, command.tilt_rad)):
             if angle is not None:
-                demanded[rows, axis] = angle
-    (pan_low, pan_high), (tilt_low, tilt_high) = travel
-    within: np.ndarray = np.minimum(np.maximum(demanded, (pan_low, tilt_low)), (pan_high, tilt_high))
-    return within
+                low, high = travel[axis]
+                demanded[rows, axis] = min(max(angle, low), high)
+    return demanded
 
 
 # ------------------------------------------------------------------------------------------------------- responses

@@ -8,11 +8,13 @@ first step with too large an error estimate on, `OdeSolution` takes over.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.orbit.propagation.integrator import Derivative, OdeSolution
+from rso_lidar.kernels import kernel, packed
+from rso_lidar.orbit.propagation.integrator import OdeSolution
 
 FIRST_STEP_S = 0.02  # two control cycles of 10 ms
 
@@ -27,26 +29,40 @@ class _Step(NamedTuple):
 
 
 class ShortSolution:
-    """x(t) of x' = f(t, x) for t >= 0 with x(0) given; x at an instant does not depend on other requested instants.
+    """x(t) of x' = f(t, x, u) from a start on; x at an instant does not depend on other requested instants.
 
     Parameters
     ----------
-    f : ``f(t, x (n,)) -> (n,)`` with t in seconds from the start. It may fail; `OdeSolution` then finds out where.
-    x0 : (n,) state at t = 0.
+    f : ``f(t, x (n,), u) -> (n,)`` with t in seconds. It may fail; `OdeSolution` then finds out where.
+    begin_s : t at the start [s].
+    x0 : (n,) state at the start.
+    inputs : u, constant.
     panel_s : longest step, and length of the panels of `OdeSolution` [s].
     rtol, atol : tolerances of a step, relative and absolute.
     name : what errors call the integration.
     """
 
-    def __init__(self, f: Derivative, x0: np.ndarray, *, panel_s: float, rtol: float, atol: float, name: str) -> None:
-        self._f, self._panel_s, self._name, self._rtol, self._atol = f, panel_s, name, rtol, atol
-        self._end_s, self._x, self._next_s = 0.0, np.asarray(x0, dtype=float), FIRST_STEP_S
+    def __init__(
+        self,
+        f: Callable[[float, np.ndarray, np.ndarray], np.ndarray],
+        begin_s: float,
+        x0: np.ndarray,
+        inputs: np.ndarray,
+        *,
+        panel_s: float,
+        rtol: float,
+        atol: float,
+        name: str,
+    ) -> None:
+        self._f, self._begin_s, self._inputs = f, begin_s, inputs
+        self._panel_s, self._name, self._rtol, self._atol = panel_s, name, rtol, atol
+        self._end_s, self._x, self._next_s = 0.0, np.array(x0, dtype=float), FIRST_STEP_S
         self._rate: np.ndarray | None = None
         self._steps: list[_Step] = []
         self._rest: OdeSolution | None = None
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
-        """Return x (time, n) at `time_s` (time,) >= 0 [s]."""
+        """Return x (time, n) at `time_s` (time,) >= 0 after the start [s]."""
         times = np.asarray(time_s, dtype=float)
         latest = float(times[-1]) if len(times) == 1 else float(times.max(initial=0.0))
         while self._rest is None and self._end_s < latest:
@@ -71,14 +87,13 @@ class ShortSolution:
         """Make one step, or hand over to `OdeSolution` where its error is too large or f fails."""
         length = min(self._next_s, self._panel_s)
         try:
-            with np.errstate(all="ignore"):
-                made = self._try_step(length)
+            made = self._try_step(length)
         except Exception:  # raised again by OdeSolution, which finds how far f can be followed
             made = None
         if made is None:
-            begin_s = self._end_s
+            begin_s = self._begin_s + self._end_s
             self._rest = OdeSolution(
-                lambda t, x: self._f(t + begin_s, x),
+                lambda t, x: self._f(t + begin_s, x, self._inputs),
                 self._x,
                 panel_s=self._panel_s,
                 rtol=self._rtol,
@@ -97,24 +112,79 @@ class ShortSolution:
         -------
         dense output (n, 4), state (n,) and rate (n,) at the end, and state at the start; None if the error is too large.
         """
-        stages, nodes, weights, errors, dense = _tableau()
-        f, t, x = self._f, self._end_s, self._x
+        stages, nodes, errors, dense = _tableau()
+        f, t, x, u = self._f, self._begin_s + self._end_s, self._x, self._inputs
         rates = np.empty((7, len(x)))
-        rates[0] = f(t, x) if self._rate is None else self._rate
-        for number in range(1, 6):
-            rates[number] = f(t + nodes[number] * length, x + length * np.dot(stages[number], rates[:number]))
-        end = x + length * np.dot(weights, rates[:6])
-        rates[6] = f(t + length, end)
-        scale = self._atol + self._rtol * np.maximum(np.abs(x), np.abs(end))
-        miss = length * np.dot(errors, rates) / scale
-        if not np.dot(miss, miss) <= len(x):  # root mean square over 1, or not a number
-            return None
-        return np.dot(rates.T, dense), end, rates[6].copy(), x
+        rates[0] = f(t, x, u) if self._rate is None else self._rate
+        for number in range(1, 7):
+            end = extrapolate(x, rates, stages[number], length)
+            rates[number] = f(t + nodes[number] * length, end, u)
+        slopes = np.empty((len(x), 4))
+        if not find_slopes(x, end, rates, errors, dense, (length, self._atol, self._rtol), slopes) <= len(x):
+            return None  # root mean square over 1, or not a number
+        return slopes, end, rates[6].copy(), x
 
 
 @functools.cache
-def _tableau() -> tuple[list[np.ndarray], list[float], np.ndarray, np.ndarray, np.ndarray]:
-    """Return the coefficients of scipy's RK45: stages, nodes, weights, of the error, and of the dense output."""
+def _tableau() -> tuple[list[np.ndarray], list[float], np.ndarray, np.ndarray]:
+    """Return the coefficients of scipy's RK45: stages with the end last, nodes, of the error, and of the dense output."""
     from scipy.integrate import RK45
 
-    return [RK45.A[number, :number].copy() for number in range(6)], RK45.C.tolist(), RK45.B, RK45.E, RK45.P
+    stages = [packed(RK45.A[number, :number]) for number in range(6)]
+    return [*stages, packed(RK45.B)], [*RK45.C.tolist(), 1.0], packed(RK45.E), packed(RK45.P)
+
+
+@kernel
+def extrapolate(x: np.ndarray, rates: np.ndarray, weights: np.ndarray, length: float) -> np.ndarray:
+    """Return x + length * the sum of weights * rates.
+
+    Parameters
+    ----------
+    x : (n,) state.
+    rates : (7, n) of the stages.
+    weights : (stage) of the first stages.
+    length : of the step [s].
+    """
+    end = np.empty(len(x))
+    for entry in range(len(x)):
+        total = 0.0
+        for stage in range(len(weights)):
+            total += weights[stage] * rates[stage, entry]
+        end[entry] = x[entry] + length * total
+    return end
+
+
+@kernel
+def find_slopes(
+    x: np.ndarray,
+    end: np.ndarray,
+    rates: np.ndarray,
+    errors: np.ndarray,
+    dense: np.ndarray,
+    limits: tuple[float, float, float],
+    slopes: np.ndarray,
+) -> float:
+    """Write the dense output of a step, and return the sum of the squares of its errors over their tolerances.
+
+    Parameters
+    ----------
+    x, end : (n,) states at the start and the end.
+    rates : (7, n) of the stages.
+    errors, dense : (7) and (7, 4) weights of the stages.
+    limits : length of the step [s], and the absolute and the relative tolerance.
+    slopes : (n, 4), written.
+    """
+    length, absolute, relative = limits
+    squared = 0.0
+    for entry in range(len(x)):
+        miss = 0.0
+        for stage in range(7):
+            miss += errors[stage] * rates[stage, entry]
+        miss *= length / (absolute + relative * max(abs(x[entry]), abs(end[entry])))
+        squared += miss * miss
+        for power in range(4):
+            slope = 0.0
+            for stage in range(7):
+                slope += rates[stage, entry] * dense[stage, power]
+            slopes[entry, power] = slope
+    return squared
