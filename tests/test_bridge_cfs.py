@@ -35,6 +35,7 @@ NOOP, RESET, STEP, UNTIL, POINT, INPUTS, MODE, SHUT_DOWN = range(8)
 def example():
     """The modules of the example."""
     sys.path.insert(0, str(FOLDER))
+    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # nothing lands among the examples
     try:
         import bridge
         import packets
@@ -42,6 +43,7 @@ def example():
         yield types.SimpleNamespace(Bridge=bridge.Bridge, packets=packets)
     finally:
         sys.path.remove(str(FOLDER))
+        sys.dont_write_bytecode = before
         for name in ("bridge", "packets"):
             sys.modules.pop(name, None)
 
