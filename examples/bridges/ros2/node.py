@@ -33,7 +33,9 @@ class LidarNode(Node):
         command += ["--release", os.environ.get("ROS_DISTRO", "jazzy")]
         if not self.declare_parameter("truth", True).value:
             command.append("--no-truth")
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}  # that of ROS's Python
+        self.process = subprocess.Popen(command, **pipes, env=variables)
         self.topics, self.angles, self.inputs = {}, {}, {}
         self.create_subscription(JointState, "/ptu/command", self.take_angles, 10)
         for body in self.read_line()["inputs"]:
