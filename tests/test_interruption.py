@@ -24,9 +24,13 @@ def bench(text, tmp_path):
     return path
 
 
+# A shell starts what it runs in the background with SIGINT ignored, and these tests may be run so.
+LISTENING = "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); os.execvp(sys.argv[1], sys.argv[1:])"
+
+
 def started(bench, *options, command=(SCRIPT,), last=signal.SIGHUP, **environment):
     """Start a run, and return its process once it has its own handlers, of which `last` is the last."""
-    words = [*command, "run", bench, "-o", bench.with_name("out.h5"), *options]
+    words = [sys.executable, "-c", LISTENING, *command, "run", bench, "-o", bench.with_name("out.h5"), *options]
     process = subprocess.Popen(
         [str(word) for word in words],
         stdout=subprocess.DEVNULL,
