@@ -98,6 +98,8 @@ $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing rso_lidar, what it needs and what tests it into $(VENV): a minute or two, once."
 	@$(PIP) install -qq --upgrade pip
 	@$(INSTALL) -e . --group test
+	@# FMUs that OpenModelica exported. It pins another fmpy and has no wheel for Python 3.14; its tests are skipped without it.
+	@$(PIP) install -qq --no-deps gemseo-fmu==3.1.1 2>/dev/null || true
 	@touch $(VENV)/.installed $@
 
 $(BIN)/python:

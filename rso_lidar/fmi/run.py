@@ -152,6 +152,29 @@ class FmuRun:
         self._here = FmuPoint(self, self._tick, state, point.begin)
         return self._here, outputs
 
+    def keep(self, point: FmuPoint) -> FmuPoint:
+        """Return a point to which the run can go back.
+
+        Parameters
+        ----------
+        point : the present one, or one that has its state.
+
+        Raises
+        ------
+        ScenarioError
+            If the FMU cannot give its state.
+        """
+        if point.tick == 0 or point.state is not None:
+            return point
+        state = self._process.ask("save") if point is self._here else None
+        if state is None:
+            raise ScenarioError(
+                f"{self.name}: the FMU cannot give its state (canGetAndSetFMUstate, canSerializeFMUstate), so it cannot be "
+                "saved; begin again with a new one"
+            )
+        self._here = FmuPoint(self, point.tick, state, point.begin)
+        return self._here
+
     def _go_to(self, point: FmuPoint) -> None:
         """Bring the FMU to a point of this run."""
         if point is self._here:

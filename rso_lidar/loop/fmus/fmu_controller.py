@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,13 @@ class ControllerModel(FmuModel):
         "acceleration_m_s2": ("m/s2", 3),
     }
     optional_names: ClassVar[frozenset[str]] = frozenset((*input_units, *output_units))
+
+
+class ControllerState(NamedTuple):
+    """State of an FMU's controller: flashes since t = 0, and the point of its run; None before the first."""
+
+    tick: int
+    point: FmuPoint | None
 
 
 class FmuController:
@@ -54,6 +61,41 @@ class FmuController:
         self._run = self._model.make_run(step_s)
         self._step_s, self._tick = step_s, 0
         self._point: FmuPoint | None = None
+
+    def save(self) -> ControllerState:
+        """Return the present state, from which `restore` goes on, as `Simulation.save` does.
+
+        Returns
+        -------
+        ControllerState
+
+        Raises
+        ------
+        ScenarioError
+            If the FMU cannot give its state.
+        """
+        if self._point is not None:
+            self._point = self._point.run.keep(self._point)
+        return ControllerState(self._tick, self._point)
+
+    def restore(self, state: ControllerState) -> None:
+        """Go on from a state that a controller by the same FMU saved, in this process or another.
+
+        Parameters
+        ----------
+        state : from `save`.
+
+        Raises
+        ------
+        ScenarioError
+            If it is not a state of this FMU with this mapping.
+        """
+        if not isinstance(state, ControllerState):
+            raise ScenarioError(f"FmuController: {state!r:.60} is not a state; give what save() returned")
+        run = self._run if state.point is None else state.point.run
+        if (run.path, run.settings) != (self._run.path, self._run.settings):
+            raise ScenarioError("FmuController: the state is one of another FMU or mapping; give a state of this one")
+        self._run, self._tick, self._point = run, state.tick, state.point
 
     def __call__(self, observation: Observation) -> Command:
         """Return the command for the next flash."""

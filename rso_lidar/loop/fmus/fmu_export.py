@@ -25,6 +25,7 @@ _BASE_UNITS = {"m": {"m": "1"}, "s": {"s": "1"}, "rad": {"rad": "1"}}
 
 # The slave of both versions: pythonfmu instantiates it to write the description, and the FMU to run.
 _SLAVE = '''"""An instrument of rso_lidar as an FMU. It needs the Python, and the rso_lidar, of the machine that runs it."""
+import pickle
 from pathlib import Path
 
 from {package} import {imports}
@@ -59,6 +60,27 @@ class Lidar({bases}):
         self.register_variable(
             kind(name, causality=causality, variability=variability, description=meaning, getter=read, setter=write, **given)
         )
+
+    def _get_fmu_state(self):
+        held = None if self.instrument is None else self.instrument.save()
+        return {{"inputs": dict(self.inputs), "outputs": dict(self.outputs), "instrument": held}}
+
+    def _set_fmu_state(self, state):
+        self.inputs.update(state["inputs"])
+        self.outputs.update(state["outputs"])
+        if state["instrument"] is None:
+            self.instrument = None
+        else:
+            self.instrument = self.instrument or Instrument.load(self.folder)
+            self.instrument.restore(state["instrument"])
+
+    @staticmethod
+    def _fmu_state_to_bytes(state):
+        return pickle.dumps(state)
+
+    @staticmethod
+    def _fmu_state_from_bytes(state):
+        return pickle.loads(state)
 
     def exit_initialization_mode(self):
         self.instrument = Instrument.load(self.folder)
@@ -136,6 +158,8 @@ def write_fmu(scenario: Scenario, path: str | Path, *, version: int = 2, overwri
         script = folder / f"lidar_{mark}.py"
         script.write_text(_SLAVE.format(**words, **_WORDS[version]), encoding="utf-8")
         options = {"canHandleVariableCommunicationStepSize": True, "needsExecutionTool": True}
+        word = "FMUstate" if version == 2 else "FMUState"
+        options |= {f"canGetAndSet{word}": True, f"canSerialize{word}": True}
         written = folder / "written"
         written.mkdir()
         try:

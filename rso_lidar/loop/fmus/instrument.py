@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar.records import Command, Observation
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation.stepping import Simulation
+from rso_lidar.simulation.stepping import Simulation, SimulationState
 from rso_lidar.track.pointing import find_cluster
 
 GATE_M, MIN_PIXELS = 20.0, 4  # of the cluster that is the target, as in track.Pointing
@@ -67,6 +67,14 @@ def measure(observation: Observation) -> dict[str, float]:
     return {port.name: float(value) for port, value in zip(MEASURED, values, strict=True)}
 
 
+class InstrumentState(NamedTuple):
+    """State of an instrument: that of its simulation, and the values of its ports. It pickles."""
+
+    simulation: SimulationState
+    inputs: dict[str, float]
+    outputs: dict[str, float]
+
+
 class Instrument:
     """A simulation with inputs that are held from step to step, and the quantities of its last flash as outputs.
 
@@ -93,6 +101,15 @@ class Instrument:
         text = (folder / "scenario.toml").read_text(encoding="utf-8")
         # Whoever runs the FMU runs its code: that of its scenario is part of it.
         return cls(Scenario.loads(text, folder=folder, where="scenario.toml", trust_code=True).with_trusted_fmus())
+
+    def save(self) -> InstrumentState:
+        """Return the present state, from which `restore` goes on."""
+        return InstrumentState(self._simulation.save(), dict(self.inputs), dict(self.outputs))
+
+    def restore(self, state: InstrumentState) -> None:
+        """Go on from a state that an instrument of the same scenario saved."""
+        self._simulation.restore(state.simulation)
+        self.inputs, self.outputs = dict(state.inputs), dict(state.outputs)
 
     def advance(self, until_s: float) -> None:
         """Go on to an instant under the present inputs, with all flashes on the way.
