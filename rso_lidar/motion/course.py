@@ -104,20 +104,35 @@ class Course:
         ScenarioError
             As `at`.
         """
+        for name, inputs in self.read_inputs(command).items():
+            self.flights[name].hold(self._now_s, inputs)
+        self._now_s = max(self._now_s, time_s)
+
+    def read_inputs(self, command: Command | None) -> dict[str, np.ndarray]:
+        """Return the inputs (m,) that a command gives, by name of the model.
+
+        Parameters
+        ----------
+        command : as for `at`.
+
+        Raises
+        ------
+        ScenarioError
+            As `at`.
+        """
         given = None if command is None else command.inputs
         if not isinstance(given, Mapping | None):
             raise ScenarioError(
                 f"command: inputs are {given!r:.60}; give a dictionary with a row of numbers for each body"
             )
-        for name, inputs in (given or {}).items():
+        for name in given or {}:
             if name not in self.flights:
                 guess = did_you_mean(str(name), self.flights)
                 raise ScenarioError(
                     f"command: inputs are given for '{name}', which has no state-space model or FMU with inputs{guess} "
                     f"(known: {', '.join(self.flights) or 'none'})"
                 )
-            self.flights[name].hold(self._now_s, _read_inputs(name, inputs))
-        self._now_s = max(self._now_s, time_s)
+        return {name: self.flights[name].check_inputs(_read_inputs(name, row)) for name, row in (given or {}).items()}
 
     def now(self, time_s: float) -> Truth:
         """Return the truth at an instant that is not after the present one, without PTU and lidar.

@@ -175,9 +175,11 @@ def test_what_cannot_be_done_changes_nothing(thrusters):
             (rl.Command(inputs={"follower": (np.nan, 0.0, 0.0)}), "give 3 finite numbers"),
             (rl.Command(inputs={"follower": (1e-3, 0.0, 0.0)}, energy_j=-1.0), "energy"),
         ):
-            with pytest.raises(ScenarioError, match=told):
-                simulation.step(command)
+            for give in (simulation.check_command, simulation.step):
+                with pytest.raises(ScenarioError, match=told):
+                    give(command)
             assert simulation.time_s == 0.0
+        simulation.check_command(rl.Command(inputs={"follower": (1.0, 0.0, 0.0)}))
         with pytest.raises(ScenarioError, match="restore: "):
             simulation.restore("here")
         frame = simulation.step()

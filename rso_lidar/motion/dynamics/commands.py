@@ -14,8 +14,12 @@ class CommandedFlight(ABC):
     """Course of one model over time, under inputs that are held from one command to the next."""
 
     @abstractmethod
+    def check_inputs(self, inputs: np.ndarray) -> np.ndarray:
+        """Return inputs as an array (m,), or raise `ScenarioError` if they are not as many finite numbers as are needed."""
+
+    @abstractmethod
     def hold(self, time_s: float, inputs: np.ndarray) -> None:
-        """Hold new inputs (m,) from `time_s` [s] on, which must not be earlier than the previous command."""
+        """Hold new, checked inputs (m,) from `time_s` [s] on, which must not be earlier than the previous command."""
 
     @abstractmethod
     def save(self) -> Any:

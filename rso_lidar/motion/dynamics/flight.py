@@ -156,10 +156,13 @@ class Flight(CommandedFlight):
         self._last = None, self._pieces[0].state
         self._lost_s = state.lost_s
 
+    def check_inputs(self, inputs: np.ndarray) -> np.ndarray:
+        """Return inputs as an array (m,), or raise `ScenarioError`."""
+        return check_inputs(inputs, self._pieces[-1].inputs, self.model.label)
+
     def hold(self, time_s: float, inputs: np.ndarray) -> None:
-        """Hold new inputs from `time_s` [s] on, which must not be earlier than the previous command."""
+        """Hold new, checked inputs from `time_s` [s] on, which must not be earlier than the previous command."""
         last = self._pieces[-1]
-        inputs = check_inputs(inputs, last.inputs, self.model.label)
         if (inputs == last.inputs).all():
             return
         state = self(np.array([time_s]))[0]

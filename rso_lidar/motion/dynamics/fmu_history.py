@@ -128,9 +128,13 @@ class FmuHistory(CommandedFlight):
         """Return the inputs (time, input) that are held from instants (time,) [s] on: those at the start."""
         return np.tile(self._inputs, (len(time_s), 1))
 
-    def hold(self, time_s: float, inputs: np.ndarray) -> None:
+    def check_inputs(self, inputs: np.ndarray) -> np.ndarray:
         """Refuse a command, because others share this history."""
         raise ScenarioError(f"{self._run.name}: flies without commands; begin a flight")
+
+    def hold(self, time_s: float, inputs: np.ndarray) -> None:
+        """Refuse a command."""
+        self.check_inputs(inputs)
 
     def save(self) -> Any:
         """Return nothing: a history has no state that a command changes."""
@@ -191,10 +195,13 @@ class FmuFlight(FmuHistory):
     FMU can give its own (`canGetAndSetFMUstate`).
     """
 
+    def check_inputs(self, inputs: np.ndarray) -> np.ndarray:
+        """Return inputs as an array (input,), or raise `ScenarioError`."""
+        return check_inputs(inputs, self._inputs, self._run.name)
+
     def hold(self, time_s: float, inputs: np.ndarray) -> None:
-        """Hold new inputs from the first point of the grid on that is not before `time_s` [s]."""
-        row = check_inputs(inputs, self._inputs, self._run.name)
-        if (row == self._inputs).all():
+        """Hold new, checked inputs from the first point of the grid on that is not before `time_s` [s]."""
+        if (inputs == self._inputs).all():
             return
         _, tick, _ = self._locate(np.array([time_s]))
         self._extend(int(tick[0]))
@@ -203,7 +210,7 @@ class FmuFlight(FmuHistory):
                 f"{self._run.name}: its outputs at {(self._rows.end - 1) * self._step_s:g} s were asked for before the "
                 f"command at {time_s:g} s; ask for them after it"
             )
-        self._inputs = row
+        self._inputs = inputs
 
     def inputs_at(self, time_s: np.ndarray) -> np.ndarray:
         """Return the inputs (time, input) that are held from instants (time,) [s] on."""

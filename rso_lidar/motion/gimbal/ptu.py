@@ -181,7 +181,7 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
     """
     if until_s < state.time_s:
         raise ValueError(f"ptu: cannot step back from {state.time_s:g} s to {until_s:g} s: start from t = 0 to go back")
-    command = _check_command(command or Command())
+    command = check_angles(command or Command())
     latency = round(ptu.errors.command_latency_s * TICKS_PER_S)
     commands = _select_commands(state, command, latency)
     tick, rest_s = _split_time(until_s)
@@ -240,8 +240,8 @@ def _pair(angles: np.ndarray) -> Pair:
     return float(angles[0]), float(angles[1])
 
 
-def _check_command(command: Command) -> Command:
-    """Check the angles of a command, and return a command of these alone."""
+def check_angles(command: Command) -> Command:
+    """Return a command of the pan and the tilt of another, or raise `ScenarioError` if they are no angles."""
     for name in ("pan_rad", "tilt_rad"):
         angle = getattr(command, name)
         number = isinstance(angle, int | float | np.floating | np.integer) and not isinstance(angle, bool)

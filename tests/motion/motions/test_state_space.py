@@ -134,11 +134,11 @@ def test_a_rigid_body_in_rtn_axes_turns_with_the_orbit():
 def test_held_inputs_are_what_a_cart_feels():
     flight = Flight(StateSpace(dynamics=flat, initial_state=(0.0,) * 6, inputs=(1.0, 0.0, 0.0), axes="local"))
     assert flight(np.array([2.0]))[0, 0] == pytest.approx(2.0)
-    flight.hold(2.0, [0.0, 0.0, 0.0])
-    flight.hold(4.0, [-1.0, 0.0, 0.0])
+    flight.hold(2.0, np.zeros(3))
+    flight.hold(4.0, np.array([-1.0, 0.0, 0.0]))
     np.testing.assert_allclose(flight(np.array([1.0, 2.0, 4.0, 6.0]))[:, 0], [0.5, 2.0, 6.0, 8.0], atol=1e-9)
     with pytest.raises(ScenarioError, match="give 3 finite numbers"):
-        flight.hold(7.0, [1.0, 2.0])
+        flight.check_inputs([1.0, 2.0])
 
 
 def cart_scenario(**changes):
@@ -357,7 +357,7 @@ def test_inputs_without_a_model_are_an_error():
 def test_what_a_long_flight_has_forgotten_is_an_error():
     flight = Flight(StateSpace(dynamics=flat, initial_state=(0.0,) * 6, inputs=(0.0,) * 3, axes="local"))
     for k in range(1100):
-        flight.hold(0.1 * k, (0.01 * (k % 7), 0.0, 0.0))
+        flight.hold(0.1 * k, np.array([0.01 * (k % 7), 0.0, 0.0]))
     flight(np.array([0.05, 109.0]))
     with pytest.raises(PropagationError, match="no longer kept"):
         flight(np.array([5.0, 109.0]))
