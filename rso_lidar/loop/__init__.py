@@ -4,7 +4,16 @@ from rso_lidar.loop.fmus.fmu_controller import FmuController
 from rso_lidar.loop.fmus.fmu_export import write_fmu
 from rso_lidar.loop.live.live_view import LiveView
 from rso_lidar.loop.live.rerun_view import RerunView
-from rso_lidar.loop.service import Client, Deadlines, Delivery, FlightRecorder, Security, Server, Session
+from rso_lidar.loop.service import (
+    Client,
+    Deadlines,
+    Delivery,
+    FlightRecorder,
+    Security,
+    Server,
+    Session,
+    repeat_flight,
+)
 from rso_lidar.public_names import limit_dir
 
 __all__ = [
@@ -18,6 +27,7 @@ __all__ = [
     "Security",
     "Server",
     "Session",
+    "repeat_flight",
     "write_fmu",
 ]
 

@@ -1,13 +1,16 @@
-"""Recordings of a served simulation: one file for each flight from t = 0."""
+"""Recordings of a served simulation: a file of frames and a log of commands for each flight from t = 0."""
 
 from __future__ import annotations
 
 import uuid
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.files import check_writable
+from rso_lidar.loop.service.command_log import SUFFIX, CommandLog, FlownStep
 from rso_lidar.records import Frame
 
 
@@ -15,7 +18,7 @@ class FlightRecorder:
     """Writes the frames of each flight to a recording of its own: ``a.h5``, then ``a.2.h5`` after a reset, and so on.
 
     Every frame is on disk when `write` returns. A killed server leaves the frames so far in ``a.h5.tmp-…``, which
-    `rl.open` reads.
+    `rl.open` reads. The steps and their commands are in ``a.commands.jsonl``, from which `repeat_flight` flies again.
 
     Parameters
     ----------
@@ -25,10 +28,12 @@ class FlightRecorder:
 
     def __init__(self, path: Path, *, overwrite: bool = False) -> None:
         self._first = export.check_output(path, overwrite=overwrite)
+        check_writable(self._first.with_suffix(SUFFIX), overwrite=overwrite)
         self._overwrite = overwrite
         self._flight = 1
         self._open = ExitStack()
         self._recorder: export.Recorder | None = None
+        self._log: CommandLog | None = None
         self.completed: list[tuple[Path, int]] = []  # recordings, with their numbers of frames
 
     @property
@@ -41,12 +46,13 @@ class FlightRecorder:
         """Path of the temporary file of the present flight and the number of frames in it."""
         return (self.path, 0) if self._recorder is None else (self._recorder.temporary, self._recorder.written)
 
-    def write(self, frame: Frame) -> None:
-        """Write one frame, in a new recording if it is the first of its flight.
+    def write(self, frame: Frame | None, steps: Sequence[FlownStep] = ()) -> None:
+        """Write a step of the present flight, in a new recording if it has the first frame.
 
         Parameters
         ----------
-        frame : of the present flight.
+        frame : that was made; None for none.
+        steps : of the simulation, for the log.
 
         Raises
         ------
@@ -54,7 +60,11 @@ class FlightRecorder:
             If it cannot be written.
         """
         try:
-            self._write(frame)
+            # Their own identity: two servers, or a killed one and the next, never share a temporary file.
+            self._log = self._log or CommandLog(self.path.with_suffix(SUFFIX), uuid.uuid4().hex[:8])
+            self._log.write(steps)
+            if frame is not None:
+                self._write(frame)
         except (RecordingError, RunError) as error:
             self._recorder = None
             self._open.__exit__(type(error), error, error.__traceback__)
@@ -62,7 +72,6 @@ class FlightRecorder:
 
     def _write(self, frame: Frame) -> None:
         if self._recorder is None:
-            # Its own identity: two servers, or a killed one and the next, never share a temporary file.
             recorder = export.Recorder(
                 self.path,
                 frame.source,
@@ -75,6 +84,9 @@ class FlightRecorder:
 
     def complete(self) -> None:
         """Complete the recording of the present flight, if it has frames; the next frame begins another."""
+        if self._log is not None:
+            log, self._log = self._log, None
+            log.complete(keep=self._recorder is not None)
         if self._recorder is None:
             return
         recorder, self._recorder = self._recorder, None
@@ -93,3 +105,4 @@ class FlightRecorder:
         if self._recorder is not None:
             after = self._first.with_suffix(f".{self._flight + 1}{self._first.suffix}")
             export.check_output(after, overwrite=self._overwrite)
+            check_writable(after.with_suffix(SUFFIX), overwrite=self._overwrite)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.loop.service.command_log import FlownStep
 from rso_lidar.records import Command, Frame, Observation, SensorSamples
 from rso_lidar.records.telemetry import join_samples
 from rso_lidar.scenario import DataLink
@@ -61,6 +62,7 @@ class LinkedSimulation:
         self.link = simulation.scenario.link or DataLink()
         self._has_link = self.link != DataLink()
         self.frame: Frame | None = None  # of the last step, for those that record
+        self.steps: list[FlownStep] = []  # of the simulation in the last step, for those that record
         self._active: Command | None = None
         self._commands: list[tuple[int, Command | None]] = []  # with the instant from which each acts, in order
         self._readings: list[Delivery] = []  # in transit, in the order of their arrival
@@ -133,7 +135,7 @@ class LinkedSimulation:
         before = self.save()
         try:
             self._queue(command, stamp_ns)
-            self.frame, self._samples = None, []
+            self.frame, self._samples, self.steps = None, [], []
             end_ns = self.next_flash_ns if dt_ns is None else self.time_ns + dt_ns
             if dt_ns is None:
                 return self._fly_to_flash(end_ns, skip=skip)
@@ -170,6 +172,7 @@ class LinkedSimulation:
         """Go to the next flash and make it, or leave it out."""
         while (change_ns := self._take_command()) is not None and end_ns is not None and change_ns < end_ns:
             self._go_on(change_ns)
+        self.steps.append(FlownStep(self.time_ns, None, self._active, skip))
         if skip:
             moment = self.simulation.advance(self._active)
             self._samples.append(self.simulation.samples)
@@ -199,7 +202,9 @@ class LinkedSimulation:
 
     def _go_on(self, end_ns: int) -> Frame | None:
         """Go on to a time under the active command; return the frame of a flash on the way."""
-        frame = self.simulation.step(self._active, dt_s=(end_ns - self.time_ns) / _NS_PER_S)
+        length_ns = end_ns - self.time_ns
+        self.steps.append(FlownStep(self.time_ns, length_ns, self._active))
+        frame = self.simulation.step(self._active, dt_s=length_ns / _NS_PER_S)
         self._samples.append(self.simulation.samples)
         return frame
 

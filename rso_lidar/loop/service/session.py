@@ -146,8 +146,8 @@ class Session:
         delivery = self.linked.step(
             command, dt_ns=request.dt_ns, stamp_ns=request.stamp_ns, skip=skip and request.dt_ns is None
         )
-        if self.linked.frame is not None and self._recorder is not None:
-            self._recorder.write(self.linked.frame)
+        if self._recorder is not None:
+            self._recorder.write(self.linked.frame, self.linked.steps)
         if self.linked.frame is not None and self._show is not None:
             self._show(self.linked.frame)
         return self._deliver(delivery, self.linked.samples, is_step=True)
