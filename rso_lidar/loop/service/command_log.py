@@ -96,6 +96,10 @@ def repeat_flight(simulation: Simulation, path: str | os.PathLike[str]) -> Itera
     simulation : of the scenario in the recording, at t = 0.
     path : of the log, such as ``a.commands.jsonl`` beside ``a.h5``.
 
+    Returns
+    -------
+    iterator of the frames.
+
     Raises
     ------
     RecordingError
