@@ -16,6 +16,7 @@ from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.dynamics.flight import Flight
 from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.motion import chief_of
+from rso_lidar.motion.motions.placement import PlacedMotion
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.proximity import find_plan
 from rso_lidar.orbit import moon_position_m
@@ -35,9 +36,10 @@ class FollowerMotion:
     """True motion of the follower of a run, for its sensors.
 
     The specific force is the acceleration by thrust: in a proximity operation that of its plan, with a state-space motion
-    f(t, x, u) - f(t, x, 0), so that a body without inputs is in free fall, and with an FMU what it states. In a local
-    world, which has no gravitation, it is the acceleration. Under commands to an FMU that does not state it, it is NaN.
-    Otherwise it is zero: drag, light pressure and impulses are left out.
+    f(t, x, u) - f(t, x, 0), so that a body without inputs is in free fall, and with an FMU what it states. Dynamics that
+    have drag or light pressure too can state it (`specific_force`). In a local world, which has no gravitation, it is the
+    acceleration. Under commands to an FMU that does not state it, it is NaN. Otherwise it is zero: drag, light pressure and
+    impulses are left out.
 
     Parameters
     ----------
@@ -114,7 +116,7 @@ class FollowerMotion:
         """
         axes_from_body, rate = motion.find_matrices(flight, time_s)
         assert isinstance(flight, Flight)
-        force = flight.input_rates(time_s)[:, 3:6]
+        force = flight.specific_force(time_s)
         if motion.relative_to is None:
             return axes_from_body, rate, rotate_vectors(np.swapaxes(axes_from_body, -1, -2), force)
         inertial_from_axes, turning = self._find_chief_axes(motion.relative_to, time_s, list_ahead)
@@ -182,6 +184,22 @@ def leave_turning_axes(
     return matrix, total, turned
 
 
+def states_specific_force(follower: Body, *, local: bool) -> bool:
+    """Return whether the motion of the follower states its specific force: by dynamics, a plan or free fall.
+
+    A path that is prescribed in orbit does not, because the thrust that holds a body on it is not known.
+
+    Parameters
+    ----------
+    follower : the body.
+    local : whether the world is local, without gravitation.
+    """
+    motion = follower.motion
+    if isinstance(motion, FmuMotion):
+        return local or motion.states_specific_force
+    return local or isinstance(motion, StateSpace) or not isinstance(motion, PlacedMotion)
+
+
 def _find_sky(course: Course, truth: Truth, time_s: np.ndarray) -> dict[str, np.ndarray]:
     """Find the directions (time, 3) from the follower to Sun, Moon and Earth, and the angular radius (time) of the Earth.
 
@@ -224,7 +242,7 @@ def _find_specific_force(
     """
     motion, flight = course.bodies[-1].motion, flights.get("motion")
     if isinstance(flight, Flight):
-        thrust = flight.input_rates(time_s)[:, 3:6]
+        thrust = flight.specific_force(time_s)
     elif isinstance(motion, FmuMotion) and motion.states_specific_force:
         thrust = motion.find_specific_force(flight, time_s)
     elif (plan := find_plan(course.bodies[-1], course.bodies, course.start_utc)) is not None:

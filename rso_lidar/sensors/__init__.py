@@ -6,8 +6,11 @@ from rso_lidar.sensors.choice import (
     AnySensor,
     DescribedSensor,
     Sensor,
+    describe_sensor,
+    find_impairments,
     measure_samples,
     number_available_samples,
+    read_schedule,
     time_sensor_samples,
 )
 from rso_lidar.sensors.gnss import Gnss, RelativeGnss
@@ -32,11 +35,14 @@ __all__ = [
     "StarTracker",
     "ThrusterTelemetry",
     "WheelTelemetry",
+    "describe_sensor",
     "draw_normals",
+    "find_impairments",
     "load_sensor_presets",
     "make_key",
     "measure_samples",
     "number_available_samples",
+    "read_schedule",
     "time_sensor_samples",
 ]
 

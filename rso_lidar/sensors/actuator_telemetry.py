@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, Literal, Self
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -13,7 +14,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.part import NotNegative, Positive, Whole
 from rso_lidar.records import BodyMotion, SensorState, ThrusterSamples, WheelSamples
 from rso_lidar.sensors.random_errors import ErrorProcess
-from rso_lidar.sensors.sensor_part import SensorPart
+from rso_lidar.sensors.sensor_part import ErrorTerms, SensorPart
 
 Entries = tuple[Annotated[Whole, Field(ge=0, le=10_000)], ...]
 
@@ -42,22 +43,62 @@ class ActuatorTelemetry(SensorPart):
         if not entries:
             return np.empty((len(motion.time_s), 0))
         found = motion.dynamics.get(f"{self.dynamics}.{vector}")
-        if found is None:
+        self._check_entries(vector, entries, None if found is None else found.shape[1])
+        assert found is not None
+        return np.asarray(found[:, list(entries)])
+
+    def check_dynamics(self, sizes: Mapping[str, int | None]) -> None:
+        """Check that the follower has the dynamics and the entries that the sensor reads.
+
+        Parameters
+        ----------
+        sizes : numbers of entries, such as of ``motion.state`` and ``motion.input``; only of dynamics that there are, and
+            None where the number is not known yet.
+
+        Raises
+        ------
+        ScenarioError
+            If there are no such dynamics or entries.
+        """
+        for vector, entries in self._reads_entries:
+            place = f"{self.dynamics}.{vector}"
+            if entries and sizes.get(place, 0) is not None:
+                self._check_entries(vector, entries, sizes.get(place))
+
+    @property
+    @abstractmethod
+    def _reads_entries(self) -> tuple[tuple[Literal["state", "input"], Entries], ...]:
+        """Entries that the sensor reads, of the state and of the input."""
+
+    def _check_entries(self, vector: str, entries: Sequence[int], size: int | None) -> None:
+        """Raise `ScenarioError` if a state or an input does not have the entries that are read.
+
+        Parameters
+        ----------
+        vector : "state" or "input".
+        entries : their places, from 0.
+        size : number of entries that there are; None without such dynamics.
+        """
+        if size is None:
             raise ScenarioError(
                 f"sensor '{self.name}': the follower's {self.dynamics} is not of type state_space; give it dynamics with "
                 "actuators, or leave the sensor out"
             )
-        if max(entries) >= found.shape[1]:
+        if max(entries) >= size:
             raise ScenarioError(
-                f"sensor '{self.name}': the {vector} of the follower's {self.dynamics} has {found.shape[1]} entries, "
+                f"sensor '{self.name}': the {vector} of the follower's {self.dynamics} has {size} entries, "
                 f"counted from 0, but entry {max(entries)} is asked for; correct the number"
             )
-        return np.asarray(found[:, list(entries)])
 
 
 class WheelTelemetry(ActuatorTelemetry):
     """Telemetry of reaction wheels: speeds from tachometers, and torques as the wheels report them."""
 
+    _ERRORS: ClassVar[ErrorTerms] = (
+        ("speed noise", "speed_noise_rpm", "rpm"),
+        ("resolution", "speed_resolution_rpm", "rpm"),
+        ("torque noise", "torque_noise_n_m", "N m"),
+    )
     type: Literal["wheels"] = "wheels"
     speed_entries: Entries = Field(
         default=(), description="Entries of the state x that are the wheels' speeds in rad/s, counted from 0."
@@ -76,6 +117,17 @@ class WheelTelemetry(ActuatorTelemetry):
         if not self.speed_entries and not self.torque_entries:
             raise ValueError("has no wheels; give speed_entries, torque_entries or both")
         return self
+
+    @property
+    def quantity(self) -> str:
+        """Words for what the sensor measures."""
+        parts = [f"speeds x{list(self.speed_entries)}"] * bool(self.speed_entries)
+        parts += [f"torques u{list(self.torque_entries)}"] * bool(self.torque_entries)
+        return f"{' and '.join(parts)} of the follower's {self.dynamics}"
+
+    @property
+    def _reads_entries(self) -> tuple[tuple[Literal["state", "input"], Entries], ...]:
+        return ("state", self.speed_entries), ("input", self.torque_entries)
 
     def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
         sigmas = [self.speed_noise_rpm * units.RPM] * len(self.speed_entries)
@@ -103,6 +155,11 @@ class ThrusterTelemetry(ActuatorTelemetry):
     acceleration.
     """
 
+    _ERRORS: ClassVar[ErrorTerms] = (
+        ("force noise", "force_noise_n", "N"),
+        ("resolution", "force_resolution_n", "N"),
+        ("scale factor", "scale_factor_ppm", "ppm"),
+    )
     type: Literal["thrusters"] = "thrusters"
     force_entries: Annotated[Entries, Field(min_length=1)] = Field(
         description="Entries of the input u, one for each thruster or axis, counted from 0."
@@ -115,6 +172,15 @@ class ThrusterTelemetry(ActuatorTelemetry):
     scale_factor_ppm: NotNegative = Field(
         default=0.0, description="Error of the scale factor of each thruster, 1 sigma, constant in a run [ppm]."
     )
+
+    @property
+    def quantity(self) -> str:
+        """Words for what the sensor measures."""
+        return f"forces u{list(self.force_entries)} of the follower's {self.dynamics}"
+
+    @property
+    def _reads_entries(self) -> tuple[tuple[Literal["state", "input"], Entries], ...]:
+        return (("input", self.force_entries),)
 
     def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:
         n = len(self.force_entries)

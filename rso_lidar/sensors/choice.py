@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Annotated, Any, Protocol, runtime_checkable
 
@@ -9,15 +10,17 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import Part, Seam, make_answer_error, name_object, read_member, to_real_array
+from rso_lidar.part import Seam, kind_of, make_answer_error, name_object, read_member, to_real_array
 from rso_lidar.records import BodyMotion, SensorSamples, SensorState
 from rso_lidar.records.telemetry import ALL_READ
 from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
 from rso_lidar.sensors.gnss import Gnss, RelativeGnss
 from rso_lidar.sensors.inertial import Accelerometer, Gyro
-from rso_lidar.sensors.sensor_part import SensorPart
+from rso_lidar.sensors.sensor_part import Impairment, SensorPart
 from rso_lidar.sensors.star_tracker import StarTracker
 
+_NUMBERS = (int, float, np.integer, np.floating)
+_ROUNDING_S = 1e-6  # of sums of times, in runs of years
 _SIMULTANEOUS_S = 0.5e-9  # a simulation's instants are whole nanoseconds
 
 
@@ -71,7 +74,7 @@ def number_available_samples(sensor: Any, after_s: float, until_s: float) -> ran
     sensor : a part, or a user's object.
     after_s, until_s : ends of the interval, since `start_utc` [s].
     """
-    rate_hz, phase_s, latency_s = _schedule(sensor)
+    rate_hz, phase_s, latency_s = read_schedule(sensor)
     first_s = phase_s + latency_s
     ends = []
     for end_s in (after_s, until_s):
@@ -95,6 +98,48 @@ def get_look_back(sensor: Any) -> int:
     return sensor.look_back if isinstance(sensor, SensorPart) else 0
 
 
+def describe_sensor(sensor: Any, frame_rate_hz: float) -> str:
+    """Describe a sensor in one line.
+
+    Parameters
+    ----------
+    sensor : a part, or a user's object.
+    frame_rate_hz : rate of the flashes [Hz].
+
+    Returns
+    -------
+    kind, quantity, schedule, errors in the units of their keys, and outages.
+    """
+    rate_hz, phase_s, latency_s = read_schedule(sensor)
+    per_frame = rate_hz / frame_rate_hz
+    often = f"{per_frame:.3g} per frame" if per_frame >= 1.0 else f"one every {1.0 / per_frame:.3g} frames"
+    schedule = [f"{rate_hz:g} Hz ({often})"]
+    schedule += [f"from {phase_s:g} s"] * (phase_s > 0.0) + [f"latency {latency_s:g} s"] * (latency_s > 0.0)
+    if not isinstance(sensor, SensorPart):
+        return f"{sensor.name}: {type(sensor).__name__}, a Python object; {', '.join(schedule)}"
+    kind = f"{kind_of(sensor)}{f' ({sensor.preset})' if sensor.preset else ''}, {sensor.quantity}"
+    return "; ".join(
+        filter(
+            None, [f"{sensor.name}: {kind}", ", ".join(schedule), sensor.describe_errors(), sensor.describe_outages()]
+        )
+    )
+
+
+def find_impairments(sensor: Any, motion: BodyMotion) -> list[Impairment]:
+    """Find what keeps a sensor from its stated performance along a motion.
+
+    Parameters
+    ----------
+    sensor : a part, or a user's object.
+    motion : true motion of the follower.
+
+    Returns
+    -------
+    one for each kind of impairment, with the instants at which it is there; none for a user's object.
+    """
+    return sensor.find_impairments(motion) if isinstance(sensor, SensorPart) else []
+
+
 def time_sensor_samples(sensor: Any, numbers: range) -> np.ndarray:
     """Return the instants (sample) [s] of samples of any sensor: one division each, so that rounding does not add up.
 
@@ -103,23 +148,38 @@ def time_sensor_samples(sensor: Any, numbers: range) -> np.ndarray:
     sensor : a part, or a user's object.
     numbers : of the samples.
     """
-    rate_hz, phase_s, _ = _schedule(sensor)
+    rate_hz, phase_s, _ = read_schedule(sensor)
     times: np.ndarray = phase_s + np.arange(numbers.start, numbers.stop, dtype=np.float64) / rate_hz
     return times
 
 
-def _schedule(sensor: Any) -> tuple[float, float, float]:
-    """Return rate [Hz], phase [s] and latency [s] of any sensor."""
+def read_schedule(sensor: Any) -> tuple[float, float, float]:
+    """Read the schedule of any sensor.
+
+    Parameters
+    ----------
+    sensor : a part, or a user's object.
+
+    Returns
+    -------
+    rate [Hz], phase [s] and latency [s].
+
+    Raises
+    ------
+    ScenarioError
+        If a user's object states something else than a positive rate, and numbers from 0.
+    """
     if isinstance(sensor, SensorPart):
         return sensor.rate_hz, sensor.phase_s, sensor.latency_s
-    cure = "give a positive number"
-    rate_hz = read_member(sensor, "rate_hz", None, (int, float), cure)
+    rate_hz = read_member(sensor, "rate_hz", None, _NUMBERS, "give a positive number")
     phase_s, latency_s = (
-        read_member(sensor, name, 0.0, (int, float), "give a number from 0") for name in ("phase_s", "latency_s")
+        read_member(sensor, name, 0.0, _NUMBERS, "give a number from 0") for name in ("phase_s", "latency_s")
     )
-    if not (0.0 < rate_hz < np.inf and 0.0 <= phase_s < np.inf and 0.0 <= latency_s < np.inf):
+    if isinstance(rate_hz, bool) or not (
+        0.0 < rate_hz < np.inf and 0.0 <= phase_s < np.inf and 0.0 <= latency_s < np.inf
+    ):
         raise ScenarioError(
-            f"{name_object(sensor)}: rate_hz is {rate_hz:g}, phase_s {phase_s:g} and latency_s {latency_s:g}; "
+            f"{name_object(sensor)}: rate_hz is {rate_hz}, phase_s {phase_s} and latency_s {latency_s}; "
             "give a positive rate, and numbers from 0"
         )
     return float(rate_hz), float(phase_s), float(latency_s)
@@ -144,8 +204,19 @@ def measure_samples(
     ScenarioError
         If the answer of a user's object is not what the protocol says.
     """
-    answer = sensor.measure(motion, key, first_sample, state)
-    if isinstance(sensor, Part):
+    try:
+        answer = sensor.measure(motion, key, first_sample, state)
+    except ScenarioError:
+        raise
+    except (Exception, SystemExit, GeneratorExit) as error:
+        if isinstance(sensor, SensorPart):
+            raise
+        text = " ".join(str(error).split())
+        raise ScenarioError(
+            f"{name_object(sensor)}: measure() failed at sample {first_sample} with {type(error).__name__}"
+            f"{f': {text}' if text else ''}; correct the sensor"
+        ) from error
+    if isinstance(sensor, SensorPart):
         return answer  # type: ignore[no-any-return]
     is_pair = isinstance(answer, tuple) and len(answer) == len(_ANSWER)
     if not is_pair or not all(map(isinstance, answer, _ANSWER)):
@@ -154,10 +225,22 @@ def measure_samples(
     times = to_real_array(samples.time_s)
     if times is None or not np.array_equal(times, motion.time_s):
         raise make_answer_error(sensor, "measure", samples, "return one sample for each instant", member="time_s")
-    if after.next_sample != first_sample + len(motion.time_s):
+    if missing := _list_missing(samples):
+        raise make_answer_error(sensor, "measure", None, "return an array", member=missing[0])
+    due_s = motion.time_s + read_schedule(sensor)[2]
+    if not np.allclose(samples.available_s, due_s, rtol=0.0, atol=_ROUNDING_S):  # NaN, too
+        cure = "return time_s plus the sensor's latency_s"
+        raise make_answer_error(sensor, "measure", samples.available_s, cure, member="available_s")
+    if not isinstance(after.next_sample, int | np.integer) or after.next_sample != first_sample + len(motion.time_s):
         cure = f"return the number of the sample that follows, {first_sample + len(motion.time_s)}"
         raise make_answer_error(sensor, "measure", after.next_sample, cure, member="next_sample")
     return samples, after
 
 
 _ANSWER = (SensorSamples, SensorState)
+
+
+def _list_missing(samples: SensorSamples) -> list[str]:
+    """List the arrays of samples that are None and may not be."""
+    required = [field.name for field in dataclasses.fields(samples) if field.default is dataclasses.MISSING]
+    return [name for name in required if getattr(samples, name) is None]

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
+from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Name, NotNegative, Positive, Vector
-from rso_lidar.pose import cross, dot, matrix_from_quaternion, rotate_vectors
+from rso_lidar.pose import cross, dot, length, matrix_from_quaternion, rotate_vectors
 from rso_lidar.records import BodyMotion, GnssSamples, RelativeGnssSamples, SensorState
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.sensors.random_errors import ErrorProcess
-from rso_lidar.sensors.sensor_part import SensorPart, gauss_markov
+from rso_lidar.sensors.sensor_part import ErrorTerms, Impairment, SensorPart, gauss_markov
 
 _POSITION, _VELOCITY = (0, 1, 2), (3, 4, 5)
+# Height to which the terrestrial service volume of GPS reaches (Bauer and others, "The GPS Space Service Volume", ION 2006).
+_SERVICE_HEIGHT_M = 3_000_000.0
 
 
 class GnssReceiver(SensorPart):
     """Base of GNSS receivers, whose errors are independent in three axes: white noise and a Gauss-Markov process each."""
 
+    _ERRORS: ClassVar[ErrorTerms] = (
+        ("position white", "position_noise_m", "m"),
+        ("slow", "slow_position_m", "m"),
+        ("velocity white", "velocity_noise_m_s", "m/s"),
+        ("slow", "slow_velocity_m_s", "m/s"),
+    )
     position_noise_m: NotNegative = Field(
         default=0.0, description="White error of the position, 1 sigma of each axis [m]."
     )
@@ -49,6 +58,24 @@ class GnssReceiver(SensorPart):
         slow = ((_POSITION, self.slow_position_m), (_VELOCITY, self.slow_velocity_m_s))
         return white, [gauss_markov(channels, sigma, self.correlation_s, step_s) for channels, sigma in slow]
 
+    def find_impairments(self, motion: BodyMotion) -> list[Impairment]:
+        """Find where the follower is above the volume in which GNSS is designed to serve.
+
+        Parameters
+        ----------
+        motion : true motion of the follower.
+
+        Returns
+        -------
+        one for each kind of impairment.
+        """
+        if motion.earth_direction is None:  # a local world
+            return []
+        above = length(motion.position_m) - units.EARTH_RADIUS_M > _SERVICE_HEIGHT_M
+        height = f"above the terrestrial service volume ({_SERVICE_HEIGHT_M / units.KM:g} km)"
+        why = "fewer than four satellites may be in view, and that is not simulated"
+        return [Impairment(above, height, why, "state errors and outages of this height")]
+
 
 class Gnss(GnssReceiver):
     """A GNSS receiver: position and velocity of its antenna in inertial axes.
@@ -62,6 +89,11 @@ class Gnss(GnssReceiver):
     vertical_ratio: Positive = Field(
         default=1.0, description="Errors along the local vertical, as a ratio to those of the other axes."
     )
+
+    @property
+    def quantity(self) -> str:
+        """Words for what the sensor measures."""
+        return "position and velocity of its antenna"
 
     def measure(
         self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
@@ -95,6 +127,11 @@ class RelativeGnss(GnssReceiver):
     axes: Literal["inertial", "rtn"] = Field(
         default="rtn", description="Axes of the solution: `inertial`, or the rtn axes of the target."
     )
+
+    @property
+    def quantity(self) -> str:
+        """Words for what the sensor measures."""
+        return f"position and velocity relative to {self.target}, {self.axes} axes"
 
     def find_axes(self, position_m: np.ndarray, velocity_m_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Find the axes of the solution for inertial states of the target.

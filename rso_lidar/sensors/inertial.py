@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -18,9 +18,10 @@ from rso_lidar.part import NotNegative, Positive
 from rso_lidar.records import AccelerometerSamples, BodyMotion, GyroSamples, SensorState
 from rso_lidar.records.telemetry import ANGULAR_ACCELERATION
 from rso_lidar.sensors.random_errors import ErrorProcess
-from rso_lidar.sensors.sensor_part import SensorPart, check_correlation, flicker
+from rso_lidar.sensors.sensor_part import ErrorTerms, SensorPart, check_correlation, flicker
 
 _XYZ = (0, 1, 2)
+_GEOMETRY: ErrorTerms = (("scale factor", "scale_factor_ppm", "ppm"), ("misalignment", "misalignment_mrad", "mrad"))
 _N_DISTORTION = 9  # scale factors of three axes, and six angles between axes
 _G = units.STANDARD_GRAVITY_M_S2
 
@@ -99,6 +100,15 @@ class Gyro(InertialTriad):
     0.664. A rate random walk has no bound: after t it has grown to its coefficient times √t.
     """
 
+    _ERRORS: ClassVar[ErrorTerms] = (
+        ("angle random walk", "angle_random_walk_deg_sqrt_h", "°/√h"),
+        ("bias instability", "bias_instability_deg_h", "°/h"),
+        ("rate random walk", "rate_random_walk_deg_h_sqrt_h", "°/h/√h"),
+        ("turn-on bias", "turn_on_bias_deg_h", "°/h"),
+        *_GEOMETRY,
+        ("limit", "max_rate_deg_s", "°/s"),
+        ("resolution", "resolution_deg_h", "°/h"),
+    )
     type: Literal["gyro"] = "gyro"
     angle_random_walk_deg_sqrt_h: NotNegative = Field(
         default=0.0, description="Angle random walk, from white noise of the rate [deg/√h]."
@@ -129,6 +139,11 @@ class Gyro(InertialTriad):
         )
 
     @property
+    def quantity(self) -> str:
+        """Words for what the sensor measures."""
+        return "angular velocity"
+
+    @property
     def reads(self) -> frozenset[str]:
         """Nothing beside the angular velocity."""
         return frozenset()
@@ -149,6 +164,15 @@ class Accelerometer(InertialTriad):
     `gyro`. An acceleration random walk has no bound.
     """
 
+    _ERRORS: ClassVar[ErrorTerms] = (
+        ("velocity random walk", "velocity_random_walk_m_s_sqrt_h", "m/s/√h"),
+        ("bias instability", "bias_instability_ug", "µg"),
+        ("acceleration random walk", "acceleration_random_walk_ug_sqrt_h", "µg/√h"),
+        ("turn-on bias", "turn_on_bias_ug", "µg"),
+        *_GEOMETRY,
+        ("limit", "max_acceleration_g", "g"),
+        ("resolution", "resolution_ug", "µg"),
+    )
     type: Literal["accelerometer"] = "accelerometer"
     velocity_random_walk_m_s_sqrt_h: NotNegative = Field(
         default=0.0, description="Velocity random walk, from white noise of the acceleration [m/s/√h]."
@@ -179,6 +203,11 @@ class Accelerometer(InertialTriad):
             None if self.max_acceleration_g is None else self.max_acceleration_g * _G,
             self.resolution_ug * units.UG,
         )
+
+    @property
+    def quantity(self) -> str:
+        """Words for what the sensor measures."""
+        return "specific force"
 
     @property
     def reads(self) -> frozenset[str]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from functools import cached_property
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Name, NotNegative, Part, Positive, Text
-from rso_lidar.records import SensorState
+from rso_lidar.records import BodyMotion, SensorState
 from rso_lidar.records.telemetry import ALL_READ
 from rso_lidar.sensors.presets import merge_preset
 from rso_lidar.sensors.random_errors import ErrorModel, ErrorProcess, draw_errors, make_model
@@ -20,6 +20,9 @@ from rso_lidar.sensors.random_errors import ErrorModel, ErrorProcess, draw_error
 _MAX_RATE_HZ = 1e5
 _DECADE = 10.0
 _MOST_PROCESSES = 8
+_MOST_LISTED = 3
+
+ErrorTerms = tuple[tuple[str, str, str], ...]  # as `check` prints them: what it is, its field, its unit
 
 
 class OutageWindow(Part):
@@ -42,8 +45,19 @@ class RandomOutage(Part):
     mean_down_s: Positive = Field(description="Mean duration of an outage [s].")
 
 
+class Impairment(NamedTuple):
+    """What keeps a sensor from its stated performance: when (time) bool, what it is, why, and what to do about it."""
+
+    when: np.ndarray
+    what: str
+    why: str
+    cure: str
+
+
 class SensorPart(Part):
     """Base of described sensors. Sample n holds at `phase_s` + n / `rate_hz` and is available `latency_s` later."""
+
+    _ERRORS: ClassVar[ErrorTerms] = ()
 
     name: Name = Field(description="Name of the sensor; its random numbers depend on the name and on the seed.")
     preset: Text | None = Field(
@@ -75,6 +89,40 @@ class SensorPart(Part):
     def look_back(self) -> int:
         """Number of earlier samples on whose true motion a sample depends. Its random errors need none."""
         return 0
+
+    @property
+    @abstractmethod
+    def quantity(self) -> str:
+        """Words for what the sensor measures."""
+
+    def describe_errors(self) -> str:
+        """Describe the stated errors and limits, in the units of their fields."""
+        stated = [(what, getattr(self, field), unit) for what, field, unit in self._ERRORS]
+        texts = [f"{what} {value:g}{'' if unit == '°' else ' '}{unit}" for what, value, unit in stated if value]
+        return ", ".join(texts) or "no errors stated"
+
+    def describe_outages(self) -> str:
+        """Describe the outages; nothing without any."""
+        spans = [f"{one.from_s:g} to {one.to_s:g} s" for one in self.outages]
+        if len(spans) > _MOST_LISTED:
+            spans = [*spans[: _MOST_LISTED - 1], f"{len(spans) - _MOST_LISTED + 1} more"]
+        if self.random_outage is not None:
+            means = self.random_outage
+            spans.append(f"at random, {means.mean_down_s:g} s after {means.mean_up_s:g} s (means)")
+        return f"outages {', '.join(spans)}" if spans else ""
+
+    def find_impairments(self, motion: BodyMotion) -> list[Impairment]:
+        """Find what keeps the sensor from its stated performance along a motion, apart from its outages.
+
+        Parameters
+        ----------
+        motion : true motion of the follower.
+
+        Returns
+        -------
+        one for each kind of impairment.
+        """
+        return []
 
     @abstractmethod
     def _list_errors(self) -> tuple[np.ndarray, list[ErrorProcess]]:

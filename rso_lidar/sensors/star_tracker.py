@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -22,7 +22,7 @@ from rso_lidar.pose import (
 )
 from rso_lidar.records import BodyMotion, SensorState, StarTrackerSamples
 from rso_lidar.sensors.random_errors import ErrorProcess
-from rso_lidar.sensors.sensor_part import SensorPart, gauss_markov
+from rso_lidar.sensors.sensor_part import ErrorTerms, Impairment, SensorPart, gauss_markov
 
 _ACROSS, _ABOUT = (0, 1), (2,)
 
@@ -40,6 +40,18 @@ class StarTracker(SensorPart):
     and after an outage, the tracker needs `acquisition_s` to find its attitude again. It is tracking when a run begins.
     """
 
+    _ERRORS: ClassVar[ErrorTerms] = (
+        ("white across the boresight", "cross_boresight_arcsec", "arcsec"),
+        ("about it", "boresight_arcsec", "arcsec"),
+        ("slow across", "slow_cross_boresight_arcsec", "arcsec"),
+        ("about", "slow_boresight_arcsec", "arcsec"),
+        ("misalignment", "misalignment_arcsec", "arcsec"),
+        ("limit", "max_rate_deg_s", "°/s"),
+        ("exclusion of Sun", "sun_exclusion_deg", "°"),
+        ("Moon", "moon_exclusion_deg", "°"),
+        ("limb of the Earth", "earth_exclusion_deg", "°"),
+        ("acquisition", "acquisition_s", "s"),
+    )
     type: Literal["star_tracker"] = "star_tracker"
     mount: Mount = Field(default=Mount(), description="Pose body_from_tracker on the follower; +z is the boresight.")
     cross_boresight_arcsec: NotNegative = Field(
@@ -124,6 +136,29 @@ class StarTracker(SensorPart):
         for mask in self._find_blinding(motion).values():
             blinded |= mask
         return blinded
+
+    @property
+    def quantity(self) -> str:
+        """Words for what the sensor measures."""
+        return "attitude"
+
+    def find_impairments(self, motion: BodyMotion) -> list[Impairment]:
+        """Find where the tracker is blinded, or the body is too fast for it.
+
+        Parameters
+        ----------
+        motion : true motion of the follower.
+
+        Returns
+        -------
+        one for each kind of impairment.
+        """
+        causes = self._find_blinding(motion)
+        shares = [f"{name} {np.mean(mask):.0%}" for name, mask in causes.items() if mask.any()]
+        blinded = self.is_blinded(motion)
+        search = f"; it then searches for {self.acquisition_s:g} s" if self.acquisition_s and not blinded.all() else ""
+        cure = "turn its mount or the follower, or add a second tracker"
+        return [Impairment(blinded, "no attitude", f"{', '.join(shares)}{search}", cure)]
 
     def _find_blinding(self, motion: BodyMotion) -> dict[str, np.ndarray]:
         """Return where (time) each cause blinds the tracker, by cause; only causes that the sensor and its world have."""

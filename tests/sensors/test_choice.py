@@ -1,6 +1,8 @@
 """The protocol of sensors: a user's own object and its answers, the field for any sensor, and exact epochs of samples."""
 
+import dataclasses
 import runpy
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -67,15 +69,57 @@ def answer(change):
             lambda samples, state: (SensorSamples(samples.time_s + 1.0, samples.time_s, samples.valid), state),
             "in time_s; return one sample for each instant",
         ),
+        (lambda samples, state: (samples, SensorState(14.0, np.empty(0))), r"returned 14\.0 in next_sample"),
+        (
+            lambda samples, state: (dataclasses.replace(samples, available_s=samples.time_s * np.nan), state),
+            "in available_s; return time_s plus the sensor's latency_s",
+        ),
+        (
+            lambda samples, state: (dataclasses.replace(samples, available_s=samples.time_s - 1.0), state),
+            "in available_s; return time_s plus the sensor's latency_s",
+        ),
+        (
+            lambda samples, state: (dataclasses.replace(samples, sun_direction=None), state),
+            "returned None in sun_direction; return an array",
+        ),
+        (
+            lambda samples, state: (dataclasses.replace(samples, valid=np.ones(9, bool)), state),
+            "measure.. failed at sample 10 with RecordError: SunSamples.valid: sample is 9",
+        ),
+        (
+            lambda samples, state: 1 / 0,
+            r"measure.. failed at sample 10 with ZeroDivisionError: division by zero; correct",
+        ),
+        (lambda samples, state: sys.exit("a\nb"), "measure.. failed at sample 10 with SystemExit: a b; correct"),
+        (lambda samples, state: None, r"returned None; return \(SensorSamples, SensorState\)"),
     ],
 )
 def test_a_wrong_answer_is_told(change, words):
     motion = make_motion(5.0 + np.arange(4) / 2.0, sun_direction=np.tile([1.0, 0.0, 0.0], (4, 1)))
-    with pytest.raises(ScenarioError, match=words):
+    with pytest.raises(ScenarioError, match=words) as told:
         sensors.measure_samples(answer(change), motion, KEY, 10, None)
+    assert "sun_sensor" in str(told.value) and "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize(("member", "value"), [("rate_hz", 0.0), ("rate_hz", "fast"), ("phase_s", -1.0)])
+@pytest.mark.parametrize("number", [np.int64, np.int32, np.float32, np.float64, int])
+def test_numbers_of_numpy_are_numbers(number):
+    sensor = EXAMPLE["SunSensor"](rate_hz=number(2))
+    assert sensors.number_available_samples(sensor, 0.0, 2.0) == range(1, 5)
+    np.testing.assert_array_equal(sensors.time_sensor_samples(sensor, range(1, 5)), [0.5, 1.0, 1.5, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("member", "value"),
+    [
+        ("rate_hz", 0.0),
+        ("rate_hz", "fast"),
+        ("rate_hz", True),
+        ("rate_hz", np.nan),
+        ("rate_hz", np.array([2.0])),
+        ("latency_s", np.inf),
+        ("phase_s", -1.0),
+    ],
+)
 def test_a_schedule_that_is_none_is_told(member, value):
     sensor = EXAMPLE["SunSensor"]()
     object.__setattr__(sensor, member, value)

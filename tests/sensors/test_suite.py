@@ -133,6 +133,37 @@ def test_perfect_sensors_measure_the_truth():
     np.testing.assert_allclose(turned.as_rotvec(), late_s[:, None] * rate, atol=1e-8)
 
 
+def drag(_t, x, u):
+    """Free flight in rtn axes with thrust u, drag along -y and a push along x that stands for gravitation."""
+    return np.concatenate([x[3:], u + np.array([1e-3, -2e-4, 0.0])])
+
+
+def felt(_t, _x, u):
+    return np.array([0.0, -2e-4, 0.0]) + u
+
+
+def test_dynamics_may_state_what_is_felt(monkeypatch):
+    """The body's x axis is along the track: y in rtn axes. Without a statement only the push by the inputs is felt."""
+    scenario = load('{type="accelerometer", name="felt", rate_hz=10}')
+    motion = scenario.follower.motion.replace(dynamics=drag)
+    scenario = scenario.replace(follower=scenario.follower.replace(motion=motion))
+
+    def measure(specific_force):
+        monkeypatch.setattr(drag, "specific_force", specific_force, raising=False)
+        return fly(scenario)[-1].observation.sensors["felt"].specific_force_m_s2[-5]
+
+    np.testing.assert_allclose(measure(None), [0.01, 0.0, 0.0], atol=2e-7)
+    np.testing.assert_allclose(measure(felt), [0.0098, 0.0, 0.0], atol=2e-7)
+    for wrong, told in (
+        (lambda t, x, u: u[:2], r"specific_force: returned the shape \(2,\).*; return three accelerations"),
+        (lambda t, x, u: t / 0, r"specific_force: failed at t = .* with ZeroDivisionError"),
+        (lambda t, x, u: u * np.nan, r"specific_force: returned \[nan"),
+        (3.0, r"specific_force: failed at t = .* TypeError"),
+    ):
+        with pytest.raises(ScenarioError, match=told):
+            measure(wrong)
+
+
 def tumble(_t, x, u):
     """Free flight in rtn axes with thrust u, and a body of equal moments of inertia, which keeps its rate."""
     qx, qy, qz, qw, wx, wy, wz = x[6:]
@@ -239,4 +270,7 @@ def test_a_scenario_whose_sensors_cannot_be_flown_does_not_load(scenario):
         load('{type="relative_gnss", name="a", rate_hz=1, target="stagee", axes="inertial"}')
     own = SimpleNamespace(name="a/b", rate_hz=1.0, measure=lambda *given: None)
     with pytest.raises(ScenarioError, match="the name 'a/b' needs a letter"):
+        scenario.replace(sensor=(own,))
+    own.name, own.rate_hz = "a", np.int64(0)
+    with pytest.raises(ScenarioError, match=r"sensor 'a': .*rate_hz is 0.*; give a positive rate"):
         scenario.replace(sensor=(own,))

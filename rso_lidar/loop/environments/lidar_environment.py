@@ -116,8 +116,8 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
             If options are given, or the scenario that was drawn cannot be flown.
         """
         super().reset(seed=seed)
-        if options:
-            raise ScenarioError(f"options: '{next(iter(options))!s:.40}' is unknown; leave it out")
+        if not (options is None or options == {}):
+            raise ScenarioError(f"options: {options!r:.40} is given, and no options are known; leave it out")
         scenario = self.scenario if self._draw is None else self._draw(self.scenario, self.np_random)
         self.simulation = Simulation(scenario.with_seed(int(self.np_random.integers(2**31))), threads=self._threads)
         frame = self._frame = self.simulation.step()

@@ -34,7 +34,10 @@ class StateSpaceModel(Part, CommandedModel):
 
     `dynamics` is ``file.py:name``, ``package.module:name`` or, in Python, the callable itself. It is called with
     seconds since `start_utc`, the state (n,) and the inputs (m,), and returns the derivatives (n,). `inputs` hold until
-    `Command.inputs` of a controller replaces them. The integrator is DOP853 with these tolerances for each step.
+    `Command.inputs` of a controller replaces them. The integrator is DOP853 with these tolerances for each step. Of a
+    motion, an accelerometer measures f(t, x, u) - f(t, x, 0). Where f has drag or light pressure, or inputs that are not
+    thrust, the function states what is felt as its attribute `specific_force`: a function of (t, x, u) that returns the
+    acceleration without gravitation [m/s2] (3,), in the axes of the velocity in x.
     """
 
     dynamics: Dynamics = Field(
@@ -86,6 +89,13 @@ class StateSpaceModel(Part, CommandedModel):
         """Find the function of the dynamics, and wrap it so that its failures become one-line errors."""
         return wrap_dynamics(find_function(self.dynamics), self.label, len(self.initial_state))
 
+    def specific_force_function(self) -> Function | None:
+        """Find the attribute `specific_force` of the function of the dynamics, and wrap it likewise; None without one."""
+        felt = getattr(find_function(self.dynamics), "specific_force", None)
+        if felt is None:
+            return None
+        return wrap_dynamics(felt, f"{self.label}.specific_force", 3, "return three accelerations")
+
 
 class Piece(NamedTuple):
     """A stretch of a flight under constant inputs (m,), from the state (n,) at `begin_s`; None for a solution not begun."""
@@ -113,7 +123,7 @@ class Flight(CommandedFlight):
 
     def __init__(self, model: StateSpaceModel) -> None:
         self.model = model
-        self._function = model.function()
+        self._function, self._felt = model.function(), model.specific_force_function()
         self._accuracy: dict[str, Any] = {
             "rtol": model.relative_tolerance,
             "atol": model.absolute_tolerance,
@@ -216,13 +226,25 @@ class Flight(CommandedFlight):
             rates[row] = self._function(t, rates[row], inputs)
         return rates
 
-    def input_rates(self, time_s: np.ndarray) -> np.ndarray:
-        """Evaluate the share of x' (time, n) that comes from the inputs: f(t, x, u) - f(t, x, 0)."""
-        share: np.ndarray = np.array(self(time_s))
+    def specific_force(self, time_s: np.ndarray) -> np.ndarray:
+        """Evaluate the acceleration without gravitation (time, 3) [m/s2], in the axes of the velocity in x.
+
+        It is the `specific_force` of the function of the dynamics, for a function that has it. Otherwise it is the share of
+        the acceleration that comes from the inputs: f(t, x, u) - f(t, x, 0).
+
+        Parameters
+        ----------
+        time_s : (time) instants [s].
+        """
+        states = self(time_s)
+        felt = np.empty((len(states), 3))
         f, none = self._function, np.zeros(len(self.model.inputs))
         for row, (t, inputs) in enumerate(self._list_inputs(time_s)):
-            share[row] = f(t, share[row], inputs) - f(t, share[row], none)
-        return share
+            if self._felt is not None:
+                felt[row] = self._felt(t, states[row], inputs)
+            else:
+                felt[row] = (f(t, states[row], inputs) - f(t, states[row], none))[3:6]
+        return felt
 
     def inputs_at(self, time_s: np.ndarray) -> np.ndarray:
         """Return the inputs (time, m) that are held from `time_s` (time,) [s] on."""

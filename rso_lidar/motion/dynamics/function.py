@@ -62,14 +62,15 @@ def stamp_file(dynamics: Any) -> tuple[int, int]:
     return status.st_mtime_ns, status.st_size
 
 
-def wrap_dynamics(function: Function, label: str, n: int) -> Function:
+def wrap_dynamics(function: Function, label: str, n: int, answer: str = "") -> Function:
     """Wrap a function of dynamics so that its exceptions and invalid results become one-line errors.
 
     Parameters
     ----------
     function : f(t, x, u).
     label : of the function, for messages.
-    n : entries of the state; the result must be (n,) finite numbers.
+    n : entries of the result, which must be (n,) finite numbers.
+    answer : what the result has to be, for messages (empty: the derivatives).
 
     Returns
     -------
@@ -109,8 +110,8 @@ def wrap_dynamics(function: Function, label: str, n: int) -> Function:
             ) from error
         if rates.shape != (n,):
             raise ScenarioError(
-                f"{label}: returned the shape {rates.shape} at t = {t:g} s; return one derivative for each of the {n} "
-                "entries of the state"
+                f"{label}: returned the shape {rates.shape} at t = {t:g} s; "
+                f"{answer or f'return one derivative for each of the {n} entries of the state'}"
             )
         if not rates.dot(rates) < np.inf and not np.isfinite(rates).all():  # the sum of squares may overflow
             raise ScenarioError(

@@ -16,6 +16,7 @@ from rso_lidar.scenario.assessment.compliance import list_violations
 from rso_lidar.scenario.assessment.environment import advise_on_environment
 from rso_lidar.scenario.assessment.interreflection import advise_on_second_bounce
 from rso_lidar.scenario.assessment.multiple_returns import advise_on_separations
+from rso_lidar.scenario.assessment.other_sensors import advise_on_sensors
 from rso_lidar.scenario.assessment.smear import advise_on_exposure
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, boresight_light_fraction, preview_mission
@@ -53,6 +54,7 @@ def advise(mission: Mission, preview: Preview | None = None) -> list[str]:
     lines += _advise_on_light_time(preview)
     lines += advise_on_exposure(mission, preview)
     lines += advise_on_environment(mission, preview, mission.constraints)
+    lines += advise_on_sensors(mission, preview)
     if mission.constraints is not None:
         lines += list_violations(mission.constraints, mission, preview)
     lines += _advise_on_python_objects(mission)

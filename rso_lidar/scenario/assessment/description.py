@@ -19,6 +19,7 @@ from rso_lidar.scenario.assessment.advice import advise
 from rso_lidar.scenario.assessment.environment import describe_environment
 from rso_lidar.scenario.assessment.interreflection import describe_second_bounce
 from rso_lidar.scenario.assessment.multiple_returns import describe_separations
+from rso_lidar.scenario.assessment.other_sensors import describe_sensors
 from rso_lidar.scenario.assessment.smear import describe_exposure
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, preview_mission
@@ -45,6 +46,7 @@ def describe(mission: Mission) -> str:
     lines += _describe_plans(mission)
     lines += describe_environment(mission, preview)
     lines += _describe_instrument(mission, preview)
+    lines += describe_sensors(mission)
     for number in range(len(preview.targets)):
         lines += _describe_budget(mission, number, preview)
     lines += describe_second_bounce(mission, preview)

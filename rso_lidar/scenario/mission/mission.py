@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import re
 from contextlib import AbstractContextManager
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +19,7 @@ from rso_lidar.orbit import Epochs, moon_position_m
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.exposure import Exposure
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics, list_fmus
+from rso_lidar.scenario.mission.sensor_checks import check_sensors
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_tables, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
@@ -29,10 +29,9 @@ from rso_lidar.scenario.tables.link import DataLink
 from rso_lidar.scenario.tables.target import Follower, Target
 from rso_lidar.scenario.tables.world import Time, World
 from rso_lidar.scene import Surface
-from rso_lidar.sensors import AnySensor, RelativeGnss
+from rso_lidar.sensors import AnySensor
 from rso_lidar.shipped import find
 
-_SENSOR_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")  # as `part.Name`
 _WITHOUT_NOISE = ("bodies", "pan_tilt", "surfaces", "instrument", "exposure")  # cached, and the same for every seed
 
 
@@ -198,19 +197,7 @@ class Mission(Part):
                 f"after {1.0 / self.time.frame_rate_hz:.3g} s; raise it, or lower the pulses of the detector or "
                 "time.frame_rate_hz"
             )
-        named = [sensor.name for sensor in self.sensor]
-        if twice := [name for name in named if named.count(name) > 1]:
-            raise ValueError(f"sensor: two have the name '{twice[0]}'; rename one")
-        for name in named:  # of users' objects, too: recordings have a group of this name
-            if not isinstance(name, str) or not _SENSOR_NAME.fullmatch(name):
-                raise ValueError(f"sensor: the name {name!r:.40} needs a letter followed by letters, digits, _ or -")
-        targets = [target.name for target in self.target]
-        for sensor in self.sensor:
-            if isinstance(sensor, RelativeGnss) and sensor.target not in targets:
-                guess = did_you_mean(sensor.target, targets)
-                raise ValueError(
-                    f"sensor '{sensor.name}': no target '{sensor.target}'{guess} (known: {', '.join(targets) or 'none'})"
-                )
+        check_sensors(self.sensor, self.target, self.follower)
         receiver = self.lidar.receiver
         if self.finding.pixels > receiver.n_rows * receiver.n_cols:
             raise ValueError(

@@ -7,13 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from frames_for_tests import SOURCE, assert_same, datasets, make_frame, make_frames
+from frames_for_tests import SOURCE, assert_same, assert_same_record, datasets, make_frame, make_frames
 
 from rso_lidar import export
+from rso_lidar.records import join_samples
 
 COUNT, SHAPE, KILLS = 60, (24, 20), 6
 PLAIN = "{}"
-FULL = '{"returns": True, "keep": ("waveforms", "photons", "oversampled"), "zoom": lambda k: 1.0 + k % 11}'
+FULL = (
+    '{"returns": True, "keep": ("waveforms", "photons", "oversampled"), "zoom": lambda k: 1.0 + k % 11, '
+    '"sensors": {"gyro": (1, 5, 6, 5), "wheels": (0, 0, 2, 2), "own sensor": (0, 1, 0, 1)}}'
+)
 
 # Writes frames, going on where an earlier run was killed, and tells of each.
 FLY = f"""
@@ -32,7 +36,7 @@ with export.Recorder(sys.argv[1], SOURCE, run_id="1a2b3c4d", resume=True, changi
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
-@pytest.mark.parametrize("kind", [PLAIN, FULL], ids=["plain", "kept and lens"])
+@pytest.mark.parametrize("kind", [PLAIN, FULL], ids=["plain", "kept, lens and sensors"])
 def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path, kind):
     how = eval(kind)
     rng = np.random.default_rng(1807)
@@ -55,8 +59,12 @@ def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path
         with export.open(left) as recording:
             assert len(recording) >= told + 1  # what was told as written is there
             middles += 0 < len(recording) < COUNT
-            for k, frame in enumerate(recording):
-                assert_same(frame, make_frame(k, shape=SHAPE, **how))
+            frames = [make_frame(k, shape=SHAPE, **how) for k in range(len(recording))]
+            for frame, made in zip(recording, frames, strict=True):
+                assert_same(frame, made)
+            assert list(recording.sensors) == list(how.get("sensors", ()))
+            for name, series in join_samples([made.observation.sensors for made in frames]).items():
+                assert_same_record(recording.sensors[name], series)
     assert middles > KILLS / 3
     with export.Recorder(output, SOURCE, run_id="1a2b3c4d", resume=True, changing_lens="zoom" in how) as recorder:
         assert recorder.written > 0

@@ -335,8 +335,10 @@ def test_misuse_of_an_episode(passage):
     env = PointAndTrack(passage)
     with pytest.raises(ScenarioError, match="call reset"):
         env.step(np.zeros(2))
-    with pytest.raises(ScenarioError, match="options: 'wind' is unknown"):
-        env.reset(options={"wind": 1})
+    for options in ({"wind": 1}, 3, 0, ["wind"], "wind"):
+        with pytest.raises(ScenarioError, match=r"options: .* is given, and no options are known"):
+            env.reset(options=options)
+    env.reset(options={})
     env.reset(seed=1)
     for action in (np.zeros(3), np.array([0.0, math.nan]), 0.5, "left", np.zeros(2, complex)):
         with pytest.raises(ScenarioError, match="is not an action; give 2 numbers"):

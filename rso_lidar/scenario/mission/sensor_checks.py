@@ -1,0 +1,58 @@
+"""Checks of the other sensors of a mission against each other and against its bodies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from rso_lidar.errors import add_place, did_you_mean
+from rso_lidar.motion import Body
+from rso_lidar.sensors import RelativeGnss, ThrusterTelemetry, WheelTelemetry, read_schedule
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")  # as `part.Name`
+
+
+def check_sensors(sensors: Sequence[Any], targets: Sequence[Body], follower: Body) -> None:
+    """Check names of sensors, and that what they measure exists.
+
+    Parameters
+    ----------
+    sensors : parts, and users' objects.
+    targets, follower : bodies of the mission.
+
+    Raises
+    ------
+    ValueError
+        If two have one name, a name cannot be that of a group in a recording, a rate is none, or a target or dynamics is
+        not there.
+    """
+    named = [sensor.name for sensor in sensors]
+    for name in named:
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise ValueError(f"sensor: the name {name!r:.40} needs a letter followed by letters, digits, _ or -")
+    if twice := [name for name in named if named.count(name) > 1]:
+        raise ValueError(f"sensor: two have the name '{twice[0]}'; rename one")
+    for sensor in sensors:
+        with add_place(f"sensor '{sensor.name}'"):
+            read_schedule(sensor)
+    known = [target.name for target in targets]
+    for sensor in sensors:
+        if isinstance(sensor, RelativeGnss) and sensor.target not in known:
+            guess = did_you_mean(sensor.target, known)
+            raise ValueError(
+                f"sensor '{sensor.name}': no target '{sensor.target}'{guess} (known: {', '.join(known) or 'none'})"
+            )
+        if isinstance(sensor, WheelTelemetry | ThrusterTelemetry):
+            sensor.check_dynamics(_count_entries(follower))
+
+
+def _count_entries(follower: Body) -> dict[str, int | None]:
+    """Count the entries of states and inputs of the follower's models; None for states of FMUs, known when flown."""
+    sizes: dict[str, int | None] = {}
+    for model in follower.models.values():
+        place = "motion" if model is follower.motion else "attitude"
+        state = getattr(model, "initial_state", None)
+        sizes[f"{place}.state"] = None if state is None else len(state)
+        sizes[f"{place}.input"] = len(model.first_inputs)
+    return sizes
