@@ -261,7 +261,17 @@ class Aim:
             del self._trail[0]
 
     def check_command(self, command: Command) -> None:
-        """Raise `ScenarioError` for pan and tilt that are no angles, and for angles without a PTU."""
+        """Check the pan and the tilt of a command.
+
+        Parameters
+        ----------
+        command : not given yet.
+
+        Raises
+        ------
+        ScenarioError
+            If they are no angles, or there is no PTU.
+        """
         if self._ptu is None and (command.pan_rad is not None or command.tilt_rad is not None):
             raise ScenarioError("command: pan or tilt of a PTU is given and the scenario has none; add [ptu]")
         check_angles(command)
