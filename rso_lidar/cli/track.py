@@ -103,14 +103,21 @@ def summarise(made: Tracking, *, icp: bool = True) -> list[str]:
             f"{'icp':<20}{known.sum():,} poses; turn {_format_ranks(turn / units.DEG, '.2f')} deg, of the long axis "
             f"{_format_ranks(axis / units.DEG, '.2f')} deg, place {_format_ranks(place, '.3f')} m (median, 90 %)"
         )
-        if made.hinges:
-            lines.append(
-                f"{'':<20}it takes the hinges as they stand in the mesh: {', '.join(made.hinges)}; what has turned about "
-                "them adds to its errors"
-            )
+        lines += [_describe_hinge(name, table) for name in made.hinges]
     elif icp:
         lines.append(f"{'icp':<20}no pose: it takes {FEWEST_POINTS} points of a frame, and no frame had over {most:,}")
     return lines
+
+
+def _describe_hinge(name: str, table: dict[str, np.ndarray]) -> str:
+    """Format the errors of a hinge's angle, beside those of the other side of a flat array."""
+    error_rad = table[f"icp_hinge_{name}_error_rad"]
+    beside_rad = np.arctan(np.tan(error_rad))  # to the nearer of two angles half a turn apart
+    opposite = np.mean(np.abs(error_rad[np.isfinite(error_rad)]) > 0.5 * np.pi)
+    return (
+        f"{'':<20}hinge {name}: angle {_format_ranks(np.abs(beside_rad) / units.DEG, '.2f')} deg, "
+        f"in {opposite:.0%} of the poses half a turn away"
+    )
 
 
 def describe_consistency(nis_mean: float, count: int) -> str:

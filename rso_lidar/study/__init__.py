@@ -25,6 +25,7 @@ from rso_lidar.study.recorded_runs.conversion import save
 from rso_lidar.study.recorded_runs.display import view
 from rso_lidar.study.time_history.timeline import Timeline, timeline
 from rso_lidar.study.track_quality.evaluation import Tracking, tracking
+from rso_lidar.study.track_quality.target_mesh import sample_target
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import Trade, trade
 from rso_lidar.study.verification.matrix import RequirementResult, VerificationMatrix
@@ -61,6 +62,7 @@ __all__ = [
     "find_range",
     "list_parameters",
     "reach_m",
+    "sample_target",
     "save",
     "scenario_text",
     "timeline",

@@ -9,30 +9,47 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.pose import pose
-from rso_lidar.track.icp import LIKELIER, Alignment, SampledMesh, acquire, align, find_outline, misfit_m, search_turns
+from rso_lidar.track.hinge_filter import HingeFilter
+from rso_lidar.track.icp import Alignment, HalfField, align, find_outline
+from rso_lidar.track.pose_search import (
+    LIKELIER,
+    acquire,
+    align_again,
+    keep_sides,
+    measure_misfit_m,
+    search_hinges,
+    search_turns,
+)
+from rso_lidar.track.sampled_mesh import SampledMesh
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
 FEWEST_POINTS = 50  # default of the fewest points for a pose
+# Chosen by trial on `tumbling_inspection` and `tle_flyby`, as are those below without another reason. Half and double of
+# them: see docs/tracking.md.
 _LOST = 2.5  # misfit over the usual one, above which the track is lost
-_NEW = 0.1  # weight of the newest cloud in the mean square of a hypothesis
-_NEW_RATE = 0.25  # weight of the newest rate
+_NEW = 0.1  # weight of the newest cloud in the mean square of a hypothesis: a mean over about ten clouds
+_NEW_RATE = 0.25  # weight of the newest rate: a mean over about four, of a body that tumbles without torque
 _WORSE = 1.25  # mean square over the best one, above which an old hypothesis is dropped
-_OLD = 20  # clouds after which a hypothesis is old
-_SAME_TURN_RAD = 0.4  # two poses nearer than this are one turn, found at different steps of the search
-_MOST_CERTAIN = 60.0  # greatest log-likelihood of a turn over the others, so that a wrong one is given up again
+_OLD = 20  # clouds after which a hypothesis is old: twice those of its mean square
+_SAME_TURN_RAD = 0.4  # 23 deg, a step and a half of the search of turns: two poses nearer than this are one turn
+_MOST_CERTAIN = 60.0  # greatest log-likelihood of a turn over the others: six clouds at `LIKELIER` give a wrong one up
 
 
 @dataclass(eq=False)
 class _Hypothesis:
-    """One possible pose: the latest one in axes that do not turn, its rate, and its mean square misfit [m²]."""
+    """One possible pose: the latest one in axes that do not turn, its rate, and its mean square misfit [m²].
+
+    `hinges` are the angles of the hinges with their rates, at the latest pose.
+    """
 
     time_s: float
     in_axes: RigidTransform
     middle_m: np.ndarray
     found: Alignment
     square_m2: float
+    hinges: HingeFilter
     rate_rad_s: np.ndarray = field(default_factory=lambda: np.zeros(3))
     age: int = 1
     certainty: float = 0.0  # log-likelihood of its turn about an axis of the body over the best other one
@@ -88,7 +105,7 @@ class _Hypothesis:
 
 
 class PoseFollower:
-    """Tracker that returns the pose of a rigid target in each cloud by ICP; None for a cloud with too few points.
+    """Tracker that returns a target's pose and hinge angles in each cloud by ICP; None for a cloud with too few points.
 
     The guess is the previous pose, rotated at the rate between the last two poses and moved with the mean of the points.
     Both are in axes that do not turn. Other turns of the best pose about the principal axes of the body are tried in each
@@ -97,9 +114,12 @@ class PoseFollower:
     parallel, and the one with the smallest misfit is returned; hypotheses that fit much worse are dropped. If the best
     misfit exceeds 2.5 times its usual value, the target is acquired again.
 
+    The angle of each hinge of the model is predicted at its rate, and the prediction counts by its covariance: a hinge that
+    no points show stays as predicted. Other angles are tried in each cloud, as turns are.
+
     Parameters
     ----------
-    model : of the target.
+    model : of the target; the angles of its hinges are the first guess.
     min_points : fewest points for a pose.
     most_points : most points in one alignment; denser clouds are thinned evenly.
     patience : fewest clouds between two acquisitions, each of which takes about a hundred times as long as a step.
@@ -122,18 +142,26 @@ class PoseFollower:
         self._kept: list[_Hypothesis] = []
         self._waited = patience
 
-    def __call__(self, time_s: float, points_m: np.ndarray, axes_from_lidar: Rotation) -> Alignment | None:
-        """Estimate lidar_from_body.
+    def __call__(
+        self,
+        time_s: float,
+        points_m: np.ndarray,
+        axes_from_lidar: Rotation,
+        half_field_rad: HalfField = np.inf,
+    ) -> Alignment | None:
+        """Estimate lidar_from_body and the angles of the hinges.
 
         Parameters
         ----------
         time_s : instant [s].
         points_m : points (n, 3) in lidar axes [m].
         axes_from_lidar : attitude of the lidar in axes that do not turn.
+        half_field_rad : half of the field of view [rad], as in `icp.misfit_m`; parts of the model outside it are not
+            compared with the points. Infinite for a target that is entirely inside.
 
         Returns
         -------
-        pose of the body with its misfit; None with fewer points than `min_points`, or without a match.
+        pose of the body with its misfit, and hinge angles; None with fewer points than `min_points`, or without a match.
         """
         if len(points_m) < self.min_points:
             return None
@@ -143,28 +171,45 @@ class PoseFollower:
         usual_m = np.sqrt(min((one.square_m2 for one in self._kept), default=0.0))
         outline, now_m = find_outline(points), np.inf
         for one in self._kept:
-            found = align(points, self.model, one.guess(time_s, middle, axes_from_lidar))
-            is_turned = False
+            hinges = one.hinges.predict(time_s)
+            posed = self.model.turn_hinges(hinges.angles_rad)
+            guess = one.guess(time_s, middle, axes_from_lidar)
+            found = align(points, posed, guess, hinge_sigmas_rad=hinges.sigmas_rad)
+            is_turned = is_swung = False
             if one is self._kept[0]:
-                other, gain = search_turns(points, self.model, found)
+                if self.model.hinges:
+                    other, gain = search_hinges(points, self.model, found)
+                    is_swung = gain > _MOST_CERTAIN  # against a predicted angle
+                    found = align_again(points, self.model, other) if is_swung else found
+                other, gain = search_turns(points, self.model, found, half_field_rad)
                 apart_rad = (other.pose.rotation.inv() * found.pose.rotation).magnitude()
                 if apart_rad > _SAME_TURN_RAD:
                     one.certainty = min(one.certainty - gain, _MOST_CERTAIN)
                     is_turned = one.certainty < -LIKELIER
                 if is_turned or (gain > 0.0 and apart_rad <= _SAME_TURN_RAD):
-                    found = align(points, self.model, other.pose)
+                    is_swung = is_swung or is_turned
+                    if is_swung:
+                        found = align_again(points, self.model, other)
+                    else:
+                        found = align(points, posed, other.pose, hinge_sigmas_rad=hinges.sigmas_rad)
                     one.certainty = max(one.certainty, LIKELIER)
-            misfit = misfit_m(found.pose, self.model, points, outline)
+            if is_swung and self.model.hinges:
+                found = keep_sides(points, posed, found)
+            hinges.update(found.hinge_angles_rad, found.hinge_sigmas_rad, is_predicted=not is_swung)
+            one.hinges = hinges
+            misfit = measure_misfit_m(found, self.model, points, outline, half_field_rad)
             one.move(time_s, found, misfit, middle, axes_from_lidar, is_turned=is_turned)
             now_m = min(now_m, misfit)
         lost = not self._kept or now_m > _LOST * usual_m
         if lost and self._waited >= self.patience:
             self._waited = 0
-            self._kept = []
-            for found in acquire(points, self.model, count=self.hypotheses):
-                square_m2 = misfit_m(found.pose, self.model, points, outline) ** 2
+            angles_rad = self._kept[0].hinges.predict(time_s).angles_rad if self._kept else {}
+            model, self._kept = self.model.turn_hinges(angles_rad), []
+            for found in acquire(points, model, count=self.hypotheses, half_field_rad=half_field_rad):
+                square_m2 = measure_misfit_m(found, self.model, points, outline, half_field_rad) ** 2
                 in_axes = pose(rotation=axes_from_lidar) * found.pose
-                self._kept.append(_Hypothesis(time_s, in_axes, middle, found, square_m2))
+                hinges = HingeFilter.start(time_s, found.hinge_angles_rad, found.hinge_sigmas_rad)
+                self._kept.append(_Hypothesis(time_s, in_axes, middle, found, square_m2, hinges))
         if not self._kept:
             return None
         self._kept.sort(key=lambda one: one.square_m2)

@@ -51,8 +51,14 @@ def test_icp_tells_of_hinges():
     table = {name: np.ones(2) for name in ("time_s", "points", *errors, *poses)}
     rigid = Tracking("a", "craft", table, {}, 0.1, 1e-4)
     assert summarise(rigid)[-1].startswith("icp")
-    hinged = dataclasses.replace(rigid, hinges=("wing", "dish"))
-    assert "it takes the hinges as they stand in the mesh: wing, dish;" in summarise(hinged)[-1]
+    angles = {
+        "icp_hinge_wing_error_rad": np.radians([1.0, -179.0]),
+        "icp_hinge_dish_error_rad": np.radians([2.0, -4.0]),
+    }
+    hinged = dataclasses.replace(rigid, hinges=("wing", "dish"), table=table | angles)
+    wing, dish = summarise(hinged)[-2:]
+    assert wing.strip() == "hinge wing: angle 1.00, 1.00 deg, in 50% of the poses half a turn away"
+    assert "dish: angle 3.00, 3.80 deg, in 0% of" in dish
 
 
 @pytest.mark.parametrize(

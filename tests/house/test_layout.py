@@ -42,6 +42,7 @@ SPANNING = {
     "test_learning_examples.py",
     "test_names.py",
     "test_seams.py",
+    "track/test_hinges.py",
 }
 
 

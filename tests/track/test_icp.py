@@ -8,7 +8,9 @@ import rso_lidar as rl
 from rso_lidar.pose import pose
 from rso_lidar.track import PoseFollower, SampledMesh, acquire, align, measure_visible_centroid, sample_mesh
 from rso_lidar.track.follow import _Hypothesis
-from rso_lidar.track.icp import LIKELIER, find_outline, misfit_m, search_turns
+from rso_lidar.track.hinge_filter import HingeFilter
+from rso_lidar.track.icp import find_outline, misfit_m
+from rso_lidar.track.pose_search import LIKELIER, search_turns
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DEG = rl.units.DEG
@@ -91,7 +93,8 @@ def test_a_follower_gives_up_a_wrong_turn(stage_corners):
     follow = PoseFollower(stage)
     points = cloud(stage_corners, 0, 0.05, true, count=300)
     start = align(points, stage, wrong)
-    follow._kept = [_Hypothesis(0.0, start.pose, points.mean(axis=0), start, 0.1)]
+    hinges = HingeFilter.start(0.0, {}, {})
+    follow._kept = [_Hypothesis(0.0, start.pose, points.mean(axis=0), start, 0.1, hinges)]
     for number in range(1, 7):
         true = pose(true.translation, rate * true.rotation)
         points = cloud(stage_corners, number, 0.05, true, count=300)
@@ -109,6 +112,29 @@ def test_parts_outside_the_field_are_no_misfit(corners, model):
     assert misfit_m(TRUE, model, seen, outline, half_field) < 0.5  # noise, and the distance between two points
     aside = pose(np.array([100.0, 0.0, 0.0]), Rotation.identity()) * TRUE
     assert misfit_m(aside, model, seen, outline, half_field) == np.inf
+
+
+def test_a_target_that_overfills_the_field_is_followed(corners, model):
+    """Half of the craft is outside the field; only what is inside is compared with the outline."""
+    crops = {}
+    for number in range(3):
+        points = cloud(corners, 20 + number, 0.05, count=1600)
+        half_field = 0.5 * float(np.arctan(np.abs(points[:, :2] / points[:, 2:]).max()))
+        crops[number] = points[(np.abs(points[:, :2] / points[:, 2:]) <= np.tan(half_field)).all(axis=1)]
+    usual = []
+    for field in (np.inf, half_field, (half_field, half_field)):
+        follow = PoseFollower(model)
+        start = align(crops[0], model, TRUE)
+        square_m2 = misfit_m(start.pose, model, crops[0], find_outline(crops[0]), field) ** 2
+        middle = crops[0].mean(axis=0)
+        follow._kept = [_Hypothesis(0.0, start.pose, middle, start, square_m2, HingeFilter.start(0.0, {}, {}))]
+        for number in (1, 2):
+            found = follow(float(number), crops[number], Rotation.identity(), field)
+            assert apart(found.pose)[0] < 0.5
+        usual.append(np.sqrt(follow._kept[0].square_m2))
+    assert usual[1] == usual[2] < 0.5 < 1.0 < usual[0]
+    found = PoseFollower(model, most_points=500)(0.0, crops[0], Rotation.identity(), half_field)
+    assert apart(found.pose)[0] < 1.0  # against parts outside the field, half a turn away fits better
 
 
 def test_what_a_round_target_does_not_tell_stays_as_guessed():

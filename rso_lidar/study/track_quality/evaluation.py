@@ -19,11 +19,12 @@ from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.picture.plots.tracking import tracking_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, rotate_vectors
-from rso_lidar.records import Frame, Source
+from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.recorded_runs.flown_scenario import load_scenario, load_surfaces
 from rso_lidar.study.track_quality.burns import list_known_burns
 from rso_lidar.study.track_quality.range_noise import estimate_range_noise_m
+from rso_lidar.study.track_quality.target_mesh import measure_hinges_rad, sample_target
 from rso_lidar.track import (
     Alignment,
     Fix,
@@ -33,7 +34,6 @@ from rso_lidar.track import (
     filter_positions,
     locate_centroid,
     measure_visible_centroid,
-    sample_mesh,
 )
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ class Tracking:
     """Estimates and errors of the reference trackers: `table` holds columns (time) by name, with units in the names.
 
     `tracks` are the filters: ``cv`` in axes that do not rotate and, in orbit, ``cw`` in the follower's rtn axes, both with
-    the follower's origin. `hinges` are those of the target, which ICP assumes at the angles of the mesh. Errors are
-    estimate minus truth of the target's origin, in lidar axes.
+    the follower's origin. `hinges` are those of the target whose angles ICP estimates. Errors are estimate minus truth of
+    the target's origin, in lidar axes; those of hinge angles are from -pi to pi.
     """
 
     title: str
@@ -92,6 +92,7 @@ def tracking(
     acceleration_m_s2_sqrt_hz: float = 1e-4,
     shape: bool = True,
     poses: bool = True,
+    hinges: bool = True,
     each: Iterable[Frame] | None = None,
 ) -> Tracking:
     """Run centroid, Kalman filters and ICP on a recording.
@@ -107,6 +108,7 @@ def tracking(
         between the visible middle and the target's origin, over all directions. That error varies slowly and is not white
         noise, so that NIS is below 3 at most frames. Otherwise the filters follow the visible middle.
     poses : whether ICP runs.
+    hinges : whether ICP estimates the angles of the target's hinges; otherwise it assumes those of the mesh.
     each : iterator over the same frames that reports progress (None: `frames`).
 
     Returns
@@ -125,7 +127,9 @@ def tracking(
     scenario = load_scenario(source, folder)
     number = _find_target([entry.name for entry in source.targets], target)
     name = source.targets[number].name
-    model, size_m = _sample_model(scenario, source, number)
+    load_surfaces(scenario, source, number, "track")  # raises where the mesh is not the recorded one
+    model = sample_target(scenario, number, hinged=hinges)
+    size_m = 2.0 * model.radius_m
     noise_m = estimate_range_noise_m(scenario.instrument, frames) if range_noise_m is None else range_noise_m
     follow = PoseFollower(model) if poses else None
     wander = measure_visible_centroid(model) if shape else (0.0, 0.0, 0.0)
@@ -147,8 +151,8 @@ def tracking(
             kicks=[(burn.time_s, -rows[k].from_rtn(kind).apply(burn.delta_v_m_s)) for burn, k in burns],
         )
         table |= _tabulate_errors(kind, made, rows)
-    hinges = tuple(joint.name for joint in scenario.target[number].joints)
-    return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_sqrt_hz, hinges)
+    known = tuple(hinge.name for hinge in model.hinges) if "icp_error_rad" in table else ()
+    return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_sqrt_hz, known)
 
 
 def _find_target(names: list[str], target: str | None) -> int:
@@ -159,19 +163,6 @@ def _find_target(names: list[str], target: str | None) -> int:
             f"track: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
         )
     return 0 if target is None else names.index(target)
-
-
-def _sample_model(scenario: Scenario, source: Source, number: int) -> tuple[SampledMesh, float]:
-    """Sample the target's model with all hinges at zero, and return its greatest extent [m] too.
-
-    Parameters
-    ----------
-    scenario, source : of the recording.
-    number : index of the target.
-    """
-    load_surfaces(scenario, source, number, "track")  # raises where the mesh is not the recorded one
-    model = sample_mesh(scenario.corners_of(number))
-    return model, 2.0 * model.radius_m
 
 
 def _choose_filters(first: Frame, *, local: bool) -> dict[str, float | None]:
@@ -191,7 +182,8 @@ class _EvaluatedFrame:
     """One frame: the measurement, the pose of the lidar in each filter's axes, and the truth of the target there.
 
     `middle_m` (xyz) and `covariance_m2` (3, 3) in lidar axes are the measurement of the filters. `seat` is
-    follower_from_lidar from the encoders. `turns` (axes_from_follower), `true_m` and `true_m_s` (xyz) are by filter.
+    follower_from_lidar from the encoders. `turns` (axes_from_follower), `true_m` and `true_m_s` (xyz) are by filter,
+    `true_hinges_rad` by hinge of the mesh.
     """
 
     time_s: float
@@ -204,6 +196,7 @@ class _EvaluatedFrame:
     true_m: dict[str, np.ndarray]
     true_m_s: dict[str, np.ndarray]
     true_pose: RigidTransform
+    true_hinges_rad: np.ndarray
     found: Alignment | None
 
     def lidar_from(self, kind: str) -> Rotation:
@@ -260,7 +253,7 @@ def _evaluate_frame(
         true_m["cw"], true_m_s["cw"] = in_rtn.translation_m, in_rtn.velocity_m_s
     found, middle, covariance = None, np.full(3, np.nan), np.eye(3)
     if fix is not None:
-        found = follow(truth.time_s, fix.points_m, own * seat.rotation) if follow else None
+        found = follow(truth.time_s, fix.points_m, own * seat.rotation, _half_field_rad(frame)) if follow else None
         toward = fix.position_m / fix.range_m
         ahead = np.outer(toward, toward)
         before_m, along_m, across_m = wander
@@ -268,10 +261,22 @@ def _evaluate_frame(
         across_m = float(np.hypot(across_m, _pointing_error_rad(scenario) * fix.range_m))
         covariance = fix.covariance_m2 + along_m**2 * ahead + across_m**2 * (np.eye(3) - ahead)
     kept = None if fix is None else replace(fix, points_m=fix.points_m[:0].copy())
-    points = 0 if fix is None else len(fix.points_m)
+    points, pose = 0 if fix is None else len(fix.points_m), truth.pose("lidar", name)
+    hinges_rad = measure_hinges_rad(truth, name, follow.model.hinges if follow else ())
     return _EvaluatedFrame(
-        truth.time_s, kept, points, middle, covariance, seat, turns, true_m, true_m_s, truth.pose("lidar", name), found
+        truth.time_s, kept, points, middle, covariance, seat, turns, true_m, true_m_s, pose, hinges_rad, found
     )
+
+
+def _half_field_rad(frame: Frame) -> tuple[float, float]:
+    """Return half width and half height of the field of view [rad], from the lines of sight of its pixels."""
+    across = np.abs(frame.line_of_sight[..., :2] / frame.line_of_sight[..., 2:])
+    n_rows, n_cols = across.shape[:2]
+    width, height = across.max(axis=(0, 1)) * (
+        n_cols / max(n_cols - 1, 1),
+        n_rows / max(n_rows - 1, 1),
+    )  # to the pixels' edges
+    return float(np.arctan(width)), float(np.arctan(height))
 
 
 def _measured_mount(scenario: Scenario, frame: Frame) -> RigidTransform:
@@ -311,7 +316,21 @@ def _tabulate(rows: Sequence[_EvaluatedFrame], model: SampledMesh) -> dict[str, 
     table |= _vector_columns("icp", columns[:, :3], "_m")
     table |= {f"icp_quaternion_{axis}": columns[:, 3 + k] for k, axis in enumerate("xyzw")}
     names = ("icp_rms_m", "icp_error_m", "icp_error_rad", "icp_long_axis_error_rad")
-    return table | {column: columns[:, 7 + k] for k, column in enumerate(names)}
+    table |= {column: columns[:, 7 + k] for k, column in enumerate(names)}
+    return table | _tabulate_hinges(rows, model)
+
+
+def _tabulate_hinges(rows: Sequence[_EvaluatedFrame], model: SampledMesh) -> dict[str, np.ndarray]:
+    """Tabulate the angles (time) of each hinge [rad] with standard deviations and errors."""
+    table = {}
+    for number, hinge in enumerate(model.hinges):
+        found = [(row.found.hinge_angles_rad, row.found.hinge_sigmas_rad) if row.found else None for row in rows]
+        angle, sigma = (np.array([one[k][hinge.name] if one else np.nan for one in found]) for k in (0, 1))
+        error = angle - np.array([row.true_hinges_rad[number] for row in rows])
+        column = f"icp_hinge_{hinge.name}"
+        table[f"{column}_rad"], table[f"{column}_sigma_rad"] = angle, sigma
+        table[f"{column}_error_rad"] = np.arctan2(np.sin(error), np.cos(error))
+    return table
 
 
 def _compare_alignment(found: Alignment, true: RigidTransform, model: SampledMesh) -> np.ndarray:
