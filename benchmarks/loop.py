@@ -26,20 +26,21 @@ def scenario(range_m: float, rate_hz: float, frames: int) -> rl.Scenario:
     )
 
 
-def _serve(connection: Connection, text: str) -> None:
-    """Serve a scenario in a process of its own until a client shuts it down."""
+def _serve(connection: Connection, text: str, is_paced: bool) -> None:
+    """Serve a scenario in a process of its own until a client shuts it down, in real time if it is paced."""
     session = rl.loop.Session(rl.Simulation(rl.Scenario.loads(text), threads=1))
-    with rl.loop.Server(session, "tcp://127.0.0.1:*") as server:
+    deadlines = rl.loop.Deadlines(1.0, "slip") if is_paced else None
+    with rl.loop.Server(session, "tcp://127.0.0.1:*", deadlines=deadlines) as server:
         connection.send(server.endpoint)
         server.run()
 
 
 @contextmanager
-def connected(flown: rl.Scenario) -> Iterator[tuple[rl.loop.Client, Callable[[], float]]]:
+def connected(flown: rl.Scenario, *, is_paced: bool = False) -> Iterator[tuple[rl.loop.Client, Callable[[], float]]]:
     """Yield a client of a server in another process, and a clock of the processor time of both [s]."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(theirs, flown.source.scenario))
+    process = context.Process(target=_serve, args=(theirs, flown.source.scenario, is_paced))
     process.start()
     assert process.pid is not None
     clock = (~process.pid << 3) | 2  # Linux: the clock of the processor time of a process
@@ -81,6 +82,19 @@ def overheads_ms(flown: rl.Scenario, repeats: int) -> tuple[np.ndarray, float]:
     return 1e3 * np.array(added[1:]), 1e3 * float(np.median(alone[1:]))
 
 
+def missed_deadlines(flown: rl.Scenario) -> int:
+    """Return how many flashes of a run on the wall clock, as with ``rso-lidar serve --real-time 1``, came too late."""
+    with connected(flown, is_paced=True) as (client, _):
+        for _ in range(3):  # warm-up
+            client.step(rl.Command(pan_rad=0.0))
+        client.reset()  # the clock starts again
+        before = client.overruns
+        client.step()
+        while not client.is_over:
+            client.step(decide(client.observation))
+        return client.overruns - before
+
+
 def run(*, quick: bool) -> Findings:
     """Return what the socket adds, and which share of the time between flashes a step takes."""
     rows, targets = [], []
@@ -120,5 +134,9 @@ def run(*, quick: bool) -> Findings:
                 f"{late:.1%}; a step takes {np.median(took):.0%} of it",
                 late < 0.01,
             )
+        )
+        missed = missed_deadlines(flown)
+        rows.append(
+            (f"deadlines missed on the wall clock (`--real-time 1`), {name}", f"{missed} of {flown.time.n_frames}")
         )
     return Findings({"loop": table(("over the loopback", "median (quartiles)"), rows)}, targets)
