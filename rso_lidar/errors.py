@@ -107,8 +107,8 @@ def warn(message: str) -> None:
         warnings.warn(message, RsoLidarWarning, stacklevel=3)
 
 
-class _Place(AbstractContextManager[None]):
-    """A place by which messages are prefixed. It costs little to enter, because some are entered at every step of a run."""
+class _PlacePrefix(AbstractContextManager[None]):
+    """A context that prefixes messages with a place; it costs little, because steps of a run enter it."""
 
     def __init__(self, place: str) -> None:
         self._place = place
@@ -130,7 +130,7 @@ def add_place(place: str) -> AbstractContextManager[None]:
     Traceback (most recent call last):
     rso_lidar.errors.ScenarioError: tdrs.motion: no such thing; name another
     """
-    return _Place(place)
+    return _PlacePrefix(place)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

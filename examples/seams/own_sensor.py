@@ -50,7 +50,7 @@ if __name__ == "__main__":
     key = sensors.make_key(7, sensor.name)
     for second in range(5):
         numbers = range(int(second * sensor.rate_hz), int((second + 1) * sensor.rate_hz))
-        motion = spin(sensors.time_sensor_samples(sensor, numbers))
+        motion = spin(sensors.read_schedule(sensor).time_samples(numbers))
         samples, state = sensors.measure_samples(sensor, motion, key, numbers.start, state)
         for time_s, (x, y, z) in zip(samples.time_s, samples.sun_direction, strict=True):
             print(f"{time_s:5.1f} s  Sun at {x:+.3f} {y:+.3f} {z:+.3f}")

@@ -121,7 +121,7 @@ class Course:
             As `at`.
         """
         given = None if command is None else command.inputs
-        if not isinstance(given, Mapping | None):
+        if given is not None and not isinstance(given, Mapping):
             raise ScenarioError(
                 f"command: inputs are {given!r:.60}; give a dictionary with a row of numbers for each body"
             )

@@ -9,9 +9,7 @@ from rso_lidar.sensors.choice import (
     describe_sensor,
     find_impairments,
     measure_samples,
-    number_available_samples,
     read_schedule,
-    time_sensor_samples,
 )
 from rso_lidar.sensors.gnss import Gnss, RelativeGnss
 from rso_lidar.sensors.inertial import Accelerometer, Gyro
@@ -41,9 +39,7 @@ __all__ = [
     "load_sensor_presets",
     "make_key",
     "measure_samples",
-    "number_available_samples",
     "read_schedule",
-    "time_sensor_samples",
 ]
 
 __dir__ = limit_dir(__name__)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import Field
@@ -63,29 +63,39 @@ DescribedSensor = Annotated[
 AnySensor = Annotated[DescribedSensor | Sensor, Seam(DescribedSensor, Sensor)]
 
 
-def number_available_samples(sensor: Any, after_s: float, until_s: float) -> range:
-    """Return the numbers of the samples of any sensor that become available in an interval: after_s < time <= until_s.
+class Schedule(NamedTuple):
+    """When samples of a sensor hold: sample n at `phase_s` + n / `rate_hz`, available `latency_s` later."""
 
-    Instants less than half a nanosecond apart are simultaneous, so that rounding of a sum such as 0.1 + 0.2 does not delay
-    a sample to the next flash.
+    rate_hz: float
+    phase_s: float
+    latency_s: float
 
-    Parameters
-    ----------
-    sensor : a part, or a user's object.
-    after_s, until_s : ends of the interval, since `start_utc` [s].
-    """
-    rate_hz, phase_s, latency_s = read_schedule(sensor)
-    first_s = phase_s + latency_s
-    ends = []
-    for end_s in (after_s, until_s):
-        beyond_s = max(end_s + _SIMULTANEOUS_S, math.nextafter(end_s, math.inf))
-        n = max(0, math.ceil((beyond_s - first_s) * rate_hz))
-        while n > 0 and first_s + (n - 1) / rate_hz >= beyond_s:
-            n -= 1
-        while first_s + n / rate_hz < beyond_s:
-            n += 1
-        ends.append(n)
-    return range(ends[0], max(ends))
+    def number_available(self, after_s: float, until_s: float) -> range:
+        """Return the numbers of the samples that become available in an interval: after_s < time <= until_s.
+
+        Instants less than half a nanosecond apart are simultaneous, so that rounding of a sum such as 0.1 + 0.2 does not
+        delay a sample to the next flash.
+
+        Parameters
+        ----------
+        after_s, until_s : ends of the interval, since `start_utc` [s].
+        """
+        first_s = self.phase_s + self.latency_s
+        ends = []
+        for end_s in (after_s, until_s):
+            beyond_s = max(end_s + _SIMULTANEOUS_S, math.nextafter(end_s, math.inf))
+            n = max(0, math.ceil((beyond_s - first_s) * self.rate_hz))
+            while n > 0 and first_s + (n - 1) / self.rate_hz >= beyond_s:
+                n -= 1
+            while first_s + n / self.rate_hz < beyond_s:
+                n += 1
+            ends.append(n)
+        return range(ends[0], max(ends))
+
+    def time_samples(self, numbers: range) -> np.ndarray:
+        """Return the instants (sample) [s] of samples by number: one division each, so that rounding does not add up."""
+        times: np.ndarray = self.phase_s + np.arange(numbers.start, numbers.stop, dtype=np.float64) / self.rate_hz
+        return times
 
 
 def get_reads(sensor: Any) -> frozenset[str]:
@@ -140,20 +150,7 @@ def find_impairments(sensor: Any, motion: BodyMotion) -> list[Impairment]:
     return sensor.find_impairments(motion) if isinstance(sensor, SensorPart) else []
 
 
-def time_sensor_samples(sensor: Any, numbers: range) -> np.ndarray:
-    """Return the instants (sample) [s] of samples of any sensor: one division each, so that rounding does not add up.
-
-    Parameters
-    ----------
-    sensor : a part, or a user's object.
-    numbers : of the samples.
-    """
-    rate_hz, phase_s, _ = read_schedule(sensor)
-    times: np.ndarray = phase_s + np.arange(numbers.start, numbers.stop, dtype=np.float64) / rate_hz
-    return times
-
-
-def read_schedule(sensor: Any) -> tuple[float, float, float]:
+def read_schedule(sensor: Any) -> Schedule:
     """Read the schedule of any sensor.
 
     Parameters
@@ -162,7 +159,7 @@ def read_schedule(sensor: Any) -> tuple[float, float, float]:
 
     Returns
     -------
-    rate [Hz], phase [s] and latency [s].
+    Schedule
 
     Raises
     ------
@@ -170,7 +167,7 @@ def read_schedule(sensor: Any) -> tuple[float, float, float]:
         If a user's object states something else than a positive rate, and numbers from 0.
     """
     if isinstance(sensor, SensorPart):
-        return sensor.rate_hz, sensor.phase_s, sensor.latency_s
+        return Schedule(sensor.rate_hz, sensor.phase_s, sensor.latency_s)
     rate_hz = read_member(sensor, "rate_hz", None, _NUMBERS, "give a positive number")
     phase_s, latency_s = (
         read_member(sensor, name, 0.0, _NUMBERS, "give a number from 0") for name in ("phase_s", "latency_s")
@@ -182,7 +179,7 @@ def read_schedule(sensor: Any) -> tuple[float, float, float]:
             f"{name_object(sensor)}: rate_hz is {rate_hz}, phase_s {phase_s} and latency_s {latency_s}; "
             "give a positive rate, and numbers from 0"
         )
-    return float(rate_hz), float(phase_s), float(latency_s)
+    return Schedule(float(rate_hz), float(phase_s), float(latency_s))
 
 
 def measure_samples(
@@ -227,7 +224,7 @@ def measure_samples(
         raise make_answer_error(sensor, "measure", samples, "return one sample for each instant", member="time_s")
     if missing := _list_missing(samples):
         raise make_answer_error(sensor, "measure", None, "return an array", member=missing[0])
-    due_s = motion.time_s + read_schedule(sensor)[2]
+    due_s = motion.time_s + read_schedule(sensor).latency_s
     if not np.allclose(samples.available_s, due_s, rtol=0.0, atol=_ROUNDING_S):  # NaN, too
         cure = "return time_s plus the sensor's latency_s"
         raise make_answer_error(sensor, "measure", samples.available_s, cure, member="available_s")

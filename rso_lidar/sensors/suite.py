@@ -15,8 +15,7 @@ from rso_lidar.sensors.choice import (
     get_look_back,
     get_reads,
     measure_samples,
-    number_available_samples,
-    time_sensor_samples,
+    read_schedule,
 )
 from rso_lidar.sensors.random_errors import make_key
 
@@ -54,11 +53,9 @@ class SensorSuite:
         -------
         samples by name of the sensor; sensors without a sample in the interval are left out.
         """
-        numbers = {
-            name: found
-            for name, sensor in self._sensors.items()
-            if (found := number_available_samples(sensor, after_s, until_s))
-        }
+        schedules = {name: read_schedule(sensor) for name, sensor in self._sensors.items()}
+        due = {schedule: schedule.number_available(after_s, until_s) for schedule in set(schedules.values())}
+        numbers = {name: due[schedule] for name, schedule in schedules.items() if due[schedule]}
         if not numbers:
             return {}
         for name, of in numbers.items():
@@ -68,13 +65,17 @@ class SensorSuite:
                     f"{_MOST_SAMPLES:,} that fit; lower its rate_hz, or raise time.frame_rate_hz"
                 )
         flown = {name: self._look_back(name, of) for name, of in numbers.items()}
-        times = {name: time_sensor_samples(self._sensors[name], of) for name, of in flown.items()}
-        instants = _join_instants([*times.values()])
+        lists = {key: key[0].time_samples(key[1]) for key in {(schedules[name], of) for name, of in flown.items()}}
+        instants = _join_instants([*lists.values()])
         reads = frozenset[str]().union(*(get_reads(self._sensors[name]) for name in numbers))
         motion = find_motion(instants, reads, partial(self._list_ahead, until_s))
         measured = {}
         for name, of in flown.items():
-            own = motion if len(of) == len(instants) else motion.some(np.searchsorted(instants, times[name]))
+            own = (
+                motion
+                if len(of) == len(instants)
+                else motion.some(np.searchsorted(instants, lists[schedules[name], of]))
+            )
             samples, self._states[name] = self._measure(name, own, of.start, self._states[name])
             measured[name] = (
                 samples if of == numbers[name] else _slice(samples, slice(numbers[name].start - of.start, None))
@@ -125,8 +126,8 @@ class SensorSuite:
         """List the instants [s] of the samples that become available in some time after an instant, ascending."""
         times = []
         for sensor in self._sensors.values():
-            numbers = number_available_samples(sensor, after_s, after_s + _AHEAD_S)
-            times.append(time_sensor_samples(sensor, numbers[:_MOST_AHEAD]))
+            schedule = read_schedule(sensor)
+            times.append(schedule.time_samples(schedule.number_available(after_s, after_s + _AHEAD_S)[:_MOST_AHEAD]))
         return _join_instants(times)
 
     def save(self) -> dict[str, SensorState | None]:
@@ -162,7 +163,4 @@ def _slice(samples: SensorSamples, some: slice) -> SensorSamples:
 
 def _join_instants(times: Sequence[np.ndarray]) -> np.ndarray:
     """Return all instants of several ascending lists, ascending and without repetition."""
-    first, *others = times
-    if all(len(one) == len(first) and (one == first).all() for one in others):  # as for sensors of one rate
-        return first
-    return np.unique(np.concatenate(times))
+    return times[0] if len(times) == 1 else np.unique(np.concatenate(times))

@@ -62,7 +62,7 @@ def fly(rng):
 
 def measure(part, states, seed):
     """Return what a sensor measures in a run; a gyro needs no place, so it may sample between the points of the grid."""
-    times = sensors.time_sensor_samples(part, range(math.ceil((END_S - part.phase_s) * part.rate_hz)))
+    times = sensors.read_schedule(part).time_samples(range(math.ceil((END_S - part.phase_s) * part.rate_hz)))
     turned, rate = attitudes(times[0], times[1] - times[0], len(times))
     there = states[np.rint(times / GRID_S).astype(int)]
     motion_of = make_motion(

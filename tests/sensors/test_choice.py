@@ -27,7 +27,7 @@ class Carrier(Part):
 
 def test_a_users_sensor_measures_and_its_samples_do_not_depend_on_how_they_are_divided():
     sensor = EXAMPLE["SunSensor"]()
-    motion = EXAMPLE["spin"](sensors.time_sensor_samples(sensor, range(2000)))
+    motion = EXAMPLE["spin"](sensors.read_schedule(sensor).time_samples(range(2000)))
     whole, _ = sensors.measure_samples(sensor, motion, KEY, 0, None)
     part, state = sensors.measure_samples(sensor, motion.some(np.arange(900, 950)), KEY, 900, None)
     np.testing.assert_array_equal(part.sun_direction, whole.sun_direction[900:950])
@@ -104,8 +104,8 @@ def test_a_wrong_answer_is_told(change, words):
 @pytest.mark.parametrize("number", [np.int64, np.int32, np.float32, np.float64, int])
 def test_numbers_of_numpy_are_numbers(number):
     sensor = EXAMPLE["SunSensor"](rate_hz=number(2))
-    assert sensors.number_available_samples(sensor, 0.0, 2.0) == range(1, 5)
-    np.testing.assert_array_equal(sensors.time_sensor_samples(sensor, range(1, 5)), [0.5, 1.0, 1.5, 2.0])
+    assert sensors.read_schedule(sensor).number_available(0.0, 2.0) == range(1, 5)
+    np.testing.assert_array_equal(sensors.read_schedule(sensor).time_samples(range(1, 5)), [0.5, 1.0, 1.5, 2.0])
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_a_schedule_that_is_none_is_told(member, value):
     sensor = EXAMPLE["SunSensor"]()
     object.__setattr__(sensor, member, value)
     with pytest.raises(ScenarioError, match=member):
-        sensors.number_available_samples(sensor, 0.0, 1.0)
+        sensors.read_schedule(sensor).number_available(0.0, 1.0)
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 3.0, 7.7, 100.0, 1000.0 / 3.0, 1e5])
@@ -135,12 +135,12 @@ def test_intervals_divide_the_samples_exactly_and_without_drift(rate_hz, phase_s
         ends = [phase_s + (origin - 0.5) / rate_hz]
         ends += [phase_s + n / rate_hz for n in (origin, origin + 1, origin + 4, origin + 4, origin + 11)]
         ends += [ends[-1] + 0.37 / rate_hz, phase_s + (origin + 13) / rate_hz]
-        found = [sensors.number_available_samples(gyro, *pair) for pair in pairwise(ends)]
+        found = [sensors.read_schedule(gyro).number_available(*pair) for pair in pairwise(ends)]
         assert [n for numbers in found for n in numbers] == list(range(origin, origin + 14))
         assert list(found[0]) == [origin] and len(found[3]) == len(found[5]) == 0
-    times = sensors.time_sensor_samples(gyro, range(10**7, 10**7 + 3))
+    times = sensors.read_schedule(gyro).time_samples(range(10**7, 10**7 + 3))
     np.testing.assert_array_equal(times, phase_s + np.array([1e7, 1e7 + 1, 1e7 + 2]) / rate_hz)
-    assert sensors.number_available_samples(gyro, -5.0, -1.0) == range(0)
+    assert sensors.read_schedule(gyro).number_available(-5.0, -1.0) == range(0)
 
 
 @pytest.mark.parametrize(
@@ -151,6 +151,6 @@ def test_a_sample_that_becomes_available_with_a_flash_is_in_its_observation(rate
     """In binary fractions, 0.05 + 0.1 is after 3 / 20; the sample must not be delayed to the next flash by that."""
     gyro = sensors.Gyro(name="gyro", rate_hz=rate_hz, latency_s=latency_s)
     for k in range(1, 5000):
-        found = sensors.number_available_samples(gyro, (k - 1) / flash_hz, k / flash_hz)
+        found = sensors.read_schedule(gyro).number_available((k - 1) / flash_hz, k / flash_hz)
         last = round((k / flash_hz - latency_s) * rate_hz)
         assert found == range(max(0, last - round(rate_hz / flash_hz) + 1), last + 1)

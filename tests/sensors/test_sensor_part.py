@@ -55,7 +55,7 @@ def full_motion(time_s):
 @pytest.mark.parametrize("sensor", ALL, ids=lambda sensor: sensor.name)
 def test_samples_do_not_depend_on_how_they_are_divided(sensor):
     key = sensors.make_key(7, sensor.name)
-    motion = full_motion(sensors.time_sensor_samples(sensor, range(200)))
+    motion = full_motion(sensors.read_schedule(sensor).time_samples(range(200)))
     whole, last = sensor.measure(motion, key, 0)
     pieces, state = [], None
     for begin, end in [(0, 1), (1, 2), (2, 50), (50, 50), (50, 51), (90, 200)]:  # those from 51 to 90 are left out
@@ -73,7 +73,7 @@ def test_samples_do_not_depend_on_how_they_are_divided(sensor):
 
 def test_samples_hold_at_their_time_and_arrive_later():
     gnss = ALL[2].replace(latency_s=0.3, random_outage=None)
-    times = sensors.time_sensor_samples(gnss, range(3, 9))
+    times = sensors.read_schedule(gnss).time_samples(range(3, 9))
     samples, _ = gnss.measure(full_motion(times), sensors.make_key(1, "gnss"), 3)
     np.testing.assert_allclose(samples.time_s, [1.25, 0.25 + 4 / 3, 0.25 + 5 / 3, 2.25, 0.25 + 7 / 3, 0.25 + 8 / 3])
     np.testing.assert_array_equal(samples.available_s, samples.time_s + 0.3)
@@ -83,7 +83,7 @@ def test_samples_hold_at_their_time_and_arrive_later():
 def test_samples_of_an_outage_are_not_valid_and_the_errors_go_on():
     quiet = sensors.Gyro(name="gyro", rate_hz=10.0, angle_random_walk_deg_sqrt_h=1.0, bias_instability_deg_h=1.0)
     gyro = quiet.replace(outages=[{"from_s": 1.0, "to_s": 2.0}])
-    motion, key = make_motion(sensors.time_sensor_samples(gyro, range(40))), sensors.make_key(1, "gyro")
+    motion, key = make_motion(sensors.read_schedule(gyro).time_samples(range(40))), sensors.make_key(1, "gyro")
     whole, _ = quiet.measure(motion, key, 0)
     samples, _ = gyro.measure(motion, key, 0)
     out = (motion.time_s >= 1.0) & (motion.time_s < 2.0)

@@ -259,7 +259,11 @@ class Flight(CommandedFlight):
 
     def _find_pieces(self, time_s: np.ndarray) -> list[int]:
         """Find the number (time) of the piece that contains each instant [s]."""
-        return [max(bisect.bisect_right(self._begins_s, one) - 1, 0) for one in np.asarray(time_s).tolist()]
+        begins_s, last = self._begins_s, len(self._begins_s) - 1
+        return [
+            last if one >= begins_s[last] else max(bisect.bisect_right(begins_s, one) - 1, 0)
+            for one in np.asarray(time_s).tolist()
+        ]
 
 
 @functools.lru_cache(maxsize=64)

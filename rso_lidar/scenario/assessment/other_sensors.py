@@ -33,7 +33,7 @@ def advise_on_sensors(mission: Mission, preview: Preview) -> list[str]:
     lines = []
     end_s, followed = mission.span[1], _find_follower_motion(mission, preview)
     for sensor in mission.sensor:
-        if not sensors.number_available_samples(sensor, _BEFORE_ALL_S, end_s):
+        if not sensors.read_schedule(sensor).number_available(_BEFORE_ALL_S, end_s):
             lines.append(
                 f"sensor '{sensor.name}': no sample becomes available until the last frame, at {end_s:g} s; lower its "
                 "phase_s or latency_s, or raise time.duration_s"
