@@ -63,7 +63,7 @@ DescribedSensor = Annotated[
 AnySensor = Annotated[DescribedSensor | Sensor, Seam(DescribedSensor, Sensor)]
 
 
-class Schedule(NamedTuple):
+class SampleSchedule(NamedTuple):
     """When samples of a sensor hold: sample n at `phase_s` + n / `rate_hz`, available `latency_s` later."""
 
     rate_hz: float
@@ -150,7 +150,7 @@ def find_impairments(sensor: Any, motion: BodyMotion) -> list[Impairment]:
     return sensor.find_impairments(motion) if isinstance(sensor, SensorPart) else []
 
 
-def read_schedule(sensor: Any) -> Schedule:
+def read_schedule(sensor: Any) -> SampleSchedule:
     """Read the schedule of any sensor.
 
     Parameters
@@ -159,7 +159,7 @@ def read_schedule(sensor: Any) -> Schedule:
 
     Returns
     -------
-    Schedule
+    SampleSchedule
 
     Raises
     ------
@@ -167,7 +167,7 @@ def read_schedule(sensor: Any) -> Schedule:
         If a user's object states something else than a positive rate, and numbers from 0.
     """
     if isinstance(sensor, SensorPart):
-        return Schedule(sensor.rate_hz, sensor.phase_s, sensor.latency_s)
+        return SampleSchedule(sensor.rate_hz, sensor.phase_s, sensor.latency_s)
     rate_hz = read_member(sensor, "rate_hz", None, _NUMBERS, "give a positive number")
     phase_s, latency_s = (
         read_member(sensor, name, 0.0, _NUMBERS, "give a number from 0") for name in ("phase_s", "latency_s")
@@ -179,7 +179,7 @@ def read_schedule(sensor: Any) -> Schedule:
             f"{name_object(sensor)}: rate_hz is {rate_hz}, phase_s {phase_s} and latency_s {latency_s}; "
             "give a positive rate, and numbers from 0"
         )
-    return Schedule(float(rate_hz), float(phase_s), float(latency_s))
+    return SampleSchedule(float(rate_hz), float(phase_s), float(latency_s))
 
 
 def measure_samples(

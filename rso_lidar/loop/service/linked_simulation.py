@@ -152,6 +152,8 @@ class LinkedSimulation:
 
     def _queue(self, command: Command | None, stamp_ns: int | None) -> None:
         """Put a command in the queue of those that wait for their time."""
+        if not self.simulation.is_over:
+            self.simulation.check_command(command)  # a command that cannot be given must not wait in the queue
         if len(self._commands) >= MOST_COMMANDS:
             raise ScenarioError(
                 f"command: {MOST_COMMANDS} commands wait for their time already; give commands with earlier time stamps"

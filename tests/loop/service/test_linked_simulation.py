@@ -115,3 +115,13 @@ def test_a_flash_that_is_skipped_leaves_the_others_as_they_are(scenario):
     assert [one.t_emission_ns for one in skipped] == [one.t_emission_ns for one in made]
     np.testing.assert_array_equal(skipped[4].observation.reading.range_m, made[4].observation.reading.range_m)
     np.testing.assert_array_equal(skipped[4].observation.pan_tilt_rad, made[4].observation.pan_tilt_rad)
+
+
+def test_a_command_that_cannot_be_given_does_not_wait_for_its_time(scenario):
+    """Otherwise it would be refused later, again at every step."""
+    loop = linked(scenario, LINK)
+    loop.step()
+    for bad in (rl.Command(inputs={"nobody": [1.0]}), rl.Command(pan_rad=np.nan), rl.Command(energy_j=-1.0)):
+        with pytest.raises(rl.ScenarioError, match="command"):
+            loop.step(bad)
+    assert [loop.step(rl.Command(pan_rad=0.1)).index for _ in range(3)] == [1, 2, 3]
