@@ -18,7 +18,7 @@ from rso_lidar.motion.follower_motion import FollowerMotion, states_specific_for
 from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
-from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, sense, start, step
+from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, check_angles, sense, start, step
 from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.motion import Motion
 from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
@@ -71,6 +71,7 @@ __all__ = [
     "TrackPoint",
     "Tumble",
     "add_lidar",
+    "check_angles",
     "compute_demand",
     "make_demand",
     "sense",

@@ -14,7 +14,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError, suppress_warnings
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.gimbal.demand import Demand, DemandCurve, TrackPoint, find_pan_tilt
-from rso_lidar.motion.gimbal.ptu import Ptu, PtuState, check_angles, ptu_link, sense, start, step
+from rso_lidar.motion.gimbal.ptu import Ptu, PtuState, ptu_link, sense, start, step
 from rso_lidar.motion.mount import Mount
 from rso_lidar.motion.truth import Flights, truth
 from rso_lidar.orbit.epochs import Epochs
@@ -259,22 +259,6 @@ class Aim:
         self._state = step(self._ptu, self._state, self._demand, until_s=time_s, command=command)
         while len(self._trail) > 1 and self._trail[1][0].time_s <= time_s - self._exposure_s:
             del self._trail[0]
-
-    def check_command(self, command: Command) -> None:
-        """Check the pan and the tilt of a command.
-
-        Parameters
-        ----------
-        command : not given yet.
-
-        Raises
-        ------
-        ScenarioError
-            If they are no angles, or there is no PTU.
-        """
-        if self._ptu is None and (command.pan_rad is not None or command.tilt_rad is not None):
-            raise ScenarioError("command: pan or tilt of a PTU is given and the scenario has none; add [ptu]")
-        check_angles(command)
 
     def now(self, course: Truth) -> Truth:
         """Add the axes of PTU and lidar to the truth at the present instant, with misalignment but without jitter.

@@ -37,6 +37,9 @@ class SensorSuite:
     def __init__(self, sensors: Sequence[Any], seed: int) -> None:
         self._sensors = {str(sensor.name): sensor for sensor in sensors}
         self._keys = {name: make_key(seed, name) for name in self._sensors}
+        self._schedules = {name: read_schedule(sensor) for name, sensor in self._sensors.items()}
+        self._reads = {name: get_reads(sensor) for name, sensor in self._sensors.items()}
+        self._look_backs = {name: get_look_back(sensor) for name, sensor in self._sensors.items()}
         self._states: dict[str, SensorState | None] = dict.fromkeys(self._sensors)
         self._empty: dict[str, SensorSamples] = {}
 
@@ -53,7 +56,7 @@ class SensorSuite:
         -------
         samples by name of the sensor; sensors without a sample in the interval are left out.
         """
-        schedules = {name: read_schedule(sensor) for name, sensor in self._sensors.items()}
+        schedules = self._schedules
         due = {schedule: schedule.number_available(after_s, until_s) for schedule in set(schedules.values())}
         numbers = {name: due[schedule] for name, schedule in schedules.items() if due[schedule]}
         if not numbers:
@@ -67,7 +70,7 @@ class SensorSuite:
         flown = {name: self._look_back(name, of) for name, of in numbers.items()}
         lists = {key: key[0].time_samples(key[1]) for key in {(schedules[name], of) for name, of in flown.items()}}
         instants = _join_instants([*lists.values()])
-        reads = frozenset[str]().union(*(get_reads(self._sensors[name]) for name in numbers))
+        reads = frozenset[str]().union(*(self._reads[name] for name in numbers))
         motion = find_motion(instants, reads, partial(self._list_ahead, until_s))
         measured = {}
         for name, of in flown.items():
@@ -86,7 +89,7 @@ class SensorSuite:
         """Add the earlier samples on which those of a sensor depend, where the state before them is not known."""
         state = self._states[name]
         known = 0 if state is None else state.next_sample
-        return range(max(known, numbers.start - get_look_back(self._sensors[name])), numbers.stop)
+        return range(max(known, numbers.start - self._look_backs[name]), numbers.stop)
 
     def _measure(
         self, name: str, motion: BodyMotion, first: int, state: SensorState | None
@@ -115,7 +118,7 @@ class SensorSuite:
         """
         missing = [name for name in self._sensors if name not in measured and name not in self._empty]
         if missing:
-            reads = frozenset[str]().union(*(get_reads(self._sensors[name]) for name in missing))
+            reads = frozenset[str]().union(*(self._reads[name] for name in missing))
             motion = find_motion(np.zeros(1), reads, partial(np.empty, 0))
             for name in missing:
                 samples, _ = self._measure(name, motion, 0, None)
@@ -124,11 +127,9 @@ class SensorSuite:
 
     def _list_ahead(self, after_s: float) -> np.ndarray:
         """List the instants [s] of the samples that become available in some time after an instant, ascending."""
-        times = []
-        for sensor in self._sensors.values():
-            schedule = read_schedule(sensor)
-            times.append(schedule.time_samples(schedule.number_available(after_s, after_s + _AHEAD_S)[:_MOST_AHEAD]))
-        return _join_instants(times)
+        schedules = set(self._schedules.values())
+        numbers = {one: one.number_available(after_s, after_s + _AHEAD_S)[:_MOST_AHEAD] for one in schedules}
+        return _join_instants([one.time_samples(some) for one, some in numbers.items()])
 
     def save(self) -> dict[str, SensorState | None]:
         """Return the present states, from which `restore` goes on."""

@@ -314,7 +314,8 @@ class Simulation:
             raise ScenarioError("Simulation: was made with commanded=False, and a command was given; leave one out")
         if not isinstance(command, Command):
             raise ScenarioError(f"Simulation: {command!r:.60} is not a command; give a Command or None")
-        self._aim.check_command(command)
+        if self.scenario.ptu is None and (command.pan_rad is not None or command.tilt_rad is not None):
+            raise ScenarioError("command: pan or tilt of a PTU is given and the scenario has none; add [ptu]")
 
     def check_command(self, command: Command | None) -> None:
         """Check a command without giving it, such as one that waits for its time.
@@ -330,6 +331,7 @@ class Simulation:
         """
         self._check_step(command)
         with self.scenario.locate_errors():
+            motion.check_angles(command or Command())
             self._course.read_inputs(command)
             self.scenario.instrument.at(self.time_s, command)
 

@@ -83,7 +83,7 @@ def check_inputs(inputs: np.ndarray, held: np.ndarray, label: str) -> np.ndarray
     ScenarioError
         If they are not as many finite numbers as those in force.
     """
-    row = np.array(inputs, dtype=float, ndmin=1)
+    row = np.asarray(inputs, dtype=float)
     if row.shape != held.shape or not np.isfinite(row).all():
         raise ScenarioError(
             f"command: inputs of {label} are {row.tolist()!s:.60}: give {len(held)} finite numbers, one for each of its "

@@ -241,7 +241,21 @@ def _pair(angles: np.ndarray) -> Pair:
 
 
 def check_angles(command: Command) -> Command:
-    """Return a command of the pan and the tilt of another, or raise `ScenarioError` if they are no angles."""
+    """Check the angles of a command.
+
+    Parameters
+    ----------
+    command : whose pan and tilt are angles [rad] or None.
+
+    Returns
+    -------
+    a command of these alone.
+
+    Raises
+    ------
+    ScenarioError
+        If one is no angle.
+    """
     for name in ("pan_rad", "tilt_rad"):
         angle = getattr(command, name)
         number = isinstance(angle, int | float | np.floating | np.integer) and not isinstance(angle, bool)
