@@ -14,7 +14,7 @@ from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Axes, Body
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle
 from rso_lidar.motion.course import Course, CourseState
-from rso_lidar.motion.follower_motion import FollowerMotion, states_specific_force
+from rso_lidar.motion.follower_motion import FollowerMotion, count_dynamics, states_specific_force
 from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
@@ -73,6 +73,7 @@ __all__ = [
     "add_lidar",
     "check_angles",
     "compute_demand",
+    "count_dynamics",
     "make_demand",
     "sense",
     "start",

@@ -13,7 +13,7 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.course import Course
 from rso_lidar.motion.dynamics.commands import CommandedFlight
-from rso_lidar.motion.dynamics.flight import Flight
+from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.motion import chief_of
 from rso_lidar.motion.motions.placement import PlacedMotion
@@ -37,9 +37,9 @@ class FollowerMotion:
 
     The specific force is the acceleration by thrust: in a proximity operation that of its plan, with a state-space motion
     f(t, x, u) - f(t, x, 0), so that a body without inputs is in free fall, and with an FMU what it states. Dynamics that
-    have drag or light pressure too can state it (`specific_force`). In a local world, which has no gravitation, it is the
-    acceleration. Under commands to an FMU that does not state it, it is NaN. Otherwise it is zero: drag, light pressure and
-    impulses are left out.
+    have drag or light pressure too can state it (`specific_force`). For any other motion in a local world, which has no
+    gravitation, it is the acceleration. In orbit, under commands to an FMU that does not state it, it is NaN. Otherwise it
+    is zero: drag, light pressure and impulses are left out.
 
     Parameters
     ----------
@@ -200,6 +200,26 @@ def states_specific_force(follower: Body, *, local: bool) -> bool:
     return local or isinstance(motion, StateSpace) or not isinstance(motion, PlacedMotion)
 
 
+def count_dynamics(follower: Body) -> dict[str, int]:
+    """Count the entries of each array in `BodyMotion.dynamics`: states and inputs of the follower's state-space models.
+
+    The outputs of an FMU are place and attitude, and no state of actuators, so an FMU has no entries.
+
+    Parameters
+    ----------
+    follower : the body.
+
+    Returns
+    -------
+    numbers of entries by the name of the array, such as ``motion.state``.
+    """
+    sizes: dict[str, int] = {}
+    for place, model in (("motion", follower.motion), ("attitude", follower.attitude)):
+        if isinstance(model, StateSpaceModel):
+            sizes |= {f"{place}.state": len(model.initial_state), f"{place}.input": len(model.inputs)}
+    return sizes
+
+
 def _find_sky(course: Course, truth: Truth, time_s: np.ndarray) -> dict[str, np.ndarray]:
     """Find the directions (time, 3) from the follower to Sun, Moon and Earth, and the angular radius (time) of the Earth.
 
@@ -328,5 +348,6 @@ def _list_dynamics(time_s: np.ndarray, flights: Mapping[str, CommandedFlight]) -
     """Return states and inputs (time, entry) of the follower's state-space models."""
     found = {}
     for place, flight in flights.items():
-        found[f"{place}.state"], found[f"{place}.input"] = flight(time_s), flight.inputs_at(time_s)
+        if isinstance(flight, Flight):  # as `count_dynamics`
+            found[f"{place}.state"], found[f"{place}.input"] = flight(time_s), flight.inputs_at(time_s)
     return found

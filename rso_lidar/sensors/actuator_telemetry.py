@@ -47,13 +47,13 @@ class ActuatorTelemetry(SensorPart):
         assert found is not None
         return np.asarray(found[:, list(entries)])
 
-    def check_dynamics(self, sizes: Mapping[str, int | None]) -> None:
+    def check_dynamics(self, sizes: Mapping[str, int]) -> None:
         """Check that the follower has the dynamics and the entries that the sensor reads.
 
         Parameters
         ----------
-        sizes : numbers of entries, such as of ``motion.state`` and ``motion.input``; only of dynamics that there are, and
-            None where the number is not known yet.
+        sizes : numbers of entries of ``motion.state``, ``motion.input``, ``attitude.state`` and ``attitude.input``; without
+            those of dynamics that the follower does not have.
 
         Raises
         ------
@@ -61,9 +61,8 @@ class ActuatorTelemetry(SensorPart):
             If there are no such dynamics or entries.
         """
         for vector, entries in self._reads_entries:
-            place = f"{self.dynamics}.{vector}"
-            if entries and sizes.get(place, 0) is not None:
-                self._check_entries(vector, entries, sizes.get(place))
+            if entries:
+                self._check_entries(vector, entries, sizes.get(f"{self.dynamics}.{vector}"))
 
     @property
     @abstractmethod

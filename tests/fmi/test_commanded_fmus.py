@@ -210,6 +210,15 @@ def test_a_command_between_points_of_the_grid_acts_from_the_next(craft):
         flight.hold(1.0, np.zeros(3))
 
 
+def test_actuator_telemetry_does_not_read_an_fmu(by_equations, craft):
+    """Its outputs are place and velocity: the first three are no speeds of wheels."""
+    wheels = rl.sensors.WheelTelemetry(name="wheels", rate_hz=1.0, dynamics="motion", speed_entries=(0, 1, 2))
+    follower = by_equations.follower.replace(motion=describe_motion(craft))
+    assert by_equations.replace(sensor=(wheels,)).sensor == (wheels,)
+    with pytest.raises(ScenarioError, match="'wheels': the follower's motion is not of type state_space"):
+        by_equations.replace(follower=follower, sensor=(wheels,))
+
+
 def test_a_commanded_fmu_goes_back_and_on_again(by_fmu):
     simulation = rl.Simulation(by_fmu, threads=1)
     fly(simulation, last=3)

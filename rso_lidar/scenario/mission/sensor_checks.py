@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rso_lidar.errors import add_place, did_you_mean
-from rso_lidar.motion import Body
+from rso_lidar.motion import Body, count_dynamics
 from rso_lidar.sensors import RelativeGnss, ThrusterTelemetry, WheelTelemetry, read_schedule
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")  # as `part.Name`
@@ -24,8 +24,8 @@ def check_sensors(sensors: Sequence[Any], targets: Sequence[Body], follower: Bod
     Raises
     ------
     ValueError
-        If two have one name, a name cannot be that of a group in a recording, a rate is none, or a target or dynamics is
-        not there.
+        If two have one name, a name cannot be that of a group in a recording, a schedule is not valid, or a target or
+        dynamics is missing.
     """
     named = [sensor.name for sensor in sensors]
     for name in named:
@@ -44,15 +44,4 @@ def check_sensors(sensors: Sequence[Any], targets: Sequence[Body], follower: Bod
                 f"sensor '{sensor.name}': no target '{sensor.target}'{guess} (known: {', '.join(known) or 'none'})"
             )
         if isinstance(sensor, WheelTelemetry | ThrusterTelemetry):
-            sensor.check_dynamics(_count_entries(follower))
-
-
-def _count_entries(follower: Body) -> dict[str, int | None]:
-    """Count the entries of states and inputs of the follower's models; None for states of FMUs, known when flown."""
-    sizes: dict[str, int | None] = {}
-    for model in follower.models.values():
-        place = "motion" if model is follower.motion else "attitude"
-        state = getattr(model, "initial_state", None)
-        sizes[f"{place}.state"] = None if state is None else len(state)
-        sizes[f"{place}.input"] = len(model.first_inputs)
-    return sizes
+            sensor.check_dynamics(count_dynamics(follower))
