@@ -25,10 +25,10 @@ class GnssReceiver(SensorPart):
     """Base of GNSS receivers, whose errors are independent in three axes: white noise and a Gauss-Markov process each."""
 
     _ERRORS: ClassVar[ErrorTerms] = (
-        ("position white", "position_noise_m", "m"),
-        ("slow", "slow_position_m", "m"),
-        ("velocity white", "velocity_noise_m_s", "m/s"),
-        ("slow", "slow_velocity_m_s", "m/s"),
+        ("white position error", "position_noise_m", "m"),
+        ("slow position error", "slow_position_m", "m"),
+        ("white velocity error", "velocity_noise_m_s", "m/s"),
+        ("slow velocity error", "slow_velocity_m_s", "m/s"),
     )
     position_noise_m: NotNegative = Field(
         default=0.0, description="White error of the position, 1 sigma of each axis [m]."

@@ -42,14 +42,14 @@ class StarTracker(SensorPart):
 
     _ERRORS: ClassVar[ErrorTerms] = (
         ("white across the boresight", "cross_boresight_arcsec", "arcsec"),
-        ("about it", "boresight_arcsec", "arcsec"),
-        ("slow across", "slow_cross_boresight_arcsec", "arcsec"),
-        ("about", "slow_boresight_arcsec", "arcsec"),
+        ("white about the boresight", "boresight_arcsec", "arcsec"),
+        ("slow across the boresight", "slow_cross_boresight_arcsec", "arcsec"),
+        ("slow about the boresight", "slow_boresight_arcsec", "arcsec"),
         ("misalignment", "misalignment_arcsec", "arcsec"),
-        ("limit", "max_rate_deg_s", "°/s"),
-        ("exclusion of Sun", "sun_exclusion_deg", "°"),
-        ("Moon", "moon_exclusion_deg", "°"),
-        ("limb of the Earth", "earth_exclusion_deg", "°"),
+        ("rate limit", "max_rate_deg_s", "°/s"),
+        ("Sun exclusion", "sun_exclusion_deg", "°"),
+        ("Moon exclusion", "moon_exclusion_deg", "°"),
+        ("Earth limb exclusion", "earth_exclusion_deg", "°"),
         ("acquisition", "acquisition_s", "s"),
     )
     type: Literal["star_tracker"] = "star_tracker"

@@ -35,10 +35,10 @@ def test_each_sensor_has_one_line_in_the_units_of_its_datasheet():
     for words in (
         "star_tracker (nst), attitude",
         "2 Hz (2 per frame), latency 0.2 s",
-        "exclusion of Sun 45°, Moon 20°",
+        "Sun exclusion 45°, Moon exclusion 20°",
     ):
         assert words in lines[2]
-    assert lines[3].endswith("velocity white 0.02 m/s; outages 30 to 40 s")
+    assert lines[3].endswith("white velocity error 0.02 m/s; outages 30 to 40 s")
     assert "position and velocity relative to stage, rtn axes; 1 Hz" in lines[4]
 
 
