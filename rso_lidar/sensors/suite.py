@@ -61,13 +61,13 @@ class SensorSuite:
         numbers = {name: due[schedule] for name, schedule in schedules.items() if due[schedule]}
         if not numbers:
             return {}
-        for name, of in numbers.items():
+        flown = {name: self._look_back(name, of) for name, of in numbers.items()}
+        for name, of in flown.items():
             if len(of) > _MOST_SAMPLES:
                 raise ScenarioError(
                     f"sensor '{name}': {len(of):,} samples from {max(after_s, 0.0):g} s to {until_s:g} s are more than the "
                     f"{_MOST_SAMPLES:,} that fit; lower its rate_hz, or raise time.frame_rate_hz"
                 )
-        flown = {name: self._look_back(name, of) for name, of in numbers.items()}
         lists = {key: key[0].time_samples(key[1]) for key in {(schedules[name], of) for name, of in flown.items()}}
         instants = _join_instants([*lists.values()])
         reads = frozenset[str]().union(*(self._reads[name] for name in numbers))
