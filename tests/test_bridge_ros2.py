@@ -133,7 +133,7 @@ def test_the_clock_and_the_samples_come_with_every_step(scenario, flown, decode)
 
 
 def test_truth_stays_at_home_where_it_is_not_wanted(example, scenario, flown):
-    lidar = example.SteppedLidar(scenario, 0.1, tells_truth=False)
+    lidar = example.SteppedLidar(scenario, 0.1, publishes_truth=False)
     topics = {topic for topic, *_ in lidar.step()}
     told = {topic for topic, *_ in flown[0]}
     assert told - topics == {"/tf", "/labels/target", "/labels/part"}
@@ -187,7 +187,7 @@ def test_the_process_behind_the_node_flies_the_same(example, tmp_path):
     command = [sys.executable, FOLDER / "messages.py", path, "--step", "0.4", "--no-truth"]
     run = subprocess.run(command, input=b"\n".join(requests), capture_output=True, timeout=60)
     assert (run.returncode, run.stderr) == (0, b"")
-    lidar = example.SteppedLidar(rl.Scenario.load(path), 0.4, tells_truth=False)
+    lidar = example.SteppedLidar(rl.Scenario.load(path), 0.4, publishes_truth=False)
     expected = [b'{"inputs": ["follower"]}\n']
     for line in requests:
         expected += example.answer(lidar, line)

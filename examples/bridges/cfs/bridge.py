@@ -49,8 +49,8 @@ class Bridge:
         return [*made, self.pack_housekeeping()]
 
     def pack_housekeeping(self):
-        told = self.accepted, self.refused, self.lost, self.last, self.mode
-        return self.telemetry.pack_housekeeping(*told, self.time_ns)
+        state = self.accepted, self.refused, self.lost, self.last, self.mode
+        return self.telemetry.pack_housekeeping(*state, self.time_ns)
 
     def carry_out(self, function, *values):
         """Return the packets that a telecommand asks for."""
@@ -100,7 +100,7 @@ class Bridge:
         try:
             flash = self.simulation.step(self.command, **length)
         except rl.ScenarioError:
-            self.command = rl.Command()  # else an impossible one is refused for ever
+            self.command = rl.Command()  # else an impossible one is refused at every step
             raise
         made = self.telemetry.pack_samples(self.simulation.samples, self.time_ns)
         if flash is not None:

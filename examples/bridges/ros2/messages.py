@@ -27,12 +27,12 @@ class SteppedLidar:
     ----------
     scenario : to be flown.
     step_s : length of a step [s], at most the time between two flashes.
-    tells_truth : whether true poses (`/tf`) and labels are published.
+    publishes_truth : whether true poses (`/tf`) and labels are published.
     release : ROS 2 release, such as ``jazzy``, whose message definitions are used.
     """
 
-    def __init__(self, scenario, step_s=0.02, *, tells_truth=True, release="jazzy"):
-        self.simulation, self.step_s, self.tells_truth = rl.Simulation(scenario), step_s, tells_truth
+    def __init__(self, scenario, step_s=0.02, *, publishes_truth=True, release="jazzy"):
+        self.simulation, self.step_s, self.publishes_truth = rl.Simulation(scenario), step_s, publishes_truth
         self.types, self.stream, self.command = get_typestore(Stores[f"ROS2_{release.upper()}"]), None, rl.Command()
 
     @property
@@ -57,7 +57,7 @@ class SteppedLidar:
         try:
             frame = self.simulation.step(self.command, dt_s=self.step_s)
         except rl.ScenarioError:
-            self.command = rl.Command()  # else an impossible one is refused for ever
+            self.command = rl.Command()  # else an impossible one is refused at every step
             raise
         made = []
         if self.stream is None:  # the first step contains the first flash, at t = 0
@@ -79,8 +79,8 @@ class SteppedLidar:
                 }
                 found.append(("/ptu/joint_states", JOINTS, {"header": stamp} | joints))
         for topic, kind, body in [("/clock", CLOCK, clock), *found]:
-            is_told = self.tells_truth or not topic.startswith(TRUTH)
-            if is_told and kind in self.types.fielddefs:  # ROS has no type for sensors of a user's own
+            is_published = self.publishes_truth or not topic.startswith(TRUTH)
+            if is_published and kind in self.types.fielddefs:  # ROS has no type for sensors of a user's own
                 made.append((topic, kind, bytes(self.types.serialize_cdr(self.build(kind, body), kind))))
         return made
 
@@ -140,7 +140,7 @@ def main():
     given = parser.parse_args()
     try:
         scenario = rl.Scenario.load(given.scenario)
-        lidar = SteppedLidar(scenario, given.step, tells_truth=not given.no_truth, release=given.release)
+        lidar = SteppedLidar(scenario, given.step, publishes_truth=not given.no_truth, release=given.release)
     except rl.RsoLidarError as error:
         raise SystemExit(f"messages.py: {error}") from None
     bodies = [name for body in scenario.bodies for name in body.models]
