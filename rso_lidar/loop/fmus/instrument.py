@@ -166,7 +166,7 @@ def list_inputs(scenario: Scenario) -> tuple[Port, ...]:
     )
     models = [(name, model) for body in scenario.bodies for name, model in body.models.items()]
     held = [
-        Port(f"{name}.u[{k + 1}]", "", f"input {k + 1} of the state-space model of {name}", value)
+        Port(f"{name}.u[{k + 1}]", "", f"input {k + 1} of the dynamics of {name}", value)
         for name, model in models
         for k, value in enumerate(model.first_inputs)
     ]

@@ -137,10 +137,10 @@ class FmuHistory(CommandedFlight):
         self.check_inputs(inputs)
 
     def save(self) -> Any:
-        """Return nothing: a history has no state that a command changes."""
+        """Return None, because no command changes a history."""
 
     def restore(self, state: Any) -> None:
-        """Go on from nothing."""
+        """Do nothing, because no command changes a history."""
 
     def _locate(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the ticks before and after instants [s], and the share of the step between (time,)."""
