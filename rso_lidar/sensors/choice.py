@@ -104,7 +104,7 @@ def get_reads(sensor: Any) -> frozenset[str]:
 
 
 def get_look_back(sensor: Any) -> int:
-    """Return on the motion at how many earlier samples a sample of a sensor depends; 0 for a user's object."""
+    """Return the number of earlier samples on whose true motion a sample depends; 0 for a user's object."""
     return sensor.look_back if isinstance(sensor, SensorPart) else 0
 
 
