@@ -88,10 +88,28 @@ class FmuModel(Part):
                 raise ScenarioError(f"{path.name}: '{name}' is not a number; leave it out of `parameters`")
         inputs = self._map(path.name, "inputs", self.inputs, self.input_units, description)
         outputs = self._map(path.name, "outputs", self.outputs, self.output_units, description)
+        self._check_set_once(path.name, [signal.variable for signal in inputs])
         run.settings = FmuSettings(
             interface, step_s, self.relative_tolerance, tuple(self.parameters.items()), inputs, outputs
         )
         return run
+
+    def _check_set_once(self, file: str, inputs: list[str | None]) -> None:
+        """Refuse a variable that is set twice: one of the two values would be lost.
+
+        Parameters
+        ----------
+        file : of the FMU, for messages.
+        inputs : names of the variables that are mapped as inputs.
+        """
+        for place, name in enumerate(inputs):
+            if name in inputs[:place]:
+                raise ScenarioError(f"{file}: '{name}' is mapped twice in `inputs`; map each variable once")
+            if name in self.parameters:
+                raise ScenarioError(
+                    f"{file}: '{name}' is among `inputs` and `parameters`; leave it out of `parameters`, as its first value "
+                    "comes from its quantity"
+                )
 
     def _map(
         self,

@@ -69,6 +69,7 @@ class Host:
             )
         kinds = {"co_simulation": description.coSimulation, "model_exchange": description.modelExchange}
         return {
+            "checksums": tuple(sorted((entry.filename, entry.file_size, entry.CRC) for entry in entries)),
             "version": self.version,
             "interfaces": [name for name, kind in kinds.items() if kind is not None],
             "can_restore": {name: bool(kind.canGetAndSetFMUstate) for name, kind in kinds.items() if kind is not None},

@@ -11,6 +11,8 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.fmi.host_process import HostProcess
 from rso_lidar.fmi.unit_table import Conversion
 
+Checksums = tuple[tuple[str, int, int], ...]
+
 
 class Signal(NamedTuple):
     """Elements of a quantity, and the variable of the FMU that holds them; None for a constant."""
@@ -52,18 +54,29 @@ class FmuPoint:
                 f"{self.run.name}: the FMU cannot give its state (canGetAndSetFMUstate, canSerializeFMUstate), so a "
                 "simulation with it cannot be pickled"
             )
-        return _rebuild, (str(self.run.path), self.run.settings, self.tick, self.state, self.begin)
+        return _rebuild, (str(self.run.path), self.run.checksums, self.run.settings, self.tick, self.state, self.begin)
 
 
-def _rebuild(path: str, settings: FmuSettings, tick: int, state: bytes | None, begin: Any) -> FmuPoint:
+def _rebuild(
+    path: str, checksums: Checksums, settings: FmuSettings, tick: int, state: bytes | None, begin: Any
+) -> FmuPoint:
     """Return a point of a new run of the same FMU.
 
     Parameters
     ----------
-    path, settings : of the run.
+    path, checksums, settings : of the run.
     tick, state, begin : of the point.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be run, or is another FMU by now. The bytes of a state mean nothing to another binary.
     """
     run = FmuRun(Path(path))
+    if run.checksums != checksums:
+        raise ScenarioError(
+            f"{run.name}: the FMU has changed since the state was saved; restore with the former one, or begin again"
+        )
     run.settings = settings
     return FmuPoint(run, tick, state, begin)
 
@@ -93,6 +106,12 @@ class FmuRun:
     def description(self) -> dict[str, Any]:
         """Version, interfaces, variables and units of the FMU."""
         return self._process.description
+
+    @property
+    def checksums(self) -> Checksums:
+        """Names, sizes and CRC-32 of the files in the FMU, by which another FMU of the same name is noticed."""
+        found: Checksums = self.description["checksums"]
+        return found
 
     def begin(self, first: np.ndarray, start: tuple[tuple[str, float], ...] = ()) -> tuple[FmuPoint, np.ndarray]:
         """Initialise the FMU at t = 0.
@@ -195,7 +214,14 @@ class FmuRun:
         """Convert inputs (step, input) to the units of the FMU."""
         factors = [signal.conversion.factor for signal in self.settings.inputs for _ in range(signal.elements)]
         offsets = [signal.conversion.offset for signal in self.settings.inputs for _ in range(signal.elements)]
-        converted: np.ndarray = (rows - np.array(offsets)) / np.array(factors)
+        with np.errstate(over="ignore"):
+            converted: np.ndarray = (rows - np.array(offsets)) / np.array(factors)
+        if not np.isfinite(converted).all():
+            names = [signal.variable for signal in self.settings.inputs for _ in range(signal.elements)]
+            column = int(np.flatnonzero(~np.isfinite(converted).all(axis=0))[0])
+            raise ScenarioError(
+                f"{self.name}: the input '{names[column]}' is too large in the unit of the FMU; give a smaller number"
+            )
         return converted
 
     def _from_fmu(self, rows: np.ndarray) -> np.ndarray:

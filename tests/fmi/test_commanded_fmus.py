@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -255,6 +256,8 @@ def test_rows_keep_every_earlier_state(monkeypatch):
             {"inputs": {"force_n": ("fx", "fy")}, "start_inputs": {"force_n": (1.0,)}},
             "has 1 numbers for the 2 elements",
         ),
+        ({"inputs": {"force_n": ("fx", "fx", "fz")}}, "'fx' is mapped twice in `inputs`"),
+        ({"parameters": {"fx": 3.0}}, "'fx' is among `inputs` and `parameters`; leave it out of `parameters`"),
         ({"start_inputs": {"torque_n_m": 1.0}}, "start_inputs: no quantity 'torque_n_m' among `inputs`"),
         ({"units": UNITS | {"fx": "N.m"}}, "the unit 'N.m', which is not a unit of N"),
         ({"units": UNITS | {"fx": "lbf"}}, "'lbf' is not defined by the FMU and not known"),
@@ -269,6 +272,30 @@ def test_wrong_mappings_of_commands(craft, changes, told):
         describe_motion(craft, **changes).begin_flight() if "inputs" not in changes else FmuMotion(
             file=craft, step_s=0.01, units=UNITS, **({"axes": "local", "outputs": OUTPUTS} | changes)
         ).begin_flight()
+
+
+def test_a_state_of_an_fmu_that_was_replaced_is_refused(by_fmu, craft, tmp_path):
+    copy = tmp_path / "craft.fmu"
+    copy.write_bytes(Path(craft).read_bytes())
+    simulation = rl.Simulation(
+        by_fmu.replace(follower=by_fmu.follower.replace(motion=describe_motion(str(copy)))), threads=1
+    )
+    simulation.step()
+    simulation.step()
+    saved = pickle.dumps(simulation.save())
+    assert pickle.loads(saved).time_ns == 10**9
+    with zipfile.ZipFile(copy, "a") as archive:
+        archive.writestr("resources/tables.csv", "1,2")
+    with pytest.raises(ScenarioError, match=r"craft\.fmu: the FMU has changed since the state was saved; restore with"):
+        pickle.loads(saved)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_command_beyond_the_numbers_of_the_fmu_is_refused(craft):
+    flight = describe_motion(craft, axes="local", relative_to=None).begin_flight()
+    flight.hold(0.0, np.array([0.0, 1e308, 0.0]))
+    with pytest.raises(ScenarioError, match=r"craft\.fmu: the input 'fy' is too large in the unit of the FMU"):
+        flight(np.array([0.1]))
 
 
 def test_wrong_commands(by_fmu, craft):

@@ -48,7 +48,7 @@ class FmuController:
     Raises
     ------
     ScenarioError
-        If the FMU is not trusted or cannot be run, or the mapping does not fit it.
+        If the FMU is not trusted or cannot be run, the mapping does not fit it, or `step_s` is no length of time.
     """
 
     def __init__(self, file: str, *, step_s: float, trust_fmu: bool = False, **mapping: Any) -> None:
@@ -56,6 +56,10 @@ class FmuController:
             raise ScenarioError(
                 f"FmuController: the FMU '{file}' holds native code, which runs only where it is trusted; give "
                 "trust_fmu=True"
+            )
+        if not isinstance(step_s, int | float) or isinstance(step_s, bool) or not 0.0 < step_s < np.inf:
+            raise ScenarioError(
+                f"FmuController: step_s: {step_s!r:.40} is no time between flashes; give seconds above 0"
             )
         self._model = ControllerModel(file=str(file), **mapping)
         self._run = self._model.make_run(step_s)
@@ -93,7 +97,8 @@ class FmuController:
         if not isinstance(state, ControllerState):
             raise ScenarioError(f"FmuController: {state!r:.60} is not a state; give what save() returned")
         run = self._run if state.point is None else state.point.run
-        if (run.path, run.settings) != (self._run.path, self._run.settings):
+        mine = self._run
+        if (run.path, run.checksums, run.settings) != (mine.path, mine.checksums, mine.settings):
             raise ScenarioError("FmuController: the state is one of another FMU or mapping; give a state of this one")
         self._run, self._tick, self._point = run, state.tick, state.point
 

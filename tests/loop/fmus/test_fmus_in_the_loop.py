@@ -167,6 +167,9 @@ def test_an_fmu_as_controller_keeps_the_stage_in_the_field(passage, tmp_path):
     }
     with pytest.raises(ScenarioError, match="runs only where it is trusted; give trust_fmu=True"):
         FmuController(str(path), step_s=0.5, **given)
+    for length in ("0.5", 0.0, math.nan, True):
+        with pytest.raises(ScenarioError, match=r"step_s: .* is no time between flashes; give seconds above 0"):
+            FmuController(str(path), step_s=length, trust_fmu=True, **given)
     controller = FmuController(str(path), step_s=0.5, trust_fmu=True, **given)
     for frame in rl.simulate(passage, controller):
         x, y, z = frame.truth.pose("lidar", "stage").translation
