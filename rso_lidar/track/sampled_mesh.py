@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, SupportsFloat
 
 import numpy as np
 
@@ -131,13 +131,17 @@ class SampledMesh:
         Raises
         ------
         ScenarioError
-            If there is no hinge of a name.
+            If there is no hinge of a name, or an angle is not finite.
         """
         names = [hinge.name for hinge in self.hinges]
-        for name in angles_rad:
+        for name, angle_rad in angles_rad.items():
             if name not in names:
                 known = f" (known: {', '.join(names)})" if names else "; the mesh has no hinges"
                 raise ScenarioError(f"icp: no hinge named '{name}'{did_you_mean(name, names)}{known}")
+            if np.ndim(angle_rad) or not isinstance(angle_rad, SupportsFloat) or not np.isfinite(float(angle_rad)):
+                raise ScenarioError(
+                    f"icp: hinge {name}: {angle_rad!r:.40} is no angle; give a finite number in radians"
+                )
         if not angles_rad:
             return self
         angles = tuple(float(angles_rad.get(name, at)) for name, at in zip(names, self.hinge_angles_rad, strict=True))

@@ -208,6 +208,9 @@ def test_refused(model):
         rl.ScenarioError, match=r"no hinge named 'nort'; did you mean 'north'\? \(known: north, south\)"
     ):
         model.turn_hinges({"nort": 0.1})
+    for wrong in (np.nan, np.inf, "1", None, np.array([0.1, 0.2])):
+        with pytest.raises(rl.ScenarioError, match=r"hinge north: .* is no angle; give a finite number in radians"):
+            model.turn_hinges({"north": wrong})
     with pytest.raises(rl.ScenarioError, match="the mesh has no hinges"):
         sample_mesh(CORNERS, 100).turn_hinges({"north": 0.1})
     with pytest.raises(rl.ScenarioError, match="from -1 to 0 for each of 18 facets"):
