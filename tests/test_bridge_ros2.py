@@ -170,6 +170,8 @@ def test_requests_that_are_wrong_have_one_line_and_the_run_goes_on(example):
         b'{"inputs": {"nobody": [1]}}',
         b'{"inputs": {"follower": 1}}',
         b'{"angles": {"pan": "x"}}',
+        b'{"angles": {"pan": 1' + b"0" * 400 + b"}}",
+        b"[" * 100_000,
     ):
         head, *messages = example.answer(lidar, line)
         head = json.loads(head)

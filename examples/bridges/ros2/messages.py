@@ -124,7 +124,7 @@ def answer(lidar, line):
         for body, values in request.get("inputs", {}).items():
             lidar.push(body, values)
         made = lidar.step()
-    except (rl.RsoLidarError, ValueError, TypeError, AttributeError) as fault:
+    except (rl.RsoLidarError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as fault:
         error = " ".join(str(fault).split())
     listed = [[topic, kind, len(data)] for topic, kind, data in made]
     head = {"messages": listed, "is_over": lidar.is_over, "error": error}
