@@ -4,10 +4,10 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test processor bounds mutants rules lint validate docs figures calibrate models peers bench clean
+.PHONY: help venv demo test processor bounds release-check mutants rules lint validate docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
-PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
 	"$$p" -c "$(RECENT)" >/dev/null 2>&1 && { echo "$$p"; break; }; done)
 JOBS ?= 2
 
@@ -21,7 +21,7 @@ DEMO := out/tdrs_approach
 help: ## print this list
 	@echo "rso_lidar: fly a flash LiDAR past a satellite before you build one"
 	@echo
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
 	@echo
 	@echo "  PYTHON=... chooses the interpreter (3.11 or newer), JOBS=... the test processes (now $(JOBS))"
 
@@ -50,6 +50,9 @@ processor: $(VENV)/.installed-test ## repeat the tests of shapes, frames and phy
 
 bounds: $(VENV)/.installed-test ## install the declared lower bounds elsewhere, and fly, record and export with them
 	$(BIN)/python -m tests.bounds
+
+release-check: $(VENV)/.installed-release ## build, install elsewhere, fly the examples, check README, licences and metadata
+	$(BIN)/python -m tests.release_check
 
 lint: rules ## run the checks that need no tests: format, lint, floors, types
 	$(BIN)/mypy
@@ -100,6 +103,12 @@ $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
 	@$(INSTALL) -e . --group test
 	@# FMUs that OpenModelica exported. It pins another fmpy and has no wheel for Python 3.14; its tests are skipped without it.
 	@$(PIP) install -qq --no-deps gemseo-fmu==3.1.1 2>/dev/null || true
+	@touch $(VENV)/.installed $@
+
+$(VENV)/.installed-release: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing rso_lidar and what checks a release into $(VENV): a minute, once."
+	@$(PIP) install -qq --upgrade pip
+	@$(INSTALL) -e . --group release
 	@touch $(VENV)/.installed $@
 
 $(BIN)/python:

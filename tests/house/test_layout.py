@@ -1,6 +1,9 @@
 """Tests lie where the module lies that they test: tests/<room>/test_<module>.py, and test_<module>_<aspect>.py beside it."""
 
+import subprocess
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE, TESTS = ROOT / "rso_lidar", ROOT / "tests"
@@ -44,6 +47,22 @@ SPANNING = {
     "test_seams.py",
     "track/test_hinges.py",
 }
+
+
+# What stands at the top of the repository. A further entry needs a reason: a tool or a reader looks for it there.
+TOP = {
+    ".ci", ".github", "LICENSES", "benchmarks", "conda", "docs", "examples", "models", "rso_lidar", "tests", "tle",
+    ".dockerignore", ".gitignore", ".zenodo.json", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "CONTRIBUTING.md",
+    "Dockerfile", "LICENSE", "Makefile", "README.md", "REUSE.toml", "SECURITY.md", "constraints.txt", "hatch_build.py",
+    "pyproject.toml",
+}  # fmt: skip
+
+
+def test_top_of_the_repository_holds_what_is_listed():
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a checkout: git knows what is tracked")
+    known = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert {name.split("/")[0] for name in known.split("\0") if name} == TOP
 
 
 def is_about_a_module(test):

@@ -1,6 +1,8 @@
 """What is said twice about the project is said alike, and the network is shut while tests run."""
 
+import json
 import re
+import runpy
 import socket
 import tomllib
 from importlib.metadata import requires, version
@@ -21,6 +23,45 @@ def test_citation_names_this_version():
     said = dict(re.findall(r"^(version|license|abstract): \"?(.*?)\"?$", text, re.MULTILINE))
     project = PROJECT["project"]
     assert said == {"version": project["version"], "license": project["license"], "abstract": project["description"]}
+
+
+def test_address_of_the_repository_is_said_alike():
+    urls = PROJECT["project"]["urls"]
+    assert all(url.startswith(urls["Source"]) for url in urls.values())
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r'^repository-code: "(.*)"$', text, re.MULTILINE)[1] == urls["Source"]
+    text = (ROOT / "conda" / "recipe.yaml").read_text(encoding="utf-8")
+    assert re.search(r"^  repository: (.*)$", text, re.MULTILINE)[1] == urls["Source"]
+
+
+def test_recipe_needs_what_the_package_needs():
+    text = (ROOT / "conda" / "recipe.yaml").read_text(encoding="utf-8")
+    assert re.search(r'^  version: "(.*)"$', text, re.MULTILINE)[1] == PROJECT["project"]["version"]
+    run = re.search(r"^  run:\n((?:    - .*\n)+)", text, re.MULTILINE)[1]
+    wanted = {re.sub(r" +#.*", "", line).replace(" ", "") for line in re.findall(r"^    - (.*)$", run, re.MULTILINE)}
+    wanted = {re.sub(r"^matplotlib-base", "matplotlib", line) for line in wanted if not line.startswith("python>=")}
+    assert wanted == set(PROJECT["project"]["dependencies"])
+
+
+def test_archive_and_citation_say_the_same():
+    archive = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    project = PROJECT["project"]
+    assert archive["title"].startswith(f"rso_lidar: {project['description'][:20]}")
+    assert archive["keywords"] == project["keywords"]
+    assert archive["license"] == project["license"]
+    assert [creator["name"] for creator in archive["creators"]] == [author["name"] for author in project["authors"]]
+    assert "version" not in archive  # that of the release
+
+
+def test_long_description_has_absolute_links_and_leaves_code_alone():
+    made = runpy.run_path(str(ROOT / "hatch_build.py"))["make_links_absolute"]
+    text = (
+        "[a](docs/x.md#y) ![p](p.png) [b](https://example.org) [c](#d) [![i](i.png)](e.md)\n```python\nf[0](x)\n```\n"
+    )
+    assert made(text, "https://h/r", "1.2") == (
+        "[a](https://h/r/blob/v1.2/docs/x.md#y) ![p](https://h/r/raw/v1.2/p.png) [b](https://example.org) [c](#d) "
+        "[![i](https://h/r/raw/v1.2/i.png)](https://h/r/blob/v1.2/e.md)\n```python\nf[0](x)\n```\n"
+    )
 
 
 def test_installed_version_is_this_one():
@@ -52,7 +93,7 @@ def test_constraints_hold_for_all_that_is_installed():
 def test_make_describes_every_target():
     text = (ROOT / "Makefile").read_text(encoding="utf-8")
     phony = set(re.search(r"^\.PHONY: (.*)$", text, re.MULTILINE)[1].split())
-    described = set(re.findall(r"^([a-z]+):.*## .+$", text, re.MULTILINE))
+    described = set(re.findall(r"^([a-z-]+):.*## .+$", text, re.MULTILINE))
     assert phony == described
 
 
