@@ -25,16 +25,20 @@ from rso_lidar.track.sampled_mesh import SampledMesh
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
-FEWEST_POINTS = 50  # default of the fewest points for a pose
-# Chosen by trial on `tumbling_inspection` and `tle_flyby`, as are those below without another reason. Half and double of
-# them: see docs/tracking.md.
-_LOST = 2.5  # misfit over the usual one, above which the track is lost
-_NEW = 0.1  # weight of the newest cloud in the mean square of a hypothesis: a mean over about ten clouds
-_NEW_RATE = 0.25  # weight of the newest rate: a mean over about four, of a body that tumbles without torque
-_WORSE = 1.25  # mean square over the best one, above which an old hypothesis is dropped
+FEWEST_POINTS = 50  # default of the fewest points for a pose; assumed
+# "Assumed": no record says how the value was chosen. docs/tracking.md has the errors at half and double of some.
+_LOST = 2.5  # misfit over the usual one, above which the track is lost; assumed, half and double were tried
+_NEW = 0.1  # weight of the newest cloud in the mean square of a hypothesis: a mean over about ten clouds; assumed
+_NEW_RATE = 0.25  # weight of the newest rate: a mean over about four; assumed, half and double were tried
+_WORSE = 1.25  # mean square over the best one, above which an old hypothesis is dropped; assumed
 _OLD = 20  # clouds after which a hypothesis is old: twice those of its mean square
 _SAME_TURN_RAD = 0.4  # 23 deg, a step and a half of the search of turns: two poses nearer than this are one turn
-_MOST_CERTAIN = 60.0  # greatest log-likelihood of a turn over the others: six clouds at `LIKELIER` give a wrong one up
+# Greatest log-likelihood of a turn over the others: six clouds at `LIKELIER` give a wrong one up. Six is assumed; half and
+# double were tried.
+_MOST_CERTAIN = 60.0
+# Log-likelihood of other hinge angles above which predicted ones are given up. Assumed: what one cloud may weigh at most,
+# so that a hinge jumps only where the cloud contradicts all that was known.
+_BETTER_ANGLES = _MOST_CERTAIN
 
 
 @dataclass(eq=False)
@@ -179,7 +183,7 @@ class PoseFollower:
             if one is self._kept[0]:
                 if self.model.hinges:
                     other, gain = search_hinges(points, self.model, found)
-                    is_swung = gain > _MOST_CERTAIN  # against a predicted angle
+                    is_swung = gain > _BETTER_ANGLES
                     found = align_again(points, self.model, other) if is_swung else found
                 other, gain = search_turns(points, self.model, found, half_field_rad)
                 apart_rad = (other.pose.rotation.inv() * found.pose.rotation).magnitude()

@@ -21,12 +21,15 @@ if TYPE_CHECKING:
 HalfField = float | tuple[float, float]
 
 UNKNOWN_ANGLE_RAD = np.pi / np.sqrt(3.0)  # standard deviation of an angle that is uniform over the circle
-_FARTHEST = 3.0  # distance over the median, above which a pair is left out of a step
+# "Assumed": no record says how the value was chosen. docs/tracking.md has the errors at half and double of some.
+# Distance over the median, above which a pair is left out of a step: 2 sigma of a normal error; assumed.
+_FARTHEST = 3.0
 _STEPS, _STILL = 60, 1e-6  # of a step, in radians and in shares of the model's radius
-_SILHOUETTE = 500  # model points whose outline is compared with the points
+_SILHOUETTE = 500  # model points whose outline is compared with the points; assumed
 _FEWEST = 6  # unknowns of a pose
 _STIFFNESS = 1e-6  # of the square of a row, for each pair
-_FEWEST_ON_HINGE = 5  # fewer are often mixed pixels at the edge of the body, and cannot be checked against one another
+# Assumed: of five points, one gives the angle and four check it. Fewer may be returns from the edges of other parts.
+_FEWEST_ON_HINGE = 5
 _MOST_HINGE_STEP_RAD = 0.35  # 20 deg: beyond it, the pairs of an array are others, and the linear step is not valid
 
 
@@ -175,7 +178,8 @@ def misfit_m(
 ) -> float:
     """Measure the misfit of a pose: rms distance of points from the model, plus that of the model from their outline.
 
-    Parts of the model outside the field of view are not compared with the outline.
+    Parts of the model outside the field of view are not compared with the outline, nor is what a hinge carries with fewer
+    than five points: cells that face the Sun may reflect the light away from the lidar, whatever the pose.
 
     Parameters
     ----------
@@ -190,10 +194,13 @@ def misfit_m(
     -------
     misfit [m]; infinite if the model is not entirely ahead of the lidar, or entirely outside the field of view.
     """
-    apart, _ = model.find_nearest(lidar_from_body.inv().apply(points_m))
-    shown = lidar_from_body.apply(model.points_m[:: max(1, len(model.points_m) // _SILHOUETTE)])
+    apart, nearest = model.find_nearest(lidar_from_body.inv().apply(points_m))
+    every = max(1, len(model.points_m) // _SILHOUETTE)
+    shown = lidar_from_body.apply(model.points_m[::every])
     if not (shown[:, 2] > 0.0).all():
         return np.inf
+    if model.hinges:
+        shown = shown[_find_returning(model, nearest)[::every]]
     across, ahead_m = shown[:, :2] / shown[:, 2:], shown[:, 2]
     if np.isfinite(half_field_rad).all():
         inside = (np.abs(across) <= np.tan(half_field_rad)).all(axis=1)
@@ -202,6 +209,20 @@ def misfit_m(
         across, ahead_m = across[inside], ahead_m[inside]
     beside, _ = outline.query(across)
     return float(np.sqrt(np.mean(apart**2)) + np.sqrt(np.mean((beside * ahead_m) ** 2)))
+
+
+def _find_returning(model: SampledMesh, nearest: np.ndarray) -> np.ndarray:
+    """Return whether the body, or a hinge with enough points to turn it, carries each point of a mesh.
+
+    Parameters
+    ----------
+    model : of the target.
+    nearest : numbers (n) of the points of the mesh that are nearest to those of a cloud.
+    """
+    assert model.hinge_of is not None
+    found = np.bincount(model.hinge_of[nearest] + 1, minlength=len(model.hinges) + 1)
+    returning: np.ndarray = (model.hinge_of < 0) | (found >= _FEWEST_ON_HINGE)[model.hinge_of + 1]
+    return returning
 
 
 def make_rotation(turn_rad: np.ndarray) -> Rotation:

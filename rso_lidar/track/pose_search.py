@@ -10,18 +10,21 @@ from rso_lidar.pose import pose
 from rso_lidar.track.icp import Alignment, HalfField, align, find_outline, make_rotation, misfit_m
 from rso_lidar.track.sampled_mesh import SampledMesh, spread_rotations
 
-_COARSE_POINTS, _COARSE_STEPS = 150, 12  # for each of the starts without a guess
-_UNLIKE_RAD = 0.5
-_TURNS, _TURN_POINTS = 24, 200  # about each axis; a step of 15 deg is within the reach of an alignment
-_TURNS_TRIED = 6  # of them, the best are aligned
-LIKELIER = 10.0  # log-likelihood over that of the first pose, above which a turn is better: odds of 20,000 to 1
-# Chosen by trial on `tumbling_inspection` and `tle_flyby`:
-_UNLIKELY = 1.1  # misfit over that of the first pose, above which a turn puts the model outside the outline
-_FAR = 0.04  # greatest distance that counts, in shares of the radius: 0.3 m of the stage, six times the range noise
+# "Assumed": no record says how the value was chosen. docs/tracking.md has the errors at half and double of some.
+_COARSE_POINTS, _COARSE_STEPS = 150, 12  # for each of the starts without a guess; assumed
+_UNLIKE_RAD = 0.5  # 29 deg; assumed
+_TURNS, _TURN_POINTS = 24, 200  # about each axis: a step of 15 deg is within the reach of an alignment; 200 is assumed
+_TURNS_TRIED = 6  # of them, the best are aligned; assumed
+LIKELIER = 10.0  # log-likelihood over that of the first pose, above which a turn is better: odds of 22,000 to 1 for
+# independent errors. Assumed, as errors of neighbouring points are not independent; half and double were tried.
+_UNLIKELY = 1.1  # misfit over that of the first pose, above which a turn puts the model outside the outline; assumed
+# Greatest distance that counts, in shares of the radius: 0.3 m of a stage, six times its range noise. Assumed; half and
+# double were tried.
+_FAR = 0.04
 # Ratio of two mean square distances below which two angles of a hinge are not told apart: the points of a model are some
-# centimetres apart, and that error does not average out over the points of a cloud.
+# centimetres apart, and that error does not average out over the points of a cloud. The value is assumed.
 _SAME_FIT = 1.2
-_HINGED_SHARE = 4  # of the starts without a guess, the best quarter is searched for hinge angles
+_HINGED_SHARE = 4  # of the starts without a guess, the best quarter is searched for hinge angles, to save time; assumed
 _HINGE_ANGLES = 48  # over the circle; a step of 7.5 deg is within the reach of an alignment
 
 

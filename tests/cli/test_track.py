@@ -1,5 +1,6 @@
 """`rso-lidar track`: the table that it prints, what it writes, and what it refuses."""
 
+import csv
 import dataclasses
 from functools import partial
 
@@ -10,6 +11,9 @@ import rso_lidar as rl
 from rso_lidar import track
 from rso_lidar.cli.track import describe_consistency, summarise
 from rso_lidar.study.track_quality.evaluation import AXES, Tracking
+from rso_lidar.track import follow
+
+DEG = rl.units.DEG
 
 
 @pytest.fixture
@@ -80,6 +84,40 @@ def test_the_table_explains_a_nis_outside_its_bounds(call, bench):
     lines = call(bench, "--no-icp", "--range-noise", "30", "--acceleration", "1")[1].splitlines()
     (place,) = (k for k, line in enumerate(lines) if "NIS mean" in line)
     assert "below its bounds: under-confident" in lines[place + 1]
+
+
+ARRAY = '{ name = "solar_north", angle = { type = "fixed", angle_deg = 40, rate_deg_s = 10 } }'
+
+
+def test_an_array_that_turns_is_tracked(call, text, tmp_path, monkeypatch):
+    """A relay satellite 60 m away through the whole simulator: ICP finds its pose and the angle of the northern array."""
+    monkeypatch.setattr(follow, "acquire", partial(follow.acquire, starts=24))  # for time: a quarter of the usual
+    craft = text
+    for old, new in (
+        ('"plate"', '"tdrs"'),
+        ('material = { type = "lambertian", reflectance = 0.30 }', f"joint = [{ARRAY}]"),
+        ("[1000, 0, 0]", "[60, 0, 0]"),
+        ('{ type = "spin", axis = [0, 0, 1], rate_deg_s = 10 }', '{ type = "fixed", euler_zyx_deg = [90, 20, 0] }'),
+        ("energy_mj = 50", "energy_mj = 50\ndivergence_deg = 22"),
+        ("fov_deg  = 2.5", "fov_deg  = 22"),
+        (" = 32", " = 40"),  # rows and columns
+    ):
+        assert old in craft
+        craft = craft.replace(old, new)
+    path = tmp_path / "craft.h5"
+    rl.save(path, rl.simulate(rl.Scenario.loads(craft + '\n[lidar.detector]\ntype = "empirical"\n'), frames=[1]))
+    status, said, _ = call(path, "-o", tmp_path / "t.csv", "--no-shape", "--range-noise", "0.05")
+    assert status == 0
+    assert said.splitlines()[-2].strip().startswith("hinge solar_north: angle ")
+    with (tmp_path / "t.csv").open(encoding="utf-8", newline="") as file:
+        (row,) = ({name: float(value) for name, value in row.items()} for row in csv.DictReader(file))
+    # 104 points, pixels of 0.6 m.
+    assert row["icp_error_rad"] < 3.0 * DEG
+    assert row["icp_error_m"] < 0.3
+    # 42 deg after a fifth of a second, or the other side of the flat array; five times the standard deviation stated.
+    off_rad = row["icp_hinge_solar_north_rad"] - 42.0 * DEG
+    assert np.arctan(np.tan(off_rad)) == pytest.approx(0.0, abs=5.0 * DEG)
+    assert np.sin(row["icp_hinge_solar_north_error_rad"]) == pytest.approx(np.sin(off_rad), abs=1e-6)
 
 
 @pytest.mark.parametrize(

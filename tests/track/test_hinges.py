@@ -7,10 +7,10 @@ from scipy.stats import chi2
 
 import rso_lidar as rl
 from rso_lidar.pose import pose
-from rso_lidar.track import MeshHinge, PoseFollower, acquire, align, sample_mesh
+from rso_lidar.track import MeshHinge, PoseFollower, SampledMesh, acquire, align, sample_mesh
 from rso_lidar.track.follow import _Hypothesis
 from rso_lidar.track.hinge_filter import HingeFilter
-from rso_lidar.track.icp import UNKNOWN_ANGLE_RAD
+from rso_lidar.track.icp import UNKNOWN_ANGLE_RAD, find_outline, misfit_m
 from rso_lidar.track.pose_search import LIKELIER, keep_sides, search_hinges
 
 DEG = rl.units.DEG
@@ -162,8 +162,7 @@ def test_of_two_sides_that_look_the_same_the_near_one_is_kept(model):
 
 def test_wings_are_followed_and_predicted_while_hidden(model):
     """Wings that turn by 3 deg a cloud; one is hidden for four clouds, and is where its rate has taken it."""
-    follow = PoseFollower(model, patience=100)
-    follow._waited = 0  # a wing that the outline lacks looks like a lost track, which would be acquired again
+    follow = PoseFollower(model)
     rate, true = Rotation.from_rotvec([0.0, 0.02, 0.03]), TRUE
     points = cloud((0.0, 0.0), 0)
     start = align(points, model, TRUE)
@@ -182,6 +181,19 @@ def test_wings_are_followed_and_predicted_while_hidden(model):
     assert np.abs(errors[4:8, 1]).max() < 3.0  # eight degrees from where it was last seen
     assert (np.diff(spreads[4:8]) > 0.0).all()
     assert np.abs(errors[8]).max() < 1.5
+
+
+@pytest.mark.parametrize("returned", [4, 5])
+def test_a_wing_without_returns_is_no_misfit(model, returned):
+    """The cells of an array may reflect everything away; with five returns the rest of it is missed again."""
+    wing = cloud((50.0, -30.0), 6, count=1200, hidden=(-1, 0))
+    inner = wing[np.argsort(np.linalg.norm(wing - TRUE.translation, axis=1))][:returned]  # at the edge near the box
+    points = np.concatenate([cloud((50.0, -30.0), 5, count=1200, hidden=(1,)), inner])
+    posed = model.turn_hinges({"north": 50.0 * DEG, "south": -30.0 * DEG})
+    rigid = SampledMesh(posed.points_m, posed.normals)
+    found_m, rigid_m = (misfit_m(TRUE, one, points, find_outline(points)) for one in (posed, rigid))
+    assert rigid_m > 0.5  # the wing reaches 3 m beyond the rest
+    assert found_m == pytest.approx(rigid_m) if returned == 5 else found_m < 0.2
 
 
 def test_the_filter_of_a_hinge_is_that_of_kalman():
