@@ -3,7 +3,8 @@
 from rso_lidar.public_names import limit_dir
 from rso_lidar.simulation.flash import flash
 from rso_lidar.simulation.run import simulate
-from rso_lidar.simulation.stepping import Moment, Simulation, SimulationState
+from rso_lidar.simulation.state import SimulationState
+from rso_lidar.simulation.stepping import Moment, Simulation
 
 __all__ = ["Moment", "Simulation", "SimulationState", "flash", "simulate"]
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import operator
 import os
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import TracebackType
@@ -15,10 +13,11 @@ import numpy as np
 
 from rso_lidar import motion, sensors
 from rso_lidar.errors import ScenarioError
-from rso_lidar.records import Command, Frame, Observation, SensorSamples, SensorState, Truth, join_samples
+from rso_lidar.records import Command, Frame, Observation, SensorSamples, Truth, join_samples
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
 from rso_lidar.simulation.first_start import compile_ahead
 from rso_lidar.simulation.flash import check_kept, flash
+from rso_lidar.simulation.state import SimulationState, check_state, digest_scenario
 
 DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
 _NS_PER_S = 1_000_000_000
@@ -36,25 +35,6 @@ class Moment:
     lidar: Lidar
     rng: np.random.Generator
     sensors: Mapping[str, SensorSamples]
-
-
-@dataclass(frozen=True, eq=False)
-class SimulationState:
-    """State of a simulation at an instant: all that its future depends on, besides scenario and commands. It pickles.
-
-    `scenario` is a digest of the scenario, whatever its seed.
-    """
-
-    scenario: str
-    seed: int
-    row: int
-    time_ns: int
-    course: motion.CourseState
-    aim: motion.AimState
-    sensors: Mapping[str, SensorState | None]
-    measured_s: float
-    samples: tuple[Mapping[str, SensorSamples], ...]
-    frame: Frame | None
 
 
 class Simulation:
@@ -130,7 +110,7 @@ class Simulation:
         self._measured_s = _BEFORE_ALL_S
         self._flash_samples: list[Mapping[str, SensorSamples]] = []  # since the flash before
         self._step_samples: list[Mapping[str, SensorSamples]] = []
-        self._digest = _digest_scenario(scenario, self._numbers)
+        self.digest = digest_scenario(scenario, self._numbers, commanded=commanded)
         self._row, self._now_ns, self._is_closed = 0, 0, False
         self._frame: Frame | None = None
         self._beginning = self.save()
@@ -338,7 +318,7 @@ class Simulation:
     def save(self) -> SimulationState:
         """Return the present state, from which `restore` goes on."""
         return SimulationState(
-            scenario=self._digest,
+            scenario=self.digest,
             seed=self.scenario.seed,
             row=self._row,
             time_ns=self._now_ns,
@@ -362,24 +342,20 @@ class Simulation:
         ScenarioError
             If the state is not one of this scenario.
         """
-        if not isinstance(state, SimulationState):
-            raise ScenarioError(f"restore: {state!r:.60} is not a state; give what save() returned")
-        if state.scenario != self._digest:
-            raise ScenarioError("restore: the state is one of another scenario; give a state of this one")
+        check_state(state, self.digest, len(self._numbers))
         scenario = self.scenario if state.seed == self.scenario.seed else self.scenario.with_seed(state.seed)
         suite = sensors.SensorSuite(scenario.sensor, state.seed)
         suite.restore(state.sensors)
+        before = self._course.save()
         self._course.restore(state.course)
-        self._aim.restore(state.aim)
+        try:
+            self._aim.restore(state.aim)
+        except ScenarioError:
+            self._course.restore(before)
+            raise
         self.scenario, self._suite = scenario, suite
         self._row, self._now_ns, self._frame = state.row, state.time_ns, state.frame
         self._measured_s, self._flash_samples, self._step_samples = state.measured_s, list(state.samples), []
-
-
-def _digest_scenario(scenario: Scenario, numbers: np.ndarray) -> str:
-    """Return a digest of a scenario, whatever its seed, and of the frames that are flown."""
-    without_seed = re.sub(r"(?m)^seed = .*$", "", scenario.source.scenario, count=1)  # that of the scenario comes first
-    return hashlib.sha256(without_seed.encode() + numbers.tobytes()).hexdigest()
 
 
 def _check_length_ns(dt_s: float) -> int:

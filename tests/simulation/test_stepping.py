@@ -1,5 +1,6 @@
 """A scenario flown step by step: the same bits as in one go, and commands between the flashes."""
 
+import dataclasses
 import pickle
 from pathlib import Path
 
@@ -182,6 +183,16 @@ def test_what_cannot_be_done_changes_nothing(thrusters):
         simulation.check_command(rl.Command(inputs={"follower": (1.0, 0.0, 0.0)}))
         with pytest.raises(ScenarioError, match="restore: "):
             simulation.restore("here")
+        for damage in (
+            {"row": 99},
+            {"row": -1},
+            {"time_ns": "a"},
+            {"measured_s": np.nan},
+            {"course": None},
+            {"aim": None},
+        ):
+            with pytest.raises(ScenarioError, match=r"^restore: the state's "):
+                simulation.restore(dataclasses.replace(state, **damage))
         frame = simulation.step()
         simulation.restore(state)
         same(simulation.step(), frame)

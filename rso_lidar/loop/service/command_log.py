@@ -5,19 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple, TypeVar
 
 from pydantic import Field, ValidationError
 
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.files import make_write_error
 from rso_lidar.loop.service.requests import CommandRequest, Nanoseconds, parse_json
-from rso_lidar.part import Flag, Part, Whole, explain
+from rso_lidar.part import Flag, Part, Text, Whole, explain
 from rso_lidar.records import Command, Frame
 from rso_lidar.simulation.stepping import Simulation
 
 SUFFIX = ".commands.jsonl"
 _NS_PER_S = 1_000_000_000
+_Line = TypeVar("_Line", bound=Part)
 
 
 class FlownStep(NamedTuple):
@@ -29,8 +30,17 @@ class FlownStep(NamedTuple):
     is_skipped: bool = False
 
 
+class LogHeader(Part):
+    """First line of the log: what is flown."""
+
+    log: Literal["rso_lidar.commands"] = Field(default="rso_lidar.commands", description="Kind of the file.")
+    version: Literal[1] = Field(default=1, description="Version of the layout.")
+    digest: Text = Field(description="Digest of the scenario, whatever its seed, and of its frames.")
+    seed: Whole = Field(description="Seed of all noise.")
+
+
 class LoggedStep(Part):
-    """One line of the log: a step of a simulation."""
+    """Each further line of the log: a step of a simulation."""
 
     time_ns: Nanoseconds = Field(description="Beginning of the step, since start_utc [ns].")
     dt_ns: Annotated[Whole, Field(ge=1)] | None = Field(
@@ -47,10 +57,13 @@ class CommandLog:
     ----------
     path : of the log once the flight is complete.
     run_id : of the temporary name.
+    simulation : that is flown.
     """
 
-    def __init__(self, path: Path, run_id: str) -> None:
+    def __init__(self, path: Path, run_id: str, simulation: Simulation) -> None:
         self.path, self._temporary = path, path.with_name(f"{path.name}.tmp-{run_id}")
+        header = LogHeader(digest=simulation.digest, seed=simulation.scenario.seed)
+        self._append([header.model_dump_json() + "\n"])
 
     def write(self, steps: Iterable[FlownStep]) -> None:
         """Write steps.
@@ -59,7 +72,9 @@ class CommandLog:
         ----------
         steps : in their order.
         """
-        lines = [_write_line(step) for step in steps]
+        self._append([_write_line(step) for step in steps])
+
+    def _append(self, lines: list[str]) -> None:
         try:
             with self._temporary.open("a", encoding="utf-8", newline="\n") as file:
                 file.writelines(lines)
@@ -94,7 +109,8 @@ def repeat_flight(simulation: Simulation, path: str | os.PathLike[str]) -> Itera
     Parameters
     ----------
     simulation : of the scenario in the recording, at t = 0.
-    path : of the log, such as ``a.commands.jsonl`` beside ``a.h5``.
+    path : of the log, such as ``a.commands.jsonl`` beside ``a.h5``. A last line without its end, which a killed server
+        leaves, is left out.
 
     Returns
     -------
@@ -107,37 +123,73 @@ def repeat_flight(simulation: Simulation, path: str | os.PathLike[str]) -> Itera
     """
     try:
         with Path(path).open("rb") as lines:
-            for number, line in enumerate(lines, 1):
+            _check_header(_parse_line(next(lines, b""), LogHeader, f"{path}: line 1"), simulation, f"{path}: line 1")
+            for number, line in enumerate(lines, 2):
+                if not line.endswith(b"\n"):
+                    return
                 where = f"{path}: line {number}"
-                step = _parse_step(line, where)
+                step = _parse_line(line, LoggedStep, where)
                 if step.time_ns != round(simulation.time_s * _NS_PER_S):
                     raise RecordingError(
                         f"{where}: begins at {step.time_ns} ns and the simulation is at {simulation.time_s:.9g} s; "
                         "begin at t = 0 of the recording's scenario"
                     )
-                command = step.command.to_command() if step.command else None
-                if step.is_skipped:
-                    simulation.advance(command)
-                    continue
-                length_s = {} if step.dt_ns is None else {"dt_s": step.dt_ns / _NS_PER_S}
-                if (frame := simulation.step(command, **length_s)) is not None:
+                if (frame := _repeat_step(simulation, step, where)) is not None:
                     yield frame
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}); give a {SUFFIX} file") from error
 
 
-def _parse_step(line: bytes, where: str) -> LoggedStep:
-    """Return the step of a line.
+def _repeat_step(simulation: Simulation, step: LoggedStep, where: str) -> Frame | None:
+    """Step a simulation as the log says.
+
+    Parameters
+    ----------
+    simulation, step : what is stepped, and how.
+    where : start of error messages.
+    """
+    command = step.command.to_command() if step.command else None
+    length_s = {} if step.dt_ns is None else {"dt_s": step.dt_ns / _NS_PER_S}
+    try:
+        if not step.is_skipped:
+            return simulation.step(command, **length_s)
+        simulation.advance(command)
+    except ScenarioError as error:
+        raise RecordingError(f"{where}: {error}") from None
+    return None
+
+
+def _check_header(header: LogHeader, simulation: Simulation, where: str) -> None:
+    """Check that a simulation flies what the log is of.
+
+    Parameters
+    ----------
+    header : first line of the log.
+    simulation : to be flown.
+    where : start of error messages.
+    """
+    if header.digest != simulation.digest:
+        raise RecordingError(f"{where}: is of another scenario; load the scenario in the recording beside it")
+    if header.seed != simulation.scenario.seed:
+        raise RecordingError(
+            f"{where}: the seed is {header.seed} and that of the simulation {simulation.scenario.seed}; reset it with "
+            "this seed"
+        )
+
+
+def _parse_line(line: bytes, kind: type[_Line], where: str) -> _Line:
+    """Return what a line holds.
 
     Parameters
     ----------
     line : of the log.
+    kind : of the line.
     where : start of error messages.
     """
     try:
         tree = parse_json(line, where)
-        return LoggedStep.model_validate(tree)
+        return kind.model_validate(tree)
     except ScenarioError as error:
         raise RecordingError(str(error)) from None
     except ValidationError as error:
-        raise RecordingError(f"{where}: {explain(error, LoggedStep, tree)}") from None
+        raise RecordingError(f"{where}: {explain(error, kind, tree)}") from None

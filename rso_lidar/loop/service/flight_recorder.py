@@ -12,13 +12,20 @@ from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.files import check_writable
 from rso_lidar.loop.service.command_log import SUFFIX, CommandLog, FlownStep
 from rso_lidar.records import Frame
+from rso_lidar.simulation.stepping import Simulation
+
+
+def _make_run_id() -> str:
+    """Return an identity for the temporary files of a flight: no two servers share one, nor a killed one and the next."""
+    return uuid.uuid4().hex[:8]
 
 
 class FlightRecorder:
     """Writes the frames of each flight to a recording of its own: ``a.h5``, then ``a.2.h5`` after a reset, and so on.
 
     Every frame is on disk when `write` returns. A killed server leaves the frames so far in ``a.h5.tmp-…``, which
-    `rl.open` reads. The steps and their commands are in ``a.commands.jsonl``, from which `repeat_flight` flies again.
+    `rl.open` reads. The steps and their commands are in ``a.commands.jsonl``, from which `repeat_flight` flies again; a
+    killed server leaves them under the same ending, ``a.commands.jsonl.tmp-…``.
 
     Parameters
     ----------
@@ -30,7 +37,7 @@ class FlightRecorder:
         self._first = export.check_output(path, overwrite=overwrite)
         check_writable(self._first.with_suffix(SUFFIX), overwrite=overwrite)
         self._overwrite = overwrite
-        self._flight = 1
+        self._flight, self._run_id = 1, _make_run_id()
         self._open = ExitStack()
         self._recorder: export.Recorder | None = None
         self._log: CommandLog | None = None
@@ -46,13 +53,14 @@ class FlightRecorder:
         """Path of the temporary file of the present flight and the number of frames in it."""
         return (self.path, 0) if self._recorder is None else (self._recorder.temporary, self._recorder.written)
 
-    def write(self, frame: Frame | None, steps: Sequence[FlownStep] = ()) -> None:
+    def write(self, frame: Frame | None, steps: Sequence[FlownStep], simulation: Simulation) -> None:
         """Write a step of the present flight, in a new recording if it has the first frame.
 
         Parameters
         ----------
         frame : that was made; None for none.
-        steps : of the simulation, for the log.
+        steps : for the log.
+        simulation : that made them.
 
         Raises
         ------
@@ -60,8 +68,7 @@ class FlightRecorder:
             If it cannot be written.
         """
         try:
-            # Their own identity: two servers, or a killed one and the next, never share a temporary file.
-            self._log = self._log or CommandLog(self.path.with_suffix(SUFFIX), uuid.uuid4().hex[:8])
+            self._log = self._log or CommandLog(self.path.with_suffix(SUFFIX), self._run_id, simulation)
             self._log.write(steps)
             if frame is not None:
                 self._write(frame)
@@ -75,7 +82,7 @@ class FlightRecorder:
             recorder = export.Recorder(
                 self.path,
                 frame.source,
-                run_id=uuid.uuid4().hex[:8],
+                run_id=self._run_id,
                 overwrite=self._overwrite,
                 changing_lens=None,  # a command may zoom
             )
@@ -84,6 +91,7 @@ class FlightRecorder:
 
     def complete(self) -> None:
         """Complete the recording of the present flight, if it has frames; the next frame begins another."""
+        self._run_id = _make_run_id()
         if self._log is not None:
             log, self._log = self._log, None
             log.complete(keep=self._recorder is not None)

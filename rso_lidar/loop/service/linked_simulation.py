@@ -11,7 +11,8 @@ from rso_lidar.loop.service.command_log import FlownStep
 from rso_lidar.records import Command, Frame, Observation, SensorSamples
 from rso_lidar.records.telemetry import join_samples
 from rso_lidar.scenario import DataLink
-from rso_lidar.simulation.stepping import Simulation, SimulationState
+from rso_lidar.simulation.state import SimulationState
+from rso_lidar.simulation.stepping import Simulation
 
 LINK = 2  # stage of the draws of the link, beside those of detection (0) and pointing (1)
 MOST_COMMANDS = 10_000  # that wait for their time

@@ -147,7 +147,7 @@ class Session:
             command, dt_ns=request.dt_ns, stamp_ns=request.stamp_ns, skip=skip and request.dt_ns is None
         )
         if self._recorder is not None:
-            self._recorder.write(self.linked.frame, self.linked.steps)
+            self._recorder.write(self.linked.frame, self.linked.steps, self.linked.simulation)
         if self.linked.frame is not None and self._show is not None:
             self._show(self.linked.frame)
         return self._deliver(delivery, self.linked.samples, is_step=True)

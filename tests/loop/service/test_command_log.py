@@ -54,17 +54,21 @@ def test_the_frames_are_those_of_the_recording(flown, name):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        (b"", "begins at 0 ns and the simulation is at"),
-        (b"{", "line 1: is not JSON"),
+        (b"", "line 2: begins at 0 ns and the simulation is at"),
+        (b"{", "line 2: is not JSON"),
         (b'{"time_ns": 0, "dt": 1}', "unknown key 'dt'"),
         (b'{"time_ns": 0, "dt_ns": 0}', "greater than or equal to 1"),
-        (b'{"time_ns": 5}', "line 1: begins at 5 ns"),
+        (b'{"time_ns": 5}', "line 2: begins at 5 ns"),
+        (b'{"time_ns": 0, "dt_ns": 5000000000}', "line 2: dt_s: .*two flashes"),
+        (b'{"time_ns": 0, "command": {"inputs": {"nobody": [1.0]}}}', "line 2: .*'nobody'"),
     ],
 )
 def test_what_is_no_log_of_this_flight_is_refused_in_a_line(flown, scenario, tmp_path, line, said):
     log = tmp_path / "b.commands.jsonl"
-    log.write_bytes(line or flown.with_name("a.commands.jsonl").read_bytes())
-    simulation = rl.Simulation(scenario, threads=1)
+    whole = flown.with_name("a.commands.jsonl").read_bytes()
+    log.write_bytes(whole.partition(b"\n")[0] + b"\n" + line + b"\n" if line else whole)
+    with rl.open(flown) as recording:
+        simulation = rl.Simulation(rl.Scenario.loads(recording.source.scenario), threads=1)
     if not line:
         simulation.step(dt_s=0.01)
     with pytest.raises(rl.RecordingError, match=said) as caught:
@@ -72,3 +76,35 @@ def test_what_is_no_log_of_this_flight_is_refused_in_a_line(flown, scenario, tmp
     assert "\n" not in str(caught.value)
     with pytest.raises(rl.RecordingError, match="cannot be read"):
         list(itertools.islice(rl.loop.repeat_flight(simulation, tmp_path / "none.jsonl"), 1))
+
+
+def test_a_killed_server_leaves_both_files_with_one_ending_and_its_last_line_may_be_half(scenario, tmp_path):
+    recorder = rl.loop.FlightRecorder(tmp_path / "a.h5")
+    session = rl.loop.Session(rl.Simulation(scenario, threads=1), recorder=recorder)
+    for _ in range(3):
+        ask(session, request="step", command={"pan_rad": 0.1})
+    (frames,), (log,) = (list(tmp_path.glob(f"a.{kind}.tmp-*")) for kind in ("h5", "commands.jsonl"))
+    assert frames.name.rpartition("-")[2] == log.name.rpartition("-")[2]
+    log.write_bytes(log.read_bytes()[:-5])
+    assert [frame.index for frame in rl.loop.repeat_flight(rl.Simulation(scenario, threads=1), log)] == [0, 1]
+    recorder.complete()
+
+
+@pytest.mark.parametrize(
+    ("first", "said"),
+    [
+        (b"", "line 1: is not JSON"),
+        (b'{"time_ns": 0}', "line 1: unknown key 'time_ns'"),
+        (b'{"digest": "0", "seed": 3}', "line 1: is of another scenario"),
+    ],
+)
+def test_a_log_begins_with_what_is_flown(flown, scenario, tmp_path, first, said):
+    log = tmp_path / "b.commands.jsonl"
+    log.write_bytes(first + b"\n" if first else b"")
+    with pytest.raises(rl.RecordingError, match=said):
+        list(rl.loop.repeat_flight(rl.Simulation(scenario, threads=1), log))
+    with rl.open(flown) as recording:
+        simulation = rl.Simulation(rl.Scenario.loads(recording.source.scenario), threads=1)
+    simulation.reset(99)
+    with pytest.raises(rl.RecordingError, match="the seed is 3 and that of the simulation 99"):
+        list(rl.loop.repeat_flight(simulation, flown.with_name("a.commands.jsonl")))
