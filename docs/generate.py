@@ -175,7 +175,7 @@ def _key_tables(found: dict[type[part.Part], Section]) -> str:
             (
                 f"`{name}`",
                 _type(name, field, cls, found),
-                _default(name, field, section),
+                _default(name, field, section, "preset" in cls.model_fields),
                 field.description or "",
             )
             for name, field in sorted(cls.model_fields.items(), key=lambda item: item[0] != "type")
@@ -223,7 +223,8 @@ def _said(annotation: Any, metadata: list[Any]) -> str:
     words = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "text"}
     if annotation is datetime.datetime:
         return "date and time with offset"
-    if any(getattr(item, "pattern", None) for item in metadata):
+    patterns = [item.pattern for item in metadata if getattr(item, "pattern", None)]
+    if get_args(part.Name)[-1].metadata[-1].pattern in patterns:
         return "name: a letter, then letters, digits, `_` or `-`"
     limits = [_limit(item) for item in metadata]
     return " ".join([words[annotation], " and ".join(filter(None, limits))]).strip()
@@ -233,12 +234,16 @@ def _said_tuple(args: tuple[Any, ...], metadata: list[Any]) -> str:
     if any(item in get_args(part.Quaternion) for item in metadata):
         return "unit quaternion x, y, z, w"
     if args[-1] is Ellipsis:
-        return f"list of {_said(args[0], [])}"
+        return f"list of {_plural(_said(args[0], []))}"
     inner = _said(args[0], [])
     nonzero = ", not all zero" if any(item in get_args(part.Direction) for item in metadata) else ""
     if get_origin(args[0]) is tuple:
         return f"{len(args)} lists of {inner}"
-    return f"{len(args)} {inner}s{nonzero}"
+    return f"{len(args)} {_plural(inner)}{nonzero}"
+
+
+def _plural(said: str) -> str:
+    return re.sub(r"^(whole number|number|text|name)\b", r"\1s", said)
 
 
 def _limit(item: Any) -> str:
@@ -249,7 +254,9 @@ def _limit(item: Any) -> str:
     return ""
 
 
-def _default(name: str, field: Any, section: Section) -> str:
+def _default(name: str, field: Any, section: Section, has_preset: bool) -> str:
+    if field.is_required() and has_preset and name not in ("type", "name"):
+        return "**required**, unless `preset` has it"
     if field.is_required() or (name == "type" and section.chosen):
         return "**required**"
     default = field.get_default(call_default_factory=True)
