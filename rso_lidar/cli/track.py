@@ -41,7 +41,7 @@ def track(
     shape: Annotated[
         bool, typer.Option("--shape/--no-shape", help="Whether the filters allow for the shape of the model.")
     ] = True,
-    icp: Annotated[bool, typer.Option("--icp/--no-icp", help="Whether ICP runs, some 50 ms a frame.")] = True,
+    icp: Annotated[bool, typer.Option("--icp/--no-icp", help="Whether ICP runs, 0.2 to 2 s a frame.")] = True,
     overwrite: Overwrite = False,
 ) -> None:
     """Track the target of a recording and compare with the truth. Trackers: centroid, Kalman filters and ICP."""
