@@ -24,8 +24,13 @@ def bench(text, tmp_path):
     return path
 
 
-# A shell starts what it runs in the background with SIGINT ignored, and these tests may be run so.
-LISTENING = "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); os.execvp(sys.argv[1], sys.argv[1:])"
+# A shell starts what it runs in the background with SIGINT ignored, nohup with SIGHUP, and these tests may be run so.
+LISTENING = """
+import os, signal, sys
+for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+    signal.signal(number, signal.SIG_DFL)
+os.execvp(sys.argv[1], sys.argv[1:])
+"""
 
 
 def started(bench, *options, command=(SCRIPT,), last=signal.SIGHUP, **environment):
