@@ -16,7 +16,7 @@ from rso_lidar.picture.plots.tracking import NAMES
 from rso_lidar.picture.style.output import RESULT_SUFFIXES
 from rso_lidar.study.track_quality.evaluation import AXES, Tracking, tracking
 from rso_lidar.track import nis_bounds
-from rso_lidar.track.follow import FEWEST_POINTS
+from rso_lidar.track.pose.follow import FEWEST_POINTS
 
 
 def track(

@@ -3,15 +3,15 @@
 from rso_lidar.public_names import limit_dir
 from rso_lidar.track.centroid import Fix, locate_centroid
 from rso_lidar.track.controller import Controller
-from rso_lidar.track.follow import PoseFollower
-from rso_lidar.track.icp import Alignment, align
 from rso_lidar.track.kalman import Track, filter_positions, nis_bounds
-from rso_lidar.track.navigation_estimate import NavigationEstimate, NavigationUpdate
-from rso_lidar.track.navigation_filter import NavigationFilter
-from rso_lidar.track.navigator import Navigator
+from rso_lidar.track.navigation.navigation_estimate import NavigationEstimate, NavigationUpdate
+from rso_lidar.track.navigation.navigation_filter import NavigationFilter
+from rso_lidar.track.navigation.navigator import Navigator
 from rso_lidar.track.pointing import Pointing
-from rso_lidar.track.pose_search import acquire
-from rso_lidar.track.sampled_mesh import MeshHinge, SampledMesh, measure_visible_centroid, sample_mesh
+from rso_lidar.track.pose.follow import PoseFollower
+from rso_lidar.track.pose.icp import Alignment, align
+from rso_lidar.track.pose.pose_search import acquire
+from rso_lidar.track.pose.sampled_mesh import MeshHinge, SampledMesh, measure_visible_centroid, sample_mesh
 
 __all__ = [
     "Alignment",

@@ -11,7 +11,7 @@ import rso_lidar as rl
 from rso_lidar import track
 from rso_lidar.cli.track import describe_consistency, summarise
 from rso_lidar.study.track_quality.evaluation import AXES, Tracking
-from rso_lidar.track import follow
+from rso_lidar.track.pose import follow
 
 DEG = rl.units.DEG
 

@@ -45,7 +45,7 @@ SPANNING = {
     "test_learning_examples.py",
     "test_names.py",
     "test_seams.py",
-    "track/test_hinges.py",
+    "track/pose/test_hinges.py",
 }
 
 

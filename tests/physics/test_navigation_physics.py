@@ -12,7 +12,7 @@ from rso_lidar import motion, sensors, track
 from rso_lidar.motion.aim import lidar_from_ptu
 from rso_lidar.pose import matrix_from_vector
 from rso_lidar.records import BodyState
-from rso_lidar.track.two_orbits import predict_orbits
+from rso_lidar.track.navigation.two_orbits import predict_orbits
 from tests.sensors.motion_for_tests import make_motion
 
 RUNS, END_S, GRID_S = 50, 20.0, 0.5

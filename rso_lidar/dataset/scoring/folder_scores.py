@@ -17,7 +17,7 @@ from rso_lidar.dataset.scoring.pose_errors import ModelSurface
 from rso_lidar.dataset.scoring.prediction_table import Predictions, check_predictions, load_predictions, match_frames
 from rso_lidar.dataset.scoring.scorecard import CONFIDENCE, REPLICATES, Benchmark, Scorecard, score_run
 from rso_lidar.errors import DatasetError, RsoLidarError, warn
-from rso_lidar.track.sampled_mesh import sample_mesh
+from rso_lidar.track.pose.sampled_mesh import sample_mesh
 
 _LEAST_HASH = 8  # letters of a dataset's hash that identify it
 

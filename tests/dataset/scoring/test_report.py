@@ -10,7 +10,7 @@ from rso_lidar.dataset.scoring.comparison import compare
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface
 from rso_lidar.dataset.scoring.report import check_output, format_comparison, format_table, save_report
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.track.sampled_mesh import sample_mesh
+from rso_lidar.track.pose.sampled_mesh import sample_mesh
 from tests.dataset.scoring.frames import make_card, make_truth
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.pose import pose
-from rso_lidar.track.sampled_mesh import SampledMesh
+from rso_lidar.track.pose.sampled_mesh import SampledMesh
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation

@@ -8,10 +8,10 @@ from scipy.stats import chi2
 import rso_lidar as rl
 from rso_lidar.pose import pose
 from rso_lidar.track import MeshHinge, PoseFollower, SampledMesh, acquire, align, sample_mesh
-from rso_lidar.track.follow import _Hypothesis
-from rso_lidar.track.hinge_filter import HingeFilter
-from rso_lidar.track.icp import UNKNOWN_ANGLE_RAD, find_outline, misfit_m
-from rso_lidar.track.pose_search import LIKELIER, keep_sides, search_hinges
+from rso_lidar.track.pose.follow import _Hypothesis
+from rso_lidar.track.pose.hinge_filter import HingeFilter
+from rso_lidar.track.pose.icp import UNKNOWN_ANGLE_RAD, find_outline, misfit_m
+from rso_lidar.track.pose.pose_search import LIKELIER, keep_sides, search_hinges
 
 DEG = rl.units.DEG
 TRUE = pose(np.array([1.0, -2.0, 60.0]), Rotation.from_euler("ZYX", [40, -30, 20], degrees=True))

@@ -8,7 +8,7 @@ import pytest
 from rso_lidar import units
 from rso_lidar.orbit import J2, State
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.track.two_orbits import accelerate, find_gradient, predict_orbits
+from rso_lidar.track.navigation.two_orbits import accelerate, find_gradient, predict_orbits
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 POSITION, VELOCITY = np.array([5e6, -3e6, 4e6]), np.array([4.1e3, 6.1e3, -0.5e3])

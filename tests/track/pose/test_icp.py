@@ -7,12 +7,12 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar.pose import pose
 from rso_lidar.track import PoseFollower, SampledMesh, acquire, align, measure_visible_centroid, sample_mesh
-from rso_lidar.track.follow import _Hypothesis
-from rso_lidar.track.hinge_filter import HingeFilter
-from rso_lidar.track.icp import find_outline, misfit_m
-from rso_lidar.track.pose_search import LIKELIER, search_turns
+from rso_lidar.track.pose.follow import _Hypothesis
+from rso_lidar.track.pose.hinge_filter import HingeFilter
+from rso_lidar.track.pose.icp import find_outline, misfit_m
+from rso_lidar.track.pose.pose_search import LIKELIER, search_turns
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 DEG = rl.units.DEG
 TRUE = pose(np.array([1.0, -2.0, 300.0]), Rotation.from_euler("ZYX", [40, -70, 20], degrees=True))
 

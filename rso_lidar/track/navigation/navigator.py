@@ -20,9 +20,9 @@ from rso_lidar.records import (
     StarTrackerSamples,
 )
 from rso_lidar.track.centroid import Fix
-from rso_lidar.track.navigation_estimate import NavigationEstimate, NavigationUpdate
-from rso_lidar.track.navigation_filter import NavigationFilter
-from rso_lidar.track.two_orbits import predict_orbits
+from rso_lidar.track.navigation.navigation_estimate import NavigationEstimate, NavigationUpdate
+from rso_lidar.track.navigation.navigation_filter import NavigationFilter
+from rso_lidar.track.navigation.two_orbits import predict_orbits
 
 if TYPE_CHECKING:
     from rso_lidar.sensors import Gnss, Gyro, RelativeGnss, StarTracker

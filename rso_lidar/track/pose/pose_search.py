@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.pose import pose
-from rso_lidar.track.icp import Alignment, HalfField, align, find_outline, make_rotation, misfit_m
-from rso_lidar.track.sampled_mesh import SampledMesh, spread_rotations
+from rso_lidar.track.pose.icp import Alignment, HalfField, align, find_outline, make_rotation, misfit_m
+from rso_lidar.track.pose.sampled_mesh import SampledMesh, spread_rotations
 
 # "Assumed": no record says how the value was chosen. docs/tracking.md has the errors at half and double of some.
 _COARSE_POINTS, _COARSE_STEPS = 150, 12  # for each of the starts without a guess; assumed

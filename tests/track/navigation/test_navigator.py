@@ -10,7 +10,7 @@ import rso_lidar as rl
 from rso_lidar import sensors, track
 from rso_lidar.errors import ScenarioError
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "tumbling_inspection.toml"
+EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "tumbling_inspection.toml"
 PARTS = {
     "gyro": sensors.Gyro(name="gyro", preset="stim300_gyro", rate_hz=10.0, scale_factor_ppm=0.0, misalignment_mrad=0.0),
     "star_tracker": sensors.StarTracker(

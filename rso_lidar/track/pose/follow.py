@@ -9,9 +9,9 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.pose import pose
-from rso_lidar.track.hinge_filter import HingeFilter
-from rso_lidar.track.icp import Alignment, HalfField, align, find_outline
-from rso_lidar.track.pose_search import (
+from rso_lidar.track.pose.hinge_filter import HingeFilter
+from rso_lidar.track.pose.icp import Alignment, HalfField, align, find_outline
+from rso_lidar.track.pose.pose_search import (
     LIKELIER,
     acquire,
     align_again,
@@ -20,7 +20,7 @@ from rso_lidar.track.pose_search import (
     search_hinges,
     search_turns,
 )
-from rso_lidar.track.sampled_mesh import SampledMesh
+from rso_lidar.track.pose.sampled_mesh import SampledMesh
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.track.icp import UNKNOWN_ANGLE_RAD
+from rso_lidar.track.pose.icp import UNKNOWN_ANGLE_RAD
 
 # An array that follows the Sun turns once in an orbit: in the 90 minutes of a low one, by 0.067 deg/s.
 _RATE_RAD_S = 2.0 * np.pi / 5400.0

@@ -14,9 +14,9 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.pose import matrix_from_vector, skew
-from rso_lidar.track.navigation_estimate import NavigationEstimate, NavigationUpdate
-from rso_lidar.track.sensor_processes import SensorProcesses
-from rso_lidar.track.two_orbits import STATES, predict_orbits
+from rso_lidar.track.navigation.navigation_estimate import NavigationEstimate, NavigationUpdate
+from rso_lidar.track.navigation.sensor_processes import SensorProcesses
+from rso_lidar.track.navigation.two_orbits import STATES, predict_orbits
 
 if TYPE_CHECKING:
     from rso_lidar.sensors import Gnss, Gyro, RelativeGnss, StarTracker

@@ -1,0 +1,1 @@
+"""Relative navigation: a Kalman filter that combines the lidar with gyros, star trackers and GNSS."""
