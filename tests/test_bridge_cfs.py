@@ -14,6 +14,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.loop.service.linked_simulation import LinkedSimulation
 from tests.loop.service.serving import serving
+from tests.settings_for_tests import limit_pixels
 
 spacepackets = pytest.importorskip("spacepackets.ccsds.spacepacket", reason="spacepackets is not installed")
 pytest.importorskip("zmq", reason="pyzmq is not installed: the extra 'loop'")
@@ -22,10 +23,7 @@ EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 FOLDER = EXAMPLES / "bridges" / "cfs"
 SMALL = (
     "time.duration_s=3",
-    "lidar.receiver.n_rows=32",
-    "lidar.receiver.n_cols=32",
-    "lidar.receiver.rays_per_pixel=1",
-    "lidar.receiver.min_rays_per_target=0",
+    *limit_pixels(32, 1),
 )
 READING, POINTS, SAMPLE, HOUSEKEEPING, COMMAND = 0x1A0, 0x1A1, 0x1A2, 0x1A3, 0x1A8
 NOOP, RESET, STEP, UNTIL, POINT, INPUTS, MODE, SHUT_DOWN = range(8)
@@ -280,7 +278,7 @@ def test_a_repeated_step_does_not_step_twice(example, scenario):
 
 
 def test_thrust_reaches_the_body_and_mode_1_flies_by_itself(example):
-    settings = (*SMALL, "lidar.receiver.n_rows=8", "lidar.receiver.n_cols=8")
+    settings = (*SMALL, *limit_pixels(8, 1))
     scenario = rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=settings)
     inputs = b"follower".ljust(24, b"\0") + bytes([3]) + bytes(7) + struct.pack(">3d", 0.02, 0.0, 0.0)
     session = rl.loop.Session(rl.Simulation(scenario, threads=1), serves_truth=True)

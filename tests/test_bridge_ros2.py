@@ -16,6 +16,7 @@ import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.export.formats.mcap import RosStream
 from rso_lidar.export.formats.trajectory import to_stamp_ns
+from tests.settings_for_tests import limit_pixels
 
 pytest.importorskip("rosbags.typesys", reason="needs rosbags: pip install rosbags")
 mcap = pytest.importorskip("mcap_ros2.decoder", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
@@ -24,10 +25,7 @@ EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 FOLDER = EXAMPLES / "bridges" / "ros2"
 SMALL = (
     "time.duration_s=2",
-    "lidar.receiver.n_rows=16",
-    "lidar.receiver.n_cols=16",
-    "lidar.receiver.rays_per_pixel=1",
-    "lidar.receiver.min_rays_per_target=0",
+    *limit_pixels(16, 1),
 )
 CLOCK = "builtin_interfaces/Time clock\n" + "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
 

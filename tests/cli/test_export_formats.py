@@ -11,6 +11,7 @@ import rso_lidar as rl
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.registry import FORMATS, SUFFIXES
 from rso_lidar.shipped import shipped
+from tests.settings_for_tests import limit_pixels
 
 SMALL = ("lidar.detector.type=empirical", "lidar.receiver.n_rows=16", "lidar.receiver.n_cols=16")
 
@@ -166,9 +167,7 @@ def test_samples_of_sensors_are_recorded_listed_and_exported(rso_lidar, tmp_path
     """The command records them, resumes nothing, and its file has what a run in memory has."""
     small = (
         "time.duration_s=3",
-        "lidar.receiver.n_rows=8",
-        "lidar.receiver.n_cols=8",
-        "lidar.receiver.min_rays_per_target=0",
+        *limit_pixels(8),
     )
     scenario = shipped("examples/onboard_sensors.toml")
     output, table = tmp_path / "run.h5", tmp_path / "gyro.csv"

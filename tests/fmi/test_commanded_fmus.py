@@ -12,16 +12,15 @@ import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import FmuAttitude, FmuMotion
 from rso_lidar.motion.dynamics import row_history
+from tests.settings_for_tests import limit_pixels
 
 pytest.importorskip("fmpy", reason="the extra `fmi` is not installed")
-pythonfmu = pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
+pythonfmu = pytest.importorskip("pythonfmu", reason="the extra `fmi` is not installed")
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "thrusters.toml"
 SMALL = (
     "time.duration_s=6",
-    "lidar.receiver.n_rows=8",
-    "lidar.receiver.n_cols=8",
-    "lidar.receiver.min_rays_per_target=0",
+    *limit_pixels(8),
     'sensor=[{name="imu", type="accelerometer", rate_hz=20.0}, {name="gyro", type="gyro", rate_hz=20.0}]',
 )
 MASS_KG, INERTIA_KG_M2 = 250.0, 80.0

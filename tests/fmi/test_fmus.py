@@ -20,16 +20,15 @@ from rso_lidar.motion.dynamics.fmu_history import FmuHistory
 from rso_lidar.study.time_history.open_loop import fly_open_loop
 from rso_lidar.study.time_history.timeline import timeline
 from tests.fmi.fmus_for_tests import build_drive, compile_reference, write_fmu
+from tests.settings_for_tests import limit_pixels
 
 pytest.importorskip("fmpy", reason="the extra `fmi` is not installed")
-pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
+pytest.importorskip("pythonfmu", reason="the extra `fmi` is not installed")
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "closed_loop.toml"
 SMALL = (
     "time.duration_s=3",
-    "lidar.receiver.n_rows=8",
-    "lidar.receiver.n_cols=8",
-    "lidar.receiver.min_rays_per_target=0",
+    *limit_pixels(8),
     "ptu.errors={command_latency_s=0.05}",
 )
 BUILT_IN = 'ptu.response={type="second_order", natural_hz=3.0, damping=0.7}'

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.sensors import suite
+from tests.settings_for_tests import limit_pixels
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PERFECT = (
@@ -20,10 +21,7 @@ PERFECT = (
     '{type="thrusters", name="valves", rate_hz=10, dynamics="motion", force_entries=[0, 1, 2], newtons_per_input=100}',
 )
 SMALL = (
-    "lidar.receiver.n_rows=8",
-    "lidar.receiver.n_cols=8",
-    "lidar.receiver.rays_per_pixel=1",
-    "lidar.receiver.min_rays_per_target=0",
+    *limit_pixels(8, 1),
     "time.duration_s=3",
 )
 

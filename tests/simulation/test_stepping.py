@@ -9,13 +9,11 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from tests.settings_for_tests import limit_pixels
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SMALL = (
-    "lidar.receiver.n_rows=16",
-    "lidar.receiver.n_cols=16",
-    "lidar.receiver.rays_per_pixel=1",
-    "lidar.receiver.min_rays_per_target=0",
+    *limit_pixels(16, 1),
     "time.duration_s=4",
 )
 ACCELERATION_M_S2 = 0.01

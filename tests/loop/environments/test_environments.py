@@ -10,6 +10,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from tests.settings_for_tests import limit_pixels
 
 gymnasium = pytest.importorskip("gymnasium", reason="the extra `gym` is not installed")
 
@@ -20,7 +21,7 @@ from rso_lidar.loop.environments import Approach, PointAndTrack, draw_approach, 
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 NAMES = ("rso_lidar/PointAndTrack-v0", "rso_lidar/Approach-v0")
-TINY = ("lidar.receiver.n_rows=16", "lidar.receiver.n_cols=16", "lidar.receiver.min_rays_per_target=0")
+TINY = limit_pixels(16)
 
 
 @pytest.fixture(scope="module")

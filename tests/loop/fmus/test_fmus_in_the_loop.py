@@ -14,13 +14,14 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.loop.fmus.fmu_controller import FmuController
 from rso_lidar.loop.fmus.fmu_export import write_fmu
 from rso_lidar.loop.fmus.instrument import MEASURED, Instrument, measure
+from tests.settings_for_tests import limit_pixels
 
 fmpy = pytest.importorskip("fmpy", reason="the extra `fmi` is not installed")
 pytest.importorskip("pythonfmu", reason="the extra `fmi` is not installed")
 pytest.importorskip("pythonfmu3", reason="the extra `fmi` is not installed")
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
-TINY = ("lidar.receiver.n_rows=16", "lidar.receiver.n_cols=16", "lidar.receiver.min_rays_per_target=0")
+TINY = limit_pixels(16)
 CONTROLLER = """
 import math
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real

@@ -5,13 +5,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import rso_lidar as rl
+from tests.settings_for_tests import limit_pixels
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 SMALL = (
-    "lidar.receiver.n_rows=16",
-    "lidar.receiver.n_cols=16",
-    "lidar.receiver.rays_per_pixel=1",
-    "lidar.receiver.min_rays_per_target=0",
+    *limit_pixels(16, 1),
     "time.duration_s=4",
 )
 

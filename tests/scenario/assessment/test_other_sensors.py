@@ -10,9 +10,10 @@ import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scenario.assessment.other_sensors import advise_on_sensors, describe_sensors
 from rso_lidar.scenario.preview.geometry import preview_mission
+from tests.settings_for_tests import limit_pixels
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
-SMALL = ("lidar.receiver.n_rows=8", "lidar.receiver.n_cols=8", "lidar.receiver.min_rays_per_target=0")
+SMALL = limit_pixels(8)
 
 
 def load(*sensors, settings=()):
