@@ -1,6 +1,6 @@
 """A Basilisk simulation whose spacecraft carries the flash lidar: reaction wheels point it by its own readings.
 
-Basilisk flies a tumbling rocket stage and a servicer 60 m behind it, and hands their states over at each flash. The reading
+Basilisk flies a tumbling rocket stage and a servicer 60 m behind it, and passes their states on at each flash. The reading
 goes back as an OpNavMsg, from which the guidance makes the errors that Basilisk's mrpFeedback drives to zero.
 
 pip install rso-lidar bsk
@@ -26,7 +26,7 @@ SERVICER_KG_M2 = np.diag([900.0, 800.0, 600.0])
 
 
 class HandedState:
-    """A motion and an attitude of rso_lidar: the latest state that Basilisk handed over, carried on at constant rates."""
+    """A motion and an attitude of rso_lidar: the latest state from Basilisk, extrapolated at constant rates."""
 
     def __init__(self):
         self.time_s, self.position_m, self.velocity_m_s = 0.0, np.array([7e6, 0.0, 0.0]), np.array([0.0, 7.5e3, 0.0])
@@ -50,7 +50,7 @@ class HandedState:
 
 
 class FlashLidar(sysModel.SysModel):
-    """A Basilisk module: one flash per call. Frame k depends on the states handed over, the seed and k only."""
+    """A Basilisk module: one flash per call. Frame k depends on Basilisk's states, the seed and k only."""
 
     def __init__(self, scenario):
         super().__init__()

@@ -53,7 +53,7 @@ class Bridge:
         return self.telemetry.pack_housekeeping(*state, self.time_ns)
 
     def carry_out(self, function, *values):
-        """Return the packets that a telecommand asks for."""
+        """Carry out a telecommand, and return the packets of its answer."""
         if function == sp.STEP:
             return self.step_to_flash(*values)
         if function == sp.STEP_UNTIL:
@@ -119,7 +119,7 @@ class Bridge:
             except (BlockingIOError, TimeoutError):
                 outgoing = self.step() if is_stepping else []
             except ConnectionRefusedError:
-                continue  # nobody listens at the peer yet: the system reports it with a later call
+                continue  # no socket is bound at the peer yet: the system reports this at a later call
             for packet in outgoing:
                 link.sendto(packet, peer)
 

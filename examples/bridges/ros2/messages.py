@@ -1,7 +1,7 @@
 """The part of the node without ROS: a simulation stepped under commands, and its messages in CDR bytes.
 
 Topics and messages are those of the MCAP files and rosbag2 folders of rso_lidar, made by the same code. `node.py` runs this
-file as a process, with the Python in which rso_lidar is installed, and talks to it through pipes.
+file as a process, with the Python in which rso_lidar is installed, and exchanges messages with it through pipes.
 """
 
 import argparse

@@ -40,18 +40,20 @@ class LidarNode(Node):
         self.create_subscription(JointState, "/ptu/command", self.take_angles, 10)
         for body in self.read_line()["inputs"]:
             topic = f"/inputs/{body.replace('.', '/')}"
-            self.create_subscription(Float64MultiArray, topic, lambda said, name=body: self.take_inputs(name, said), 10)
+            self.create_subscription(
+                Float64MultiArray, topic, lambda message, name=body: self.take_inputs(name, message), 10
+            )
         # A timer of the ROS clock would wait for the /clock that only this node publishes.
         self.timer = self.create_timer(step_s / factor, self.step, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def take_angles(self, said):
-        self.angles.update(zip(said.name, said.position))  # noqa: B905 (a message may be wrong; ROS has Python 3.10)
+    def take_angles(self, message):
+        self.angles.update(zip(message.name, message.position))  # noqa: B905 (a message may be wrong; ROS has Python 3.10)
 
-    def take_inputs(self, body, said):
-        self.inputs[body] = list(said.data)
+    def take_inputs(self, body, message):
+        self.inputs[body] = list(message.data)
 
     def read_line(self):
-        """Return the next line of the process; it ends the node when the process has ended, which says why."""
+        """Return the next line of the process; end the node if the process has ended, which has printed the reason."""
         line = self.process.stdout.readline()
         if not line:
             raise SystemExit(self.process.wait() or 1)
