@@ -94,7 +94,7 @@ def bridging(example, scenario):
 
 @pytest.fixture(scope="module")
 def flown(example, scenario):
-    """Packets of each flash: the bridge over UDP, told where to look after the second flash."""
+    """Packets of each flash: the bridge over UDP; the PTU is commanded after the second flash."""
     answers = []
     with serving(scenario) as server, rl.loop.Client(server.endpoint) as client, ExitStack() as sockets:
         ends = [sockets.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(2)]
@@ -247,7 +247,7 @@ def test_what_is_no_telecommand_is_counted_and_refused_in_one_line(example, scen
                 assert counters[1 + example.packets.REASONS.index(reason)] == number + 1, packet.hex()
                 assert len(lines) == before + 1 and "\n" not in lines[-1]
         assert counters == (0, 6, 3, 2, 7, 5, 0)
-        bridge.answer(telecommand(INPUTS, b"nobody".ljust(32, b"\0")))  # refused when it would act, and then forgotten
+        bridge.answer(telecommand(INPUTS, b"nobody".ljust(32, b"\0")))  # refused when it would act, and then discarded
         assert len(bridge.answer(good)) == 1 and "nobody" in lines[-1]
         assert len(bridge.answer(good)) > 2
         random = np.random.default_rng(1)
@@ -288,7 +288,7 @@ def test_thrust_reaches_the_body_and_mode_1_flies_by_itself(example):
         bridge.answer(telecommand(MODE, b"\x01"))
 
         class Link:
-            """A socket on which nothing comes but, at the end, the telecommand to end."""
+            """A socket that receives nothing until the run is over, and then the telecommand to end."""
 
             def settimeout(self, wait_s):
                 self.is_stepping = wait_s == 0.0
@@ -312,7 +312,7 @@ def test_thrust_reaches_the_body_and_mode_1_flies_by_itself(example):
     np.testing.assert_array_equal(ours, theirs)
 
 
-def test_a_lost_reading_is_told(example, scenario):
+def test_a_lost_reading_is_reported(example, scenario):
     lossy = scenario.replace(link=scenario.link.replace(drop_probability=1.0))
     with bridging(example, lossy) as (bridge, _):
         packets = read_all(bridge.answer(telecommand(STEP, struct.pack(">I", 0))))

@@ -45,7 +45,7 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def flown(example, scenario):
-    """The messages of each step of 0.1 s, told after the first flash where to look."""
+    """The messages of each step of 0.1 s; the PTU is commanded after the first flash."""
     lidar = example.SteppedLidar(scenario, 0.1)
     steps = [lidar.step()]
     lidar.point({"tilt": 0.01})
@@ -82,8 +82,8 @@ def stamp_ns(time):
 def test_frames_are_those_of_the_simulation(scenario, flown, decode):
     simulation = rl.Simulation(scenario)
     frames = [simulation.step(rl.Command(), dt_s=0.1)]
-    told = rl.Command(pan_rad=0.775, tilt_rad=0.01)
-    frames += [frame for _ in flown[1:] if (frame := simulation.step(told, dt_s=0.1)) is not None]
+    pointed = rl.Command(pan_rad=0.775, tilt_rad=0.01)
+    frames += [frame for _ in flown[1:] if (frame := simulation.step(pointed, dt_s=0.1)) is not None]
     with_frame = [{topic: decode(kind, data) for topic, kind, data in step} for step in flown if len(step) > 8]
     assert len(with_frame) == len(frames) == 4
     for frame, ours in zip(frames, with_frame, strict=True):
@@ -130,15 +130,15 @@ def test_the_clock_and_the_samples_come_with_every_step(scenario, flown, decode)
     assert len(places) == 2
 
 
-def test_truth_stays_at_home_where_it_is_not_wanted(example, scenario, flown):
+def test_truth_is_not_published_where_it_is_switched_off(example, scenario, flown):
     lidar = example.SteppedLidar(scenario, 0.1, publishes_truth=False)
     topics = {topic for topic, *_ in lidar.step()}
-    told = {topic for topic, *_ in flown[0]}
-    assert told - topics == {"/tf", "/labels/target", "/labels/part"}
+    with_truth = {topic for topic, *_ in flown[0]}
+    assert with_truth - topics == {"/tf", "/labels/target", "/labels/part"}
     assert "/lidar/points" in topics
 
 
-def test_thrust_reaches_the_body_and_an_impossible_command_is_forgotten(example):
+def test_thrust_reaches_the_body_and_an_impossible_command_is_discarded(example):
     scenario = rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=SMALL)
     lidar, simulation = example.SteppedLidar(scenario, 0.5), rl.Simulation(scenario)
     lidar.push("follower", [0.02, 0.0, -0.01])
@@ -201,8 +201,8 @@ def test_a_scenario_that_is_not_there_is_one_line(example, monkeypatch, tmp_path
         example.main()
 
 
-def test_the_node_compiles_and_names_what_it_needs():
-    """Without ROS this is all that can be said of it."""
+def test_the_node_compiles_and_its_error_names_rclpy():
+    """Without ROS nothing else of it can be tested."""
     code = compile((FOLDER / "node.py").read_text(encoding="utf-8"), "node.py", "exec")
     if importlib.util.find_spec("rclpy") is None:
         with pytest.raises(ModuleNotFoundError, match="rclpy"):

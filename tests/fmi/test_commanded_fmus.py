@@ -157,20 +157,20 @@ def fly(simulation, names=("follower",), step_s=None, last=6):
 
 def test_a_commanded_fmu_equals_equations_of_motion(by_equations, by_fmu):
     """Clohessy and Wiltshire's equations, once integrated by DOP853 and once solved exactly in an FMU that counts in mN."""
-    theirs, felt = fly(rl.Simulation(by_fmu, threads=1))
+    theirs, specific_force = fly(rl.Simulation(by_fmu, threads=1))
     ours, known = fly(rl.Simulation(by_equations, threads=1))
     free, _ = fly(rl.Simulation(by_fmu, threads=1), names=("follower",), last=1)
     assert np.abs(theirs - ours).max() < 1e-6 and np.abs(theirs[:, :3] - free[0, :3]).max() > 0.1
-    assert np.abs(felt - known).max() < 1e-9 and np.abs(known).max() > 0.01
+    assert np.abs(specific_force - known).max() < 1e-9 and np.abs(known).max() > 0.01
 
 
 def test_steps_between_flashes_change_no_bit(by_fmu, craft):
     both = by_fmu.follower.replace(attitude=describe_attitude(craft))
     scenario = by_fmu.replace(follower=both)
     names = ("follower", "follower.attitude")
-    at_once, felt = fly(rl.Simulation(scenario, threads=1), names)
+    at_once, specific_force = fly(rl.Simulation(scenario, threads=1), names)
     stepped, fine = fly(rl.Simulation(scenario, threads=1), names, step_s=0.01)
-    assert np.array_equal(at_once, stepped) and np.array_equal(felt, fine)
+    assert np.array_equal(at_once, stepped) and np.array_equal(specific_force, fine)
     assert np.ptp(at_once[:, 5]) > 1e-3  # it turns
 
 
@@ -247,7 +247,7 @@ def test_rows_keep_every_earlier_state(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "error"),
     [
         ({"inputs": {"force": "fx"}}, "no quantity 'force'; did you mean 'force_n'"),
         ({"inputs": {"force_n": "vx"}}, "is of causality output, not input"),
@@ -266,8 +266,8 @@ def test_rows_keep_every_earlier_state(monkeypatch):
         ),
     ],
 )
-def test_wrong_mappings_of_commands(craft, changes, told):
-    with pytest.raises((ScenarioError, ValueError), match=told):
+def test_wrong_mappings_of_commands(craft, changes, error):
+    with pytest.raises((ScenarioError, ValueError), match=error):
         describe_motion(craft, **changes).begin_flight() if "inputs" not in changes else FmuMotion(
             file=craft, step_s=0.01, units=UNITS, **({"axes": "local", "outputs": OUTPUTS} | changes)
         ).begin_flight()
@@ -299,12 +299,12 @@ def test_a_command_beyond_the_numbers_of_the_fmu_is_refused(craft):
 
 def test_wrong_commands(by_fmu, craft):
     simulation = rl.Simulation(by_fmu, threads=1)
-    for inputs, told in (
+    for inputs, error in (
         ({"follower": [1.0]}, r"craft\.fmu are \[1\.0\]: give 3 finite numbers"),
         ({"follower": [1.0, math.nan, 0.0]}, "give 3 finite numbers"),
         ({"stage": [1.0]}, "'stage', which has no state-space model or FMU with inputs"),
     ):
-        with pytest.raises(ScenarioError, match=told) as caught:
+        with pytest.raises(ScenarioError, match=error) as caught:
             simulation.step(rl.Command(inputs=inputs))
         assert "\n" not in str(caught.value)
     stated = {name: OUTPUTS[name] for name in OUTPUTS if name != "specific_force_m_s2"}

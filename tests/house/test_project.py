@@ -25,7 +25,7 @@ def test_citation_names_this_version():
     assert said == {"version": project["version"], "license": project["license"], "abstract": project["description"]}
 
 
-def test_address_of_the_repository_is_said_alike():
+def test_address_of_the_repository_is_the_same_everywhere():
     urls = PROJECT["project"]["urls"]
     assert all(url.startswith(urls["Source"]) for url in urls.values())
     text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
@@ -43,7 +43,7 @@ def test_recipe_needs_what_the_package_needs():
     assert wanted == set(PROJECT["project"]["dependencies"])
 
 
-def test_archive_and_citation_say_the_same():
+def test_archive_and_citation_agree_with_the_project():
     archive = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
     project = PROJECT["project"]
     assert archive["title"].startswith(f"rso_lidar: {project['description'][:20]}")

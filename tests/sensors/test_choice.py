@@ -94,11 +94,11 @@ def answer(change):
         (lambda samples, state: None, r"returned None; return \(SensorSamples, SensorState\)"),
     ],
 )
-def test_a_wrong_answer_is_told(change, words):
+def test_a_wrong_answer_is_an_error(change, words):
     motion = make_motion(5.0 + np.arange(4) / 2.0, sun_direction=np.tile([1.0, 0.0, 0.0], (4, 1)))
-    with pytest.raises(ScenarioError, match=words) as told:
+    with pytest.raises(ScenarioError, match=words) as caught:
         sensors.measure_samples(answer(change), motion, KEY, 10, None)
-    assert "sun_sensor" in str(told.value) and "\n" not in str(told.value)
+    assert "sun_sensor" in str(caught.value) and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("number", [np.int64, np.int32, np.float32, np.float64, int])
@@ -120,7 +120,7 @@ def test_numbers_of_numpy_are_numbers(number):
         ("phase_s", -1.0),
     ],
 )
-def test_a_schedule_that_is_none_is_told(member, value):
+def test_a_wrong_schedule_is_an_error(member, value):
     sensor = EXAMPLE["SunSensor"]()
     object.__setattr__(sensor, member, value)
     with pytest.raises(ScenarioError, match=member):

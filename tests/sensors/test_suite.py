@@ -93,7 +93,7 @@ def test_frames_alone_have_the_samples_of_a_run(scenario):
                 np.testing.assert_array_equal(getattr(samples, field), getattr(frame.observation.sensors[name], field))
 
 
-def test_frames_alone_know_of_the_blinding_before_them():
+def test_single_frames_include_the_blinding_before_them():
     """The tracker is in an outage from 0.6 to 0.9 s, and searches for 1 s: the samples of the frame at 2 s begin with it."""
     scenario = load(
         '{type="star_tracker", name="tracker", rate_hz=10, boresight_arcsec=10, acquisition_s=1, '
@@ -136,29 +136,29 @@ def drag(_t, x, u):
     return np.concatenate([x[3:], u + np.array([1e-3, -2e-4, 0.0])])
 
 
-def felt(_t, _x, u):
+def state_specific_force(_t, _x, u):
     return np.array([0.0, -2e-4, 0.0]) + u
 
 
-def test_dynamics_may_state_what_is_felt(monkeypatch):
-    """The body's x axis is along the track: y in rtn axes. Without a statement only the push by the inputs is felt."""
-    scenario = load('{type="accelerometer", name="felt", rate_hz=10}')
+def test_dynamics_may_state_their_specific_force(monkeypatch):
+    """The body's x axis is along the track: y in rtn axes. Without a statement only the push by the inputs is measured."""
+    scenario = load('{type="accelerometer", name="accelerometer", rate_hz=10}')
     motion = scenario.follower.motion.replace(dynamics=drag)
     scenario = scenario.replace(follower=scenario.follower.replace(motion=motion))
 
     def measure(specific_force):
         monkeypatch.setattr(drag, "specific_force", specific_force, raising=False)
-        return fly(scenario)[-1].observation.sensors["felt"].specific_force_m_s2[-5]
+        return fly(scenario)[-1].observation.sensors["accelerometer"].specific_force_m_s2[-5]
 
     np.testing.assert_allclose(measure(None), [0.01, 0.0, 0.0], atol=2e-7)
-    np.testing.assert_allclose(measure(felt), [0.0098, 0.0, 0.0], atol=2e-7)
-    for wrong, told in (
+    np.testing.assert_allclose(measure(state_specific_force), [0.0098, 0.0, 0.0], atol=2e-7)
+    for wrong, error in (
         (lambda t, x, u: u[:2], r"specific_force: returned the shape \(2,\).*; return three accelerations"),
         (lambda t, x, u: t / 0, r"specific_force: failed at t = .* with ZeroDivisionError"),
         (lambda t, x, u: u * np.nan, r"specific_force: returned \[nan"),
         (3.0, r"specific_force: failed at t = .* TypeError"),
     ):
-        with pytest.raises(ScenarioError, match=told):
+        with pytest.raises(ScenarioError, match=error):
             measure(wrong)
 
 

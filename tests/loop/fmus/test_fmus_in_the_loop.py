@@ -220,14 +220,14 @@ def test_an_fmu_as_controller_goes_back_with_the_simulation(passage, tmp_path, c
     simulation.restore(saved[0])
     other.restore(pickle.loads(pickle.dumps(saved[1])))
     assert fly(simulation, other, 4) == onward
-    for wrong, told in ((3, "is not a state"), (saved[1], "of another FMU or mapping")):
-        with pytest.raises(ScenarioError, match=told):
+    for wrong, error in ((3, "is not a state"), (saved[1], "of another FMU or mapping")):
+        with pytest.raises(ScenarioError, match=error):
             FmuController(str(path), step_s=0.25, trust_fmu=True, **given).restore(wrong)
 
 
 def test_what_cannot_be_written(passage, tmp_path, monkeypatch):
-    for path, version, told in (("x.zip", 2, "x.zip"), ("x.fmu", 4, "give 2 or 3")):
-        with pytest.raises(rl.errors.RsoLidarError, match=told):
+    for path, version, error in (("x.zip", 2, "x.zip"), ("x.fmu", 4, "give 2 or 3")):
+        with pytest.raises(rl.errors.RsoLidarError, match=error):
             write_fmu(passage, tmp_path / path, version=version)
     (tmp_path / "there.fmu").write_text("")
     with pytest.raises(rl.errors.RsoLidarError, match=r"there\.fmu"):

@@ -41,7 +41,7 @@ def without(header, name):
 
 
 @pytest.mark.parametrize(
-    ("header", "said"),
+    ("header", "error"),
     [
         (without(HELLO, "ok"), "the reply lacks 'ok'; use equal versions"),
         (without(HELLO, "describe"), "the reply lacks 'describe'"),
@@ -54,14 +54,14 @@ def without(header, name):
         (b"hello", "none of an rso-lidar server"),
     ],
 )
-def test_a_wrong_answer_to_the_first_request(header, said):
-    with answering(header) as endpoint, pytest.raises(rl.RunError, match=said) as caught:
+def test_a_wrong_answer_to_the_first_request(header, error):
+    with answering(header) as endpoint, pytest.raises(rl.RunError, match=error) as caught:
         rl.loop.Client(endpoint, timeout_s=20)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("kind", "header", "said"),
+    ("kind", "header", "error"),
     [
         ("step", STATE, "the reply lacks 'frame'"),
         ("step", STATE | {"frame": {"index": 0}}, "the reply lacks 'status'"),
@@ -71,8 +71,8 @@ def test_a_wrong_answer_to_the_first_request(header, said):
         ("truth", STATE | {"parents": {"inertial": None}}, "the reply lacks"),
     ],
 )
-def test_a_wrong_answer_later(kind, header, said):
+def test_a_wrong_answer_later(kind, header, error):
     with answering(HELLO, header) as endpoint, rl.loop.Client(endpoint, timeout_s=20) as client:
         assert client.description == HELLO["describe"] and client.next_flash_s == 0.0
-        with pytest.raises(rl.RunError, match=said):
+        with pytest.raises(rl.RunError, match=error):
             client.truth if kind == "truth" else getattr(client, kind)()

@@ -52,7 +52,7 @@ def test_the_frames_are_those_of_the_recording(flown, name):
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "error"),
     [
         (b"", "line 2: begins at 0 ns and the simulation is at"),
         (b"{", "line 2: is not JSON"),
@@ -63,7 +63,7 @@ def test_the_frames_are_those_of_the_recording(flown, name):
         (b'{"time_ns": 0, "command": {"inputs": {"nobody": [1.0]}}}', "line 2: .*'nobody'"),
     ],
 )
-def test_what_is_no_log_of_this_flight_is_refused_in_a_line(flown, scenario, tmp_path, line, said):
+def test_what_is_no_log_of_this_flight_is_refused_in_a_line(flown, scenario, tmp_path, line, error):
     log = tmp_path / "b.commands.jsonl"
     whole = flown.with_name("a.commands.jsonl").read_bytes()
     log.write_bytes(whole.partition(b"\n")[0] + b"\n" + line + b"\n" if line else whole)
@@ -71,7 +71,7 @@ def test_what_is_no_log_of_this_flight_is_refused_in_a_line(flown, scenario, tmp
         simulation = rl.Simulation(rl.Scenario.loads(recording.source.scenario), threads=1)
     if not line:
         simulation.step(dt_s=0.01)
-    with pytest.raises(rl.RecordingError, match=said) as caught:
+    with pytest.raises(rl.RecordingError, match=error) as caught:
         list(rl.loop.repeat_flight(simulation, log))
     assert "\n" not in str(caught.value)
     with pytest.raises(rl.RecordingError, match="cannot be read"):
@@ -91,17 +91,17 @@ def test_a_killed_server_leaves_both_files_with_one_ending_and_its_last_line_may
 
 
 @pytest.mark.parametrize(
-    ("first", "said"),
+    ("first", "error"),
     [
         (b"", "line 1: is not JSON"),
         (b'{"time_ns": 0}', "line 1: unknown key 'time_ns'"),
         (b'{"digest": "0", "seed": 3}', "line 1: is of another scenario"),
     ],
 )
-def test_a_log_begins_with_what_is_flown(flown, scenario, tmp_path, first, said):
+def test_a_log_begins_with_what_is_flown(flown, scenario, tmp_path, first, error):
     log = tmp_path / "b.commands.jsonl"
     log.write_bytes(first + b"\n" if first else b"")
-    with pytest.raises(rl.RecordingError, match=said):
+    with pytest.raises(rl.RecordingError, match=error):
         list(rl.loop.repeat_flight(rl.Simulation(scenario, threads=1), log))
     with rl.open(flown) as recording:
         simulation = rl.Simulation(rl.Scenario.loads(recording.source.scenario), threads=1)

@@ -1,4 +1,4 @@
-"""Messages: arrays of every order arrive as they were, and a message that lies about them is refused in one line."""
+"""Messages: arrays of every order arrive as they were, and a message that describes them wrongly is refused in one line."""
 
 import json
 
@@ -57,7 +57,7 @@ def test_numbers_that_are_not_finite_are_null():
         (7, b""),
     ],
 )
-def test_a_message_that_lies_about_an_array(listed, part):
+def test_a_message_with_a_false_description_of_an_array(listed, part):
     entry = {"name": "range_m"} | listed if isinstance(listed, dict) else listed
     text = json.dumps({"schema": SCHEMA, "arrays": [entry]}).encode()
     with pytest.raises(rl.RunError, match="does not fit its") as caught:

@@ -66,7 +66,7 @@ def test_a_sound_suite_has_no_warning():
     assert advise(rl.Scenario.load(EXAMPLES / "onboard_sensors.toml")) == []
 
 
-def test_blinding_is_foretold_as_a_run_has_it():
+def test_check_predicts_the_blinding_of_a_run():
     """A body that turns once in 600 s sweeps its tracker over the Earth and the Sun; the run has a sample for each frame."""
     tracker = (
         '{type="star_tracker", name="tracker", rate_hz=0.1, mount={euler_zyx_deg=[0, 90, 0]}, sun_exclusion_deg=40, '
@@ -98,10 +98,10 @@ def test_gnss_above_its_service_volume():
 
 
 def test_an_accelerometer_on_a_prescribed_path_measures_no_thrust():
-    accelerometer = '{type="accelerometer", name="felt", rate_hz=1}'
+    accelerometer = '{type="accelerometer", name="imu", rate_hz=1}'
     fixed = 'follower.motion={type="fixed", relative_to="stage", position_m=[0, -60, 4]}'
     (line,) = advise(load(accelerometer, settings=(fixed,)))
-    assert "'felt': measures no thrust" in line and "proximity operation" in line
+    assert "'imu': measures no thrust" in line and "proximity operation" in line
     assert advise(load(accelerometer)) == []  # in free fall zero is right
 
 
@@ -113,12 +113,12 @@ def test_a_sensor_without_a_sample_in_the_run():
 
 
 @pytest.mark.parametrize(
-    ("sensor", "told"),
+    ("sensor", "error"),
     [
         ('{type="wheels", name="a", rate_hz=1, dynamics="attitude", speed_entries=[0]}', "not of type state_space"),
         ('{type="thrusters", name="a", rate_hz=1, dynamics="motion", force_entries=[3]}', "has 3 entries.*but entry 3"),
     ],
 )
-def test_telemetry_without_its_actuators_does_not_load(sensor, told):
-    with pytest.raises(ScenarioError, match=told):
+def test_telemetry_without_its_actuators_does_not_load(sensor, error):
+    with pytest.raises(ScenarioError, match=error):
         rl.Scenario.load(EXAMPLES / "thrusters.toml", (f"sensor=[{sensor}]",))
