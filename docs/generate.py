@@ -27,6 +27,7 @@ from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.loop.service.requests import REQUESTS, CommandRequest
 from rso_lidar.records.part_classes import PART_CLASSES
+from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.shapes.materials import MATERIALS
 from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
@@ -171,11 +172,12 @@ def _key_tables(found: dict[type[part.Part], Section]) -> str:
         if section.places:
             lines += ["Stands at " + ", ".join(dict.fromkeys(f"`{place}`" for place in section.places)) + ".", ""]
         lines += [_prose(cls), ""]
+        preset_keys = _preset_keys(cls)
         rows = [
             (
                 f"`{name}`",
                 _type(name, field, cls, found),
-                _default(name, field, section, "preset" in cls.model_fields),
+                _default(name, field, section, preset_keys),
                 field.description or "",
             )
             for name, field in sorted(cls.model_fields.items(), key=lambda item: item[0] != "type")
@@ -194,7 +196,7 @@ def _type(name: str, field: Any, cls: type[part.Part], found: dict[type[part.Par
         if origin is dict:
             return f"table of part name = {links}"
         return f"list of tables: {links}" if origin is tuple else f"table: {links}"
-    return _said(field.annotation, list(field.metadata))
+    return _describe_type(field.annotation, list(field.metadata))
 
 
 def _word(cls: type[part.Part]) -> str:
@@ -206,20 +208,20 @@ def _anchor(title: str) -> str:
     return re.sub(r"[^a-z0-9 _-]", "", title.lower()).replace(" ", "-")
 
 
-def _said(annotation: Any, metadata: list[Any]) -> str:
+def _describe_type(annotation: Any, metadata: list[Any]) -> str:
     """Return the type of a value in words, with its limits."""
     origin, args = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         flat = [inner for item in args[1:] for inner in (item.metadata if hasattr(item, "metadata") else [item])]
-        return _said(args[0], [*flat, *metadata])
+        return _describe_type(args[0], [*flat, *metadata])
     if origin in (Union, types.UnionType):
-        return " or ".join(_said(inner, metadata) for inner in args if inner is not type(None))
+        return " or ".join(_describe_type(inner, metadata) for inner in args if inner is not type(None))
     if origin is Literal:
         return " or ".join(f'`"{value}"`' if isinstance(value, str) else f"`{value}`" for value in args)
     if origin is tuple:
-        return _said_tuple(args, metadata)
+        return _describe_tuple(args, metadata)
     if origin is dict:
-        return f"table of {_said(args[1], [])} by name"
+        return f"table of {_plural(_describe_type(args[1], []))} by name"
     words = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "text"}
     if annotation is datetime.datetime:
         return "date and time with offset"
@@ -230,20 +232,20 @@ def _said(annotation: Any, metadata: list[Any]) -> str:
     return " ".join([words[annotation], " and ".join(filter(None, limits))]).strip()
 
 
-def _said_tuple(args: tuple[Any, ...], metadata: list[Any]) -> str:
+def _describe_tuple(args: tuple[Any, ...], metadata: list[Any]) -> str:
     if any(item in get_args(part.Quaternion) for item in metadata):
         return "unit quaternion x, y, z, w"
     if args[-1] is Ellipsis:
-        return f"list of {_plural(_said(args[0], []))}"
-    inner = _said(args[0], [])
+        return f"list of {_plural(_describe_type(args[0], []))}"
+    inner = _describe_type(args[0], [])
     nonzero = ", not all zero" if any(item in get_args(part.Direction) for item in metadata) else ""
     if get_origin(args[0]) is tuple:
         return f"{len(args)} lists of {inner}"
     return f"{len(args)} {_plural(inner)}{nonzero}"
 
 
-def _plural(said: str) -> str:
-    return re.sub(r"^(whole number|number|text|name)\b", r"\1s", said)
+def _plural(words: str) -> str:
+    return re.sub(r"(?:^|(?<= or ))(whole number|number|text|name|list|table)\b", r"\1s", words)
 
 
 def _limit(item: Any) -> str:
@@ -254,8 +256,17 @@ def _limit(item: Any) -> str:
     return ""
 
 
-def _default(name: str, field: Any, section: Section, has_preset: bool) -> str:
-    if field.is_required() and has_preset and name not in ("type", "name"):
+def _preset_keys(cls: type[part.Part]) -> set[str]:
+    """Return the keys that the shipped presets of a part fill."""
+    if "preset" not in cls.model_fields:
+        return set()
+    kind = cls.model_fields["type"].default if "type" in cls.model_fields else None
+    presets = load_presets() if kind is None else rl.sensors.load_sensor_presets()
+    return {key for preset in presets.values() if preset.get("type") == kind for key in preset} - {"type"}
+
+
+def _default(name: str, field: Any, section: Section, preset_keys: set[str]) -> str:
+    if field.is_required() and name in preset_keys:
         return "**required**, unless `preset` has it"
     if field.is_required() or (name == "type" and section.chosen):
         return "**required**"
@@ -522,9 +533,7 @@ def _rate(per_s: float) -> str:
 
 def presets() -> str:
     """Return the shipped cameras by name, with what in them is sourced and what assumed."""
-    from rso_lidar.scenario.tables.presets import load_presets as shipped
-
-    rows = [(f"`{name}`", " ".join(table["what"].split())) for name, table in shipped().items()]
+    rows = [(f"`{name}`", " ".join(table["what"].split())) for name, table in load_presets().items()]
     return _table(("`[lidar] preset`", "what it is"), rows)
 
 
