@@ -65,6 +65,7 @@ MM = 1e-3
 UM = 1e-6
 NM = 1e-9
 NS = 1e-9
+NS_PER_S = 1_000_000_000  # an integer, for time stamps in whole nanoseconds
 MJ = 1e-3
 MHZ = 1e6
 NA = 1e-9

@@ -21,6 +21,7 @@ from rso_lidar.sensors.star_tracker import StarTracker
 
 _NUMBERS = (int, float, np.integer, np.floating)
 _ROUNDING_S = 1e-6  # of sums of times, in runs of years
+BEFORE_ALL_S = -1.0  # before the first sample of any sensor
 _SIMULTANEOUS_S = 0.5e-9  # a simulation's instants are whole nanoseconds
 
 
@@ -29,9 +30,9 @@ class Sensor(Protocol):
     """Protocol of user-defined sensors: a name, a rate and the method `measure`.
 
     Sample n holds at n / `rate_hz`, or at `phase_s` + n / `rate_hz` for an object that has this member. It is available
-    `latency_s` later, another optional member. Random numbers
-    come from `draw_normals(key, first_sample, count, width)`, so that a sample does not depend on how samples are divided
-    among calls. What must be remembered from sample to sample is in the state and not in the object, which must not change.
+    `latency_s` later, another optional member. Random numbers come from `draw_normals(key, first_sample, count, width)`, so
+    that a sample does not depend on how samples are divided among calls. What must be remembered from sample to sample is in
+    the state and not in the object, which must not change.
     `examples/seams/own_sensor.py` is an example.
     """
 

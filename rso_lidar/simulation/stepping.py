@@ -15,13 +15,13 @@ from rso_lidar import motion, sensors
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Command, Frame, Observation, SensorSamples, Truth, join_samples
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
+from rso_lidar.sensors.choice import BEFORE_ALL_S
 from rso_lidar.simulation.first_start import compile_ahead
 from rso_lidar.simulation.flash import check_kept, flash
 from rso_lidar.simulation.state import SimulationState, check_state, digest_scenario
+from rso_lidar.units import NS_PER_S
 
 DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
-_NS_PER_S = 1_000_000_000
-_BEFORE_ALL_S = -1.0  # before the first sample of any sensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +104,10 @@ class Simulation:
                 exposure_s=exposure_s,
                 **world,
             )
-        self._flashes_ns = np.rint(epochs.time_s * _NS_PER_S).astype(np.int64)
+        self._flashes_ns = np.rint(epochs.time_s * NS_PER_S).astype(np.int64)
         self._follower = motion.FollowerMotion(self._course)
         self._suite = sensors.SensorSuite(scenario.sensor, scenario.seed)
-        self._measured_s = _BEFORE_ALL_S
+        self._measured_s = BEFORE_ALL_S
         self._flash_samples: list[Mapping[str, SensorSamples]] = []  # since the flash before
         self._step_samples: list[Mapping[str, SensorSamples]] = []
         self.digest = digest_scenario(scenario, self._numbers, commanded=commanded)
@@ -148,7 +148,7 @@ class Simulation:
     @property
     def time_s(self) -> float:
         """Present time [s since start_utc]."""
-        return self._now_ns / _NS_PER_S
+        return self._now_ns / NS_PER_S
 
     @property
     def next_flash_s(self) -> float | None:
@@ -213,15 +213,15 @@ class Simulation:
         due_ns = self._flashes_ns[self._row : self._row + 2].tolist()
         if len(due_ns) == 2 and due_ns[1] <= end_ns:
             raise ScenarioError(
-                f"dt_s: a step of {length_ns / _NS_PER_S:g} s at {self.time_s:g} s contains two flashes; "
+                f"dt_s: a step of {length_ns / NS_PER_S:g} s at {self.time_s:g} s contains two flashes; "
                 "a step contains at most one"
             )
         frame = self._flash(command) if due_ns[0] <= end_ns else None
         if end_ns > self._now_ns and not self.is_over:
             with self.scenario.locate_errors():
-                self._course.advance(end_ns / _NS_PER_S, command)
-                self._aim.advance(end_ns / _NS_PER_S, command)
-                self._measure(self._measured_s, end_ns / _NS_PER_S)
+                self._course.advance(end_ns / NS_PER_S, command)
+                self._aim.advance(end_ns / NS_PER_S, command)
+                self._measure(self._measured_s, end_ns / NS_PER_S)
             self._now_ns = end_ns
         return frame
 
@@ -266,7 +266,7 @@ class Simulation:
             lidar = scenario.instrument.at(truth.time_s, command)
             if scenario.exposure:
                 truth = scenario.exposure.follow(truth, self._course, self._aim, self._row, lidar)
-            before_s = float(scenario.epochs(np.array([k - 1])).time_s[0]) if k else _BEFORE_ALL_S
+            before_s = float(scenario.epochs(np.array([k - 1])).time_s[0]) if k else BEFORE_ALL_S
             self._measure(max(before_s, self._measured_s), truth.time_s)
             samples = self._suite.complete(join_samples(self._flash_samples), self._follower.find)
         self._row, self._now_ns = self._row + 1, int(self._flashes_ns[self._row])
@@ -362,7 +362,7 @@ def _check_length_ns(dt_s: float) -> int:
     """Return the length of a step in whole nanoseconds."""
     if not isinstance(dt_s, int | float | np.floating | np.integer) or isinstance(dt_s, bool) or not 0.0 < dt_s < 1e9:
         raise ScenarioError(f"dt_s: {dt_s!r:.40} is no length of a step; give a time in seconds, greater than 0")
-    return max(1, round(dt_s * _NS_PER_S))
+    return max(1, round(dt_s * NS_PER_S))
 
 
 def check_count(name: str, count: int | None) -> None:

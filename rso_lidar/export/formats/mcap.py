@@ -27,6 +27,7 @@ from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, SensorSamples, Source
+from rso_lidar.units import NS_PER_S
 
 LIDAR, FOLLOWER = "lidar", "follower"  # frame ids of what the lidar says, and of the body that carries the sensors
 TOPICS = {
@@ -40,7 +41,6 @@ TOPICS = {
 }
 _FLOAT32 = 7  # PointField
 _FIELDS = ("x", "y", "z", "intensity")
-_NS = 1_000_000_000
 _LAST_S = 2**31 - 1  # of a stamp
 _CHUNK_BYTES = 96  # a pixel: four frames of 26 bytes a pixel; each chunk keeps 1.2 kB of memory to the end
 _LEAST_BYTES = 2**16
@@ -93,7 +93,7 @@ class RosStream:
     def to_stamp_ns(self, time_s: float) -> int:
         """Return an instant [s since start_utc] as a stamp [ns since 1970]."""
         at_ns = to_stamp_ns(self._source.start_utc, time_s)
-        if not 0 <= at_ns < _LAST_S * _NS:
+        if not 0 <= at_ns < _LAST_S * NS_PER_S:
             start_utc = self._source.start_utc
             raise RecordingError(f"{self._place}: ROS stamps hold 1970 to 2038, the run is at {start_utc}; shift it")
         return at_ns
@@ -101,7 +101,7 @@ class RosStream:
 
 def to_ros_time(at_ns: int) -> dict[str, int]:
     """Return a stamp [ns since 1970] as builtin_interfaces/Time."""
-    return {"sec": at_ns // _NS, "nanosec": at_ns % _NS}
+    return {"sec": at_ns // NS_PER_S, "nanosec": at_ns % NS_PER_S}
 
 
 def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
@@ -150,7 +150,7 @@ def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Fram
 
     stream = RosStream(first, place)
     kinds = stream.kinds
-    counts, ends = dict.fromkeys(kinds, 0), [_LAST_S * _NS, 0]
+    counts, ends = dict.fromkeys(kinds, 0), [_LAST_S * NS_PER_S, 0]
     with draft.open("wb") as file:
         writer: Any = Writer(file, chunk_size=max(_CHUNK_BYTES * first.range_m.size, _LEAST_BYTES))
         schemas = {

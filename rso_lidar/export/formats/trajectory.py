@@ -25,8 +25,8 @@ from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source, Truth
 from rso_lidar.records.viewing_geometry import tabulate_truth
+from rso_lidar.units import NS_PER_S
 
-_NS = 1_000_000_000
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 Utc = Callable[[np.ndarray], np.ndarray]  # instants [s since start_utc]: as text
 
@@ -53,7 +53,7 @@ def write_tum(
         name, a, b = _resolve_axes(source, target, lidar_in_target)
         file.write(f"# {b} in {a} axes [m], {a}_from_{b} as x, y, z, w\n")
         file.write(
-            f"# seconds since {source.start_utc}, which is {to_stamp_ns(source.start_utc, 0.0) // _NS} s since 1970\n"
+            f"# seconds since {source.start_utc}, which is {to_stamp_ns(source.start_utc, 0.0) // NS_PER_S} s since 1970\n"
         )
         file.write("# time tx ty tz qx qy qz qw\n")
         for truth, _ in courses:
@@ -182,7 +182,11 @@ def to_stamp_ns(start_utc: str, time_s: float) -> int:
     if start.tzinfo is None:
         raise RecordingError(f"start_utc: {start_utc} has no offset; record the frames again")
     whole, fraction = divmod(time_s, 1.0)
-    return (start - _EPOCH) // datetime.timedelta(microseconds=1) * 1000 + int(whole) * _NS + round(fraction * _NS)
+    return (
+        (start - _EPOCH) // datetime.timedelta(microseconds=1) * 1000
+        + int(whole) * NS_PER_S
+        + round(fraction * NS_PER_S)
+    )
 
 
 @contextmanager

@@ -18,9 +18,9 @@ from rso_lidar.picture.viewers.rerun_scene import paths_of, world_of
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame
+from rso_lidar.units import NS_PER_S
 
 LIDAR = "lidar"  # frame id of what the sensor says
-_NS = 1_000_000_000
 _GREY = 0.68
 _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
 _ANGLES = ("demand", "actual", "measured")
@@ -42,7 +42,7 @@ def stamp_of(frame: Frame) -> int:
 def _timestamp(frame: Frame) -> Any:
     from foxglove.messages import Timestamp
 
-    return Timestamp(*divmod(stamp_of(frame), _NS))
+    return Timestamp(*divmod(stamp_of(frame), NS_PER_S))
 
 
 def write_transforms(frame: Frame) -> Any:
@@ -195,7 +195,7 @@ def write_ptu(frame: Frame) -> bytes | None:
     angles = frame.truth.pointing
     if angles is None:
         return None
-    sec, nsec = divmod(stamp_of(frame), _NS)
+    sec, nsec = divmod(stamp_of(frame), NS_PER_S)
     tree: dict[str, Any] = {"timestamp": {"sec": sec, "nsec": nsec}}
     for name in _ANGLES:
         pan, tilt = (float(value) for value in getattr(angles, f"{name}_rad"))

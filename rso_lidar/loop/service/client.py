@@ -26,8 +26,8 @@ from rso_lidar.loop.service.wire_format import (
 )
 from rso_lidar.records import Command, Observation, SensorSamples, Truth
 from rso_lidar.records.telemetry import join_samples
+from rso_lidar.units import NS_PER_S
 
-_NS_PER_S = 1_000_000_000
 _MOST_STEPS = 10_000  # whose samples are kept until the next reading
 _LOOK_MS = 100  # period at which a client that waits checks the connection
 _CONNECT_S = 10.0  # longest wait for the connection itself
@@ -135,12 +135,12 @@ class Client:
     @property
     def time_s(self) -> float:
         """Present time of the simulation [s since start_utc]."""
-        return self._time_ns / _NS_PER_S
+        return self._time_ns / NS_PER_S
 
     @property
     def next_flash_s(self) -> float | None:
         """Time of the next flash [s since start_utc]; None after the last."""
-        return None if self._next_flash_ns is None else self._next_flash_ns / _NS_PER_S
+        return None if self._next_flash_ns is None else self._next_flash_ns / NS_PER_S
 
     @property
     def is_over(self) -> bool:
@@ -313,7 +313,7 @@ def _to_ns(name: str, time_s: float | None) -> int | None:
         return None
     if not isinstance(time_s, int | float | np.floating | np.integer) or not 0.0 <= time_s < 1e9:
         raise ScenarioError(f"{name}: {time_s!r:.40} is no time; give seconds from 0")
-    return round(float(time_s) * _NS_PER_S)
+    return round(float(time_s) * NS_PER_S)
 
 
 def _list_fields(command: Command) -> dict[str, Any]:

@@ -15,9 +15,9 @@ from rso_lidar.loop.service.requests import CommandRequest, Nanoseconds, parse_j
 from rso_lidar.part import Flag, Part, Text, Whole, explain
 from rso_lidar.records import Command, Frame
 from rso_lidar.simulation.stepping import Simulation
+from rso_lidar.units import NS_PER_S
 
 SUFFIX = ".commands.jsonl"
-_NS_PER_S = 1_000_000_000
 _Line = TypeVar("_Line", bound=Part)
 
 
@@ -129,7 +129,7 @@ def repeat_flight(simulation: Simulation, path: str | os.PathLike[str]) -> Itera
                     return
                 where = f"{path}: line {number}"
                 step = _parse_line(line, LoggedStep, where)
-                if step.time_ns != round(simulation.time_s * _NS_PER_S):
+                if step.time_ns != round(simulation.time_s * NS_PER_S):
                     raise RecordingError(
                         f"{where}: begins at {step.time_ns} ns and the simulation is at {simulation.time_s:.9g} s; "
                         "begin at t = 0 of the recording's scenario"
@@ -149,7 +149,7 @@ def _repeat_step(simulation: Simulation, step: LoggedStep, where: str) -> Frame 
     where : start of error messages.
     """
     command = step.command.to_command() if step.command else None
-    length_s = {} if step.dt_ns is None else {"dt_s": step.dt_ns / _NS_PER_S}
+    length_s = {} if step.dt_ns is None else {"dt_s": step.dt_ns / NS_PER_S}
     try:
         if not step.is_skipped:
             return simulation.step(command, **length_s)

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 
 from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.units import NS_PER_S
 
 Policy = Literal["slip", "skip", "fail"]
 POLICIES: tuple[Policy, ...] = ("slip", "skip", "fail")
-_NS_PER_S = 1_000_000_000
 
 
 class Deadlines:
@@ -64,7 +64,7 @@ class Deadlines:
 
     def _deadline_s(self, time_ns: int) -> float:
         assert self._origin is not None
-        return self._origin[0] + (time_ns - self._origin[1]) / _NS_PER_S / self.factor
+        return self._origin[0] + (time_ns - self._origin[1]) / NS_PER_S / self.factor
 
     def time_reply(self, time_ns: int, asked_s: float, *, skipped: bool = False) -> float:
         """Count a reply that is ready, and find when it is due.
@@ -94,7 +94,7 @@ class Deadlines:
         self.skipped += skipped
         self._worked_s += now_s - asked_s
         assert self._last is not None
-        self._simulated_s += (time_ns - self._last[1]) / _NS_PER_S
+        self._simulated_s += (time_ns - self._last[1]) / NS_PER_S
         self._elapsed_s += max(now_s, due_s) - self._last[0]
         self._last = (max(now_s, due_s), time_ns)
         if late_s <= 0.0:
@@ -103,7 +103,7 @@ class Deadlines:
         self._asked_late += asked_s > due_s
         if self.policy == "fail":
             raise RunError(
-                f"--real-time {self.factor:g}: the step to {time_ns / _NS_PER_S:g} s was ready {late_s * 1e3:.3g} ms after "
+                f"--real-time {self.factor:g}: the step to {time_ns / NS_PER_S:g} s was ready {late_s * 1e3:.3g} ms after "
                 "its deadline; lower the factor or the frame rate, or allow --late slip"
             )
         if self.policy == "slip":

@@ -13,10 +13,10 @@ from rso_lidar.records.telemetry import join_samples
 from rso_lidar.scenario import DataLink
 from rso_lidar.simulation.state import SimulationState
 from rso_lidar.simulation.stepping import Simulation
+from rso_lidar.units import NS_PER_S
 
 LINK = 2  # stage of the draws of the link, beside those of detection (0) and pointing (1)
 MOST_COMMANDS = 10_000  # that wait for their time
-_NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +78,13 @@ class LinkedSimulation:
     @property
     def time_ns(self) -> int:
         """Present time [ns since start_utc]."""
-        return round(self.simulation.time_s * _NS_PER_S)
+        return round(self.simulation.time_s * NS_PER_S)
 
     @property
     def next_flash_ns(self) -> int | None:
         """Time of the next flash [ns since start_utc]; None after the last."""
         time_s = self.simulation.next_flash_s
-        return None if time_s is None else round(time_s * _NS_PER_S)
+        return None if time_s is None else round(time_s * NS_PER_S)
 
     @property
     def is_over(self) -> bool:
@@ -143,7 +143,7 @@ class LinkedSimulation:
             if not self.simulation.is_over:
                 self._fly(self.time_ns + dt_ns)
             elif not self._readings:
-                self.simulation.step(dt_s=dt_ns / _NS_PER_S)  # raises the error that it is over
+                self.simulation.step(dt_s=dt_ns / NS_PER_S)  # raises the error that it is over
             else:
                 end_ns = self._readings[0].t_available_ns
             return self._receive(end_ns)
@@ -162,7 +162,7 @@ class LinkedSimulation:
         if stamp_ns is None:
             known = self._delivered.t_available_ns if self._delivered else None
             stamp_ns = max(self.time_ns, known or 0)
-        self._commands.append((stamp_ns + round(self.link.command_latency_s * _NS_PER_S), command))
+        self._commands.append((stamp_ns + round(self.link.command_latency_s * NS_PER_S), command))
         self._commands.sort(key=lambda entry: entry[0])  # stable: of equal ones the last given acts
 
     def _take_command(self) -> int | None:
@@ -196,7 +196,7 @@ class LinkedSimulation:
                 continue
             if self.frame is not None:
                 raise ScenarioError(
-                    f"dt: a step that ends at {end_ns / _NS_PER_S:g} s contains two flashes; a step contains at most one"
+                    f"dt: a step that ends at {end_ns / NS_PER_S:g} s contains two flashes; a step contains at most one"
                 )
             self.frame = frame
             if (made := self._send(frame)).observation is not None:
@@ -207,21 +207,19 @@ class LinkedSimulation:
         """Go on to a time under the active command; return the frame of a flash on the way."""
         length_ns = end_ns - self.time_ns
         self.steps.append(FlownStep(self.time_ns, length_ns, self._active))
-        frame = self.simulation.step(self._active, dt_s=length_ns / _NS_PER_S)
+        frame = self.simulation.step(self._active, dt_s=length_ns / NS_PER_S)
         self._samples.append(self.simulation.samples)
         return frame
 
     def _send(self, frame: Frame) -> Delivery:
         """Send a frame through the link."""
-        emitted_ns = round(frame.time_s * _NS_PER_S)
+        emitted_ns = round(frame.time_s * NS_PER_S)
         delay_s, is_lost = 0.0, False
         if self._has_link:
             delay_s, is_lost = self.link.draw(self.simulation.scenario.rng(frame.index, LINK))
         if is_lost:
             return Delivery(frame.index, "dropped", emitted_ns, None, None)
-        return Delivery(
-            frame.index, "delivered", emitted_ns, emitted_ns + round(delay_s * _NS_PER_S), frame.observation
-        )
+        return Delivery(frame.index, "delivered", emitted_ns, emitted_ns + round(delay_s * NS_PER_S), frame.observation)
 
     def _receive(self, now_ns: int | None) -> Delivery | None:
         """Return the reading that has arrived by now, if any; a second one follows with the next step."""

@@ -12,8 +12,7 @@ from rso_lidar.scenario.assessment.environment import describe_share
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 from rso_lidar.scenario.preview.sky import compute_sky_geometry
-
-_BEFORE_ALL_S = -1.0  # before the first sample of any sensor
+from rso_lidar.sensors.choice import BEFORE_ALL_S
 
 
 def describe_sensors(mission: Mission) -> list[str]:
@@ -33,7 +32,7 @@ def advise_on_sensors(mission: Mission, preview: Preview) -> list[str]:
     lines = []
     end_s, followed = mission.span[1], _find_follower_motion(mission, preview)
     for sensor in mission.sensor:
-        if not sensors.read_schedule(sensor).number_available(_BEFORE_ALL_S, end_s):
+        if not sensors.read_schedule(sensor).number_available(BEFORE_ALL_S, end_s):
             lines.append(
                 f"sensor '{sensor.name}': no sample becomes available until the last frame, at {end_s:g} s; lower its "
                 "phase_s or latency_s, or raise time.duration_s"

@@ -8,9 +8,8 @@ from typing import Any
 
 from rso_lidar.errors import add_place, did_you_mean
 from rso_lidar.motion import Body, count_dynamics
+from rso_lidar.part.model import NAME_PATTERN
 from rso_lidar.sensors import RelativeGnss, ThrusterTelemetry, WheelTelemetry, read_schedule
-
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")  # as `part.Name`
 
 
 def check_sensors(sensors: Sequence[Any], targets: Sequence[Body], follower: Body) -> None:
@@ -29,7 +28,7 @@ def check_sensors(sensors: Sequence[Any], targets: Sequence[Body], follower: Bod
     """
     named = [sensor.name for sensor in sensors]
     for name in named:
-        if not isinstance(name, str) or not _NAME.fullmatch(name):
+        if not isinstance(name, str) or not re.fullmatch(NAME_PATTERN, name):
             raise ValueError(f"sensor: the name {name!r:.40} needs a letter followed by letters, digits, _ or -")
     if twice := [name for name in named if named.count(name) > 1]:
         raise ValueError(f"sensor: two have the name '{twice[0]}'; rename one")
