@@ -110,9 +110,9 @@ def summarise(made: Tracking, *, icp: bool = True) -> list[str]:
 
 
 def _describe_hinge(name: str, table: dict[str, np.ndarray]) -> str:
-    """Format the errors of a hinge's angle, beside those of the other side of a flat array."""
+    """Describe the errors of a hinge's angle, and how often the angle is that of the other side of a flat array."""
     error_rad = table[f"icp_hinge_{name}_error_rad"]
-    beside_rad = np.arctan(np.tan(error_rad))  # to the nearer of two angles half a turn apart
+    beside_rad = np.arctan(np.tan(error_rad))  # from the nearer of two angles that are half a turn apart
     opposite = np.mean(np.abs(error_rad[np.isfinite(error_rad)]) > 0.5 * np.pi)
     return (
         f"{'':<20}hinge {name}: angle {_format_ranks(np.abs(beside_rad) / units.DEG, '.2f')} deg, "

@@ -21,9 +21,11 @@ from rso_lidar.track.navigation.two_orbits import STATES, predict_orbits
 if TYPE_CHECKING:
     from rso_lidar.sensors import Gnss, Gyro, RelativeGnss, StarTracker
 
+# Error states: both orbits in inertial axes [m], [m/s], the small rotation of the body in its axes [rad], the noise of two
+# samples of the gyro [rad/s], then the processes of the sensors. CORE is the number of those in an estimate.
 ORBIT, TURN, CORE = slice(0, 12), slice(12, 15), 15
 _OWN, _OWN_RATE, _RELATIVE, _RELATIVE_RATE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
-_BEFORE, _AFTER = slice(15, 18), slice(18, 21)  # noise of the gyro's samples about an instant
+_BEFORE, _AFTER = slice(15, 18), slice(18, 21)  # of the instant, in the gyro's axes
 _FIRST_PROCESS = 21
 
 _Sensor = TypeVar("_Sensor")

@@ -27,7 +27,8 @@ from rso_lidar.track.navigation.two_orbits import predict_orbits
 if TYPE_CHECKING:
     from rso_lidar.sensors import Gnss, Gyro, RelativeGnss, StarTracker
 
-# Standard deviations before the first measurement: so wide that it decides [m, m/s, m, m/s, rad].
+# Standard deviations at the start of position, velocity, relative position, relative velocity and attitude, in SI. Assumed:
+# so much larger than those of the sensors that the first measurements replace the start.
 _WIDE = np.repeat([1e4, 1e2, 1e4, 30.0, 0.3], 3)
 
 

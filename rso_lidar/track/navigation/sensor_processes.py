@@ -1,4 +1,4 @@
-"""Slow errors of a sensor as states of a Kalman filter: the processes with a memory of its error model."""
+"""Slow errors of a sensor as states of a Kalman filter: those processes of its error model that have a memory."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class SensorProcesses:
         first : index of its first state.
         """
         model = part.error_model
-        kept = np.flatnonzero(model.channel >= 0)
+        kept = np.flatnonzero(model.channel >= 0)  # -1: not added, such as a scale factor
         decay, drive, start = model.process[kept].T
         steady = decay < 1.0
         return SensorProcesses(

@@ -7,7 +7,7 @@ import numpy as np
 from rso_lidar import units
 
 STATES = 12  # position and velocity of the follower, then of the target relative to it
-_LONGEST_STEP_S = 10.0  # a Runge-Kutta step of a low orbit then errs by less than a micrometre
+_LONGEST_STEP_S = 10.0  # a Runge-Kutta step of a low orbit then errs by some 10 um
 _GM, _J2 = units.EARTH_GM_M3_S2, units.EARTH_J2 * units.EARTH_ZONAL_RADIUS_M**2
 
 

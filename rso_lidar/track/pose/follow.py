@@ -32,9 +32,10 @@ _NEW = 0.1  # weight of the newest cloud in the mean square of a hypothesis: a m
 _NEW_RATE = 0.25  # weight of the newest rate: a mean over about four; assumed, half and double were tried
 _WORSE = 1.25  # mean square over the best one, above which an old hypothesis is dropped; assumed
 _OLD = 20  # clouds after which a hypothesis is old: twice those of its mean square
+_SAME_POSE_RAD = 0.1  # 6 deg: two hypotheses nearer than this are one; assumed
 _SAME_TURN_RAD = 0.4  # 23 deg, a step and a half of the search of turns: two poses nearer than this are one turn
-# Greatest log-likelihood of a turn over the others: six clouds at `LIKELIER` give a wrong one up. Six is assumed; half and
-# double were tried.
+# Greatest log-likelihood of a turn over the others: six times `LIKELIER`, so that seven clouds, each with a
+# little more than `LIKELIER` against it, give up a wrong turn. Six is assumed; half and double were tried.
 _MOST_CERTAIN = 60.0
 # Log-likelihood of other hinge angles above which predicted ones are given up. Assumed: what one cloud may weigh at most,
 # so that a hinge jumps only where the cloud contradicts all that was known.
@@ -224,4 +225,4 @@ class PoseFollower:
     def _is_viable(self, one: _Hypothesis, best: _Hypothesis) -> bool:
         """Return whether a hypothesis still differs from the best one, and is not much worse."""
         apart = (one.in_axes.rotation.inv() * best.in_axes.rotation).magnitude()
-        return bool(apart > 0.1 and (one.age < _OLD or one.square_m2 < _WORSE * best.square_m2))
+        return bool(apart > _SAME_POSE_RAD and (one.age < _OLD or one.square_m2 < _WORSE * best.square_m2))

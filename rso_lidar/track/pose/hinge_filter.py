@@ -11,7 +11,8 @@ from rso_lidar.track.pose.icp import UNKNOWN_ANGLE_RAD
 
 # An array that follows the Sun turns once in an orbit: in the 90 minutes of a low one, by 0.067 deg/s.
 _RATE_RAD_S = 2.0 * np.pi / 5400.0
-# White angular acceleration: in a quarter of that orbit the rate may change by as much as it is.
+# Root of the spectral density of white angular acceleration: over a quarter of that orbit, 1 sigma of the change of the rate
+# equals the rate. Assumed.
 _ACCELERATION_RAD_S2_SQRT_HZ = _RATE_RAD_S / np.sqrt(5400.0 / 4.0)
 
 
@@ -46,7 +47,7 @@ class HingeFilter:
         """Return the prediction for an instant [s]; nothing moves back in time."""
         step_s = max(time_s - self.time_s, 0.0)
         move = np.array([[1.0, step_s], [0.0, 1.0]])
-        # Discrete white acceleration of the time-continuous model (Bar-Shalom, Li and Kirubarajan, 2001, sec. 6.2.2).
+        # White acceleration in continuous time, integrated over the step (Bar-Shalom, Li and Kirubarajan, 2001, sec. 6.2.2).
         noise = np.array([[step_s**3 / 3.0, step_s**2 / 2.0], [step_s**2 / 2.0, step_s]])
         noise *= _ACCELERATION_RAD_S2_SQRT_HZ**2
         return HingeFilter(

@@ -24,10 +24,12 @@ UNKNOWN_ANGLE_RAD = np.pi / np.sqrt(3.0)  # standard deviation of an angle that 
 # "Assumed": no record says how the value was chosen. docs/tracking.md has the errors at half and double of some.
 # Distance over the median, above which a pair is left out of a step: 2 sigma of a normal error; assumed.
 _FARTHEST = 3.0
-_STEPS, _STILL = 60, 1e-6  # of a step, in radians and in shares of the model's radius
+_STEPS = 60  # greatest number of steps; assumed
+_STILL = 1e-6  # greatest rotation [rad], and shift in radii of the model, of a last step; assumed
+_ROUNDING = 1e-9  # of the model's radius: a distance that is none, as in points taken from the model itself
 _SILHOUETTE = 500  # model points whose outline is compared with the points; assumed
 _FEWEST = 6  # unknowns of a pose
-_STIFFNESS = 1e-6  # of the square of a row, for each pair
+_STIFFNESS = 1e-6  # for each pair, whose own squares are about 1: too small to move what the points determine; assumed
 # Assumed: of five points, one gives the angle and four check it. Fewer may be returns from the edges of other parts.
 _FEWEST_ON_HINGE = 5
 _MOST_HINGE_STEP_RAD = 0.35  # 20 deg: beyond it, the pairs of an array are others, and the linear step is not valid
@@ -91,7 +93,7 @@ def align(
         taken += 1
         seen = body_from_lidar.apply(points)
         apart, nearest = model.find_nearest(seen, angles)
-        kept = apart <= max(_FARTHEST * float(np.median(apart)), 1e-9 * model.radius_m)
+        kept = apart <= max(_FARTHEST * float(np.median(apart)), _ROUNDING * model.radius_m)
         at = seen[kept]
         on, normal = model.locate(nearest[kept], angles)
         middle = at.mean(axis=0)
@@ -154,7 +156,7 @@ def _estimate_hinge_sigmas_rad(rows: np.ndarray, off: np.ndarray, sigma_rad: np.
     sigma_rad : standard deviations of the guess (hinge) [rad].
     radius_m : of the model, the unit of the columns.
     """
-    noise_m2 = max(float(off @ off) / max(len(rows) - rows.shape[1], 1), (1e-9 * radius_m) ** 2)
+    noise_m2 = max(float(off @ off) / max(len(rows) - rows.shape[1], 1), (_ROUNDING * radius_m) ** 2)
     square = np.einsum("ni,nj->ij", rows, rows)
     square[:_FEWEST, :_FEWEST] += _STIFFNESS * len(rows) * np.eye(_FEWEST)
     square[_FEWEST:, _FEWEST:] += np.diag(noise_m2 / (sigma_rad * radius_m) ** 2)

@@ -12,7 +12,7 @@ from rso_lidar.track.pose.sampled_mesh import SampledMesh, spread_rotations
 
 # "Assumed": no record says how the value was chosen. docs/tracking.md has the errors at half and double of some.
 _COARSE_POINTS, _COARSE_STEPS = 150, 12  # for each of the starts without a guess; assumed
-_UNLIKE_RAD = 0.5  # 29 deg; assumed
+_UNLIKE_RAD = 0.5  # 29 deg: two poses without a guess differ if they are farther apart; assumed
 _TURNS, _TURN_POINTS = 24, 200  # about each axis: a step of 15 deg is within the reach of an alignment; 200 is assumed
 _TURNS_TRIED = 6  # of them, the best are aligned; assumed
 LIKELIER = 10.0  # log-likelihood over that of the first pose, above which a turn is better: odds of 22,000 to 1 for
@@ -145,9 +145,11 @@ def search_hinges(points_m: np.ndarray, model: SampledMesh, found: Alignment) ->
         if np.argmin(squares) > 0:
             other = align(some, posed.turn_hinges({hinge.name: angle_rad}), best.pose, _COARSE_STEPS)
             before_m2, after_m2 = (_measure_alignment_m2(some, model, one) for one in (best, other))
-            if before_m2 > _SAME_FIT * after_m2 and 0.5 * len(some) * (before_m2 / after_m2 - 1.0) > LIKELIER:
+            if before_m2 > _SAME_FIT * after_m2 and _compare(len(some), before_m2, after_m2) > LIKELIER:
                 best = other
-    return best, 0.0 if best is found else _compare(points, model, found, best)
+    if best is found:
+        return best, 0.0
+    return best, _compare(len(points), *(_measure_alignment_m2(points, model, one) for one in (found, best)))
 
 
 def keep_sides(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> Alignment:
@@ -210,17 +212,17 @@ def _measure_part(seen_m: np.ndarray, model: SampledMesh, part: int) -> tuple[np
     return apart, ((seen_m - model.points_m[nearest]) * model.normals[nearest]).sum(axis=1)
 
 
-def _compare(points_m: np.ndarray, model: SampledMesh, first: Alignment, other: Alignment) -> float:
-    """Return the log-likelihood of an alignment over that of the first one, under normal errors.
+def _compare(count: int, first_m2: float, other_m2: float) -> float:
+    """Return the log-likelihood of another alignment over that of the first one.
+
+    Errors are independent and normal, with the mean square of the other alignment as their variance.
 
     Parameters
     ----------
-    points_m : points (n, 3) in lidar axes [m].
-    model : of the target.
-    first, other : the alignments.
+    count : number of points.
+    first_m2, other_m2 : mean square distances of the alignments [m2].
     """
-    before, after = (_measure_alignment_m2(points_m, model, one) for one in (first, other))
-    return 0.5 * len(points_m) * (before / after - 1.0)
+    return 0.5 * count * (first_m2 / other_m2 - 1.0)
 
 
 def _measure_alignment_m2(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> float:
@@ -277,7 +279,7 @@ def search_turns(
         tried.append(_improve_hinges(some, model, aligned, _COARSE_STEPS))
     first, *others = (_measure_alignment_m2(points, model, one) for one in (found, *tried))
     best = int(np.argmin(others))
-    gain, outline = 0.5 * len(points) * (first / others[best] - 1.0), find_outline(points)
+    gain, outline = _compare(len(points), first, others[best]), find_outline(points)
     other = tried[best]
     before_m, after_m = (measure_misfit_m(one, model, points, outline, half_field_rad) for one in (found, other))
     return other, -np.inf if after_m > _UNLIKELY * before_m else gain
