@@ -26,7 +26,7 @@ from rso_lidar.sensors.sensor_part import ErrorTerms, Impairment, SensorPart, ga
 
 _ACROSS, _ABOUT = (0, 1), (2,)
 
-_ROUNDING = 1e-9  # of a sample: 0.3 s at 10 Hz are 3 samples and not 4
+_ROUNDING = 1e-9  # of a sample: 0.07 s at 100 Hz are 7 samples, and not 8 by rounding
 
 ExclusionAngle = Annotated[NotNegative, Field(le=180.0)]
 
@@ -132,10 +132,7 @@ class StarTracker(SensorPart):
         ----------
         motion : true motion of the follower.
         """
-        blinded = np.zeros(len(motion.time_s), np.bool_)
-        for mask in self._find_blinding(motion).values():
-            blinded |= mask
-        return blinded
+        return _join(self._find_blinding(motion), motion)
 
     @property
     def quantity(self) -> str:
@@ -155,7 +152,7 @@ class StarTracker(SensorPart):
         """
         causes = self._find_blinding(motion)
         shares = [f"{name} {np.mean(mask):.0%}" for name, mask in causes.items() if mask.any()]
-        blinded = self.is_blinded(motion)
+        blinded = _join(causes, motion)
         search = f"; it then searches for {self.acquisition_s:g} s" if self.acquisition_s and not blinded.all() else ""
         cure = "turn its mount or the follower, or add a second tracker"
         return [Impairment(blinded, "no attitude", f"{', '.join(shares)}{search}", cure)]
@@ -179,6 +176,14 @@ class StarTracker(SensorPart):
                 angle = np.arccos(np.clip(dot(along, direction), -1.0, 1.0))
                 causes[name] = angle - radius_rad < exclusion_deg * units.DEG
         return causes
+
+
+def _join(causes: dict[str, np.ndarray], motion: BodyMotion) -> np.ndarray:
+    """Return where (time) any of the causes holds."""
+    joined = np.zeros(len(motion.time_s), np.bool_)
+    for mask in causes.values():
+        joined |= mask
+    return joined
 
 
 def find_acquired(clear: np.ndarray, searching: int, look_back: int) -> tuple[np.ndarray, int]:

@@ -20,7 +20,7 @@ from rso_lidar.sensors.choice import (
 from rso_lidar.sensors.random_errors import make_key
 
 FindMotion = Callable[[np.ndarray, frozenset[str], Callable[[], np.ndarray]], BodyMotion]
-_AHEAD_S = 10.0
+_AHEAD_S = 10.0  # after the present, in which the instants of coming samples are listed ahead; assumed
 _MOST_SAMPLES = 5_000_000  # of a sensor in one call: some 2 GiB with the motion
 _MOST_AHEAD = 512  # samples of a sensor whose instants are listed ahead
 

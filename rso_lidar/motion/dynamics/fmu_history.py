@@ -15,11 +15,12 @@ from rso_lidar.motion.dynamics.commands import CommandedFlight, CommandedModel, 
 from rso_lidar.motion.dynamics.row_history import RowHistory
 from rso_lidar.part import Number, Positive
 
-_MOST_STEPS = 10_000_000
-_BLOCK = 256  # steps at least that are computed at once
+_MOST_STEPS = 10_000_000  # whose outputs are kept: 80 MB for each
+_BLOCK = 256  # fewest steps that are computed at once; assumed
 ON_GRID = 1e-6  # of a step: rounding of instants that are on the grid
 
-FORCES = {"force_n": ("N", 0), "acceleration_m_s2": ("m/s2", 0)}  # 0: as many elements as are mapped
+# Unit and number of elements of the inputs; 0 is as many as are mapped.
+FORCES = {"force_n": ("N", 0), "acceleration_m_s2": ("m/s2", 0)}
 TORQUES = {"torque_n_m": ("N.m", 0)}
 THROTTLES = {"throttle_fraction": ("1", 0)}
 

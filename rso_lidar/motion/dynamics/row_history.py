@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 _KEPT = 2**16  # latest rows that are kept; at steps of 1 ms those of a minute
-_LEAST = 64
+_LEAST = 64  # rows for which there is room at first; room then doubles
 
 
 class _Block:
@@ -29,7 +29,7 @@ class _Block:
 class RowHistory:
     """Rows, of which the first has the number `first`, and the last `end` - 1. It does not change.
 
-    Successive states share their memory. Whoever appends to a state that another has already continued makes a copy.
+    Successive states share their memory. Rows are copied if they are appended to a state that was already continued.
 
     Parameters
     ----------
