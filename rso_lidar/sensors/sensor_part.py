@@ -216,6 +216,7 @@ def flicker(
     shortest, longest = correlation_s
     count = 1 + round(math.log(longest / shortest, _DECADE))
     times = np.geomspace(shortest, longest, count)
+    # One process has its greatest Allan deviation at 1.89 correlation times (IEEE Std 952, annex C), well inside this grid.
     averaging_s = np.geomspace(0.1 * shortest, 100.0 * longest, 1000)
     greatest = float(np.max(sum(gauss_markov_allan_variance(averaging_s, 1.0, float(it)) for it in times)))
     sigma = floor / math.sqrt(greatest)

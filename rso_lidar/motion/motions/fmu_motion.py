@@ -36,6 +36,7 @@ class FmuMotion(FmuDynamics, PlacedMotion):
     """
 
     input_units: ClassVar[dict[str, tuple[str, int]]] = {**FORCES, **TORQUES, **THROTTLES}
+    # Columns of the outputs, in this order: the acceleration is 6 to 8, the specific force the last three.
     output_units: ClassVar[dict[str, tuple[str, int]]] = {
         "position_m": ("m", 3),
         "velocity_m_s": ("m/s", 3),
