@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test processor bounds release-check mutants rules lint validate docs figures calibrate models peers bench clean
+.PHONY: help venv demo test site processor bounds release-check mutants rules lint validate docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
@@ -41,6 +41,10 @@ demo: $(VENV)/.installed ## fly the example: a recording, a contact sheet and an
 # One of the tests checks types, so that it shares the cores with the others. In this order the shortest tests come last.
 test: rules ## run every check: format, lint, floors, types, tests and doctests
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope --no-loadscope-reorder
+
+site: $(VENV)/.installed-site ## build the documentation into out/site: every example run, every link checked
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/site
+	@echo "out/site/index.html"
 
 mutants: $(VENV)/.installed-test ## plant faults one by one and see that tests notice (slow; ROOM=... NAME=... choose)
 	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(addprefix --room ,$(ROOM)) --name "$(NAME)"
@@ -87,7 +91,7 @@ bench: $(VENV)/.installed ## measure how fast it is, stage by stage and beside p
 	$(BIN)/python -m benchmarks
 
 clean: ## remove all that make made: .venv, out and caches
-	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) out build dist docs/api docs/files docs/auto_gallery docs/auto_tutorial .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The stamps: installing again only when what is to be installed has changed.
@@ -103,6 +107,12 @@ $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
 	@$(INSTALL) -e . --group test
 	@# FMUs that OpenModelica exported. It pins another fmpy and has no wheel for Python 3.14; its tests are skipped without it.
 	@$(PIP) install -qq --no-deps gemseo-fmu==3.1.1 2>/dev/null || true
+	@touch $(VENV)/.installed $@
+
+$(VENV)/.installed-site: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing rso_lidar and what builds its site into $(VENV): a minute, once."
+	@$(PIP) install -qq --upgrade pip
+	@$(INSTALL) -e . --group site
 	@touch $(VENV)/.installed $@
 
 $(VENV)/.installed-release: pyproject.toml constraints.txt | $(BIN)/python

@@ -199,6 +199,28 @@ def _type(name: str, field: Any, cls: type[part.Part], found: dict[type[part.Par
     return _describe_type(field.annotation, list(field.metadata))
 
 
+def describe_field(cls: type[part.Part], name: str) -> str:
+    """Return the type and the default of a field in words, for the page of the API."""
+    field = cls.model_fields[name]
+    parts = _parts(field.annotation)
+    if said := SAID_BY_KEY.get((cls.__name__, name)):
+        words = said.replace("`", "")
+    elif parts:
+        words = " or ".join(each.__name__ for each in parts)
+    else:
+        words = _describe_type(field.annotation, list(field.metadata)).replace("`", "")
+    if field.is_required():
+        return words
+    default = field.get_default(call_default_factory=True)
+    if default is None or default in ((), {}):
+        return f"{words}, optional"
+    return (
+        f"{words}, default {type(default).__name__}"
+        if isinstance(default, part.Part)
+        else f"{words}, default {default!r}"
+    )
+
+
 def _word(cls: type[part.Part]) -> str:
     tag = cls.model_fields.get("type")
     return f"`{tag.default}`" if tag else cls.__name__
