@@ -11,8 +11,8 @@ from rso_lidar.part import Part
 from rso_lidar.records import Record
 
 ROOMS = (  # in the order in which a reader needs them
-    "simulation", "scenario", "records", "export", "orbit", "rpo", "motion", "sensors", "scene", "optics", "detector", "track",
-    "study", "dataset", "loop", "fmi", "picture", "records.taxonomy", "errors", "units",
+    "simulation", "scenario", "records", "export", "orbit", "rpo", "motion", "sensors", "scene", "optics", "detector",
+    "track", "study", "dataset", "loop", "fmi", "picture", "records.taxonomy", "errors", "units",
 )  # fmt: skip
 KINDS = ("Functions", "Parts", "Records", "Protocols", "Classes", "Exceptions and warnings", "Constants")
 

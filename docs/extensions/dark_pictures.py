@@ -1,4 +1,4 @@
-"""Pictures with a dark twin: `name.png` is shown on the light theme, and `name_dark.png`, if there is one, on the dark theme."""
+"""Pictures with a dark twin: the site shows `name.png` on its light theme, and `name_dark.png` on its dark theme."""
 
 from pathlib import Path
 
