@@ -9,7 +9,9 @@ import tomllib
 import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image, ImageSequence
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan as make_dataset_plan
@@ -173,7 +175,8 @@ def test_readme_begins_as_it_should():
     assert "make test" in text
 
 
-PICTURES = sorted((DOCS / "pictures").iterdir())
+PICTURES = sorted((DOCS / "pictures").glob("*.png"))
+FILM = DOCS / "pictures" / "approach.gif"
 
 
 def test_every_picture_is_shown_and_every_figure_drawn():
@@ -210,3 +213,23 @@ def test_picture_is_a_png_and_small(file):
     width, height = struct.unpack(">II", content[16:24])
     assert width >= 1000
     assert height >= 500
+
+
+def test_film_is_one_that_every_page_can_show():
+    assert FILM.stat().st_size < 1_500_000
+    with Image.open(FILM) as film:
+        assert film.size == (800, 332)
+        assert film.info["loop"] == 0  # for ever
+        assert film.n_frames > 60
+        shown_ms = 0
+        for frame in ImageSequence.Iterator(film):
+            shown_ms += frame.info["duration"]
+        assert 5_000 < shown_ms < 20_000
+        film.seek(0)
+        first = np.asarray(film.convert("RGB"), float)
+        film.seek(film.n_frames - 1)
+        assert np.abs(np.asarray(film.convert("RGB"), float) - first).mean() > 5.0  # the satellite has grown
+
+
+def test_every_file_of_pictures_is_checked():
+    assert {file.name for file in (DOCS / "pictures").iterdir()} == {file.name for file in PICTURES} | {FILM.name}
