@@ -63,6 +63,7 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "remove_config_comments": True,
     "show_memory": False,
+    "write_computation_times": False,  # its table would load a script from another host
     "min_reported_time": 10,
     "plot_gallery": "True",
     "copyfile_regex": r".*\.(toml|csv)$",

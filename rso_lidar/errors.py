@@ -60,7 +60,7 @@ class PropagationError(RsoLidarError, ValueError):
 
         Parameters
         ----------
-        message : *where: what: what to do*.
+        message : where, what, and what to do.
         bad : boolean mask (time) of the epochs without an answer.
         """
         super().__init__(message)

@@ -76,7 +76,7 @@ class Files:
     def add(self, target: Path) -> str:
         """Add the page of a file or folder, and return its name."""
         inside = target.relative_to(self.root)
-        page = f"files/{inside.as_posix()}"
+        page = f"files/{(inside.with_suffix('') if inside.suffix == '.md' else inside).as_posix()}"
         if page in self.pages:
             return page
         self.pages[page] = ""  # begun: a page may link to itself

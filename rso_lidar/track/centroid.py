@@ -52,9 +52,8 @@ def locate_centroid(
     * p² / (12 √n) across it, because a pixel along the edge either returns or does not. For squares and discs in any
       orientation the true value is 0.3 to 1 times this. An edge along the rows shifts all its pixels together, which
       gives up to p² / 12.
-    * (1 − f) C / n, where f is the fraction of pixels that returned and C the scatter of the shape. In an organised
-    cloud
-      f is counted among the pixels between two that returned.
+    * (1 − f) C / n, where f is the fraction of pixels that returned and C the scatter of the shape. In an
+      organised cloud f is counted among the pixels between two that returned.
 
     If the target turns, the visible centroid moves on it. That is not noise, and not part of the covariance.
 
