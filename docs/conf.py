@@ -80,6 +80,7 @@ html_theme_options = {
     "icon_links": [{"name": "Repository", "url": SOURCE, "icon": "fa-brands fa-github"}],
     "navigation_with_keys": True,
     "show_prev_next": True,
+    "show_toc_level": 2,
     "header_links_before_dropdown": 6,
     "secondary_sidebar_items": ["page-toc", "sg_download_links"],
     "footer_start": ["copyright"],

@@ -57,7 +57,7 @@ def room_page(room: str) -> str:
     """Return the page of one room: an overview, then each name with its whole docstring."""
     module = importlib.import_module(f"rso_lidar.{room}")
     path = f"rso_lidar.{room}"
-    lines = [f".. _api-{room}:", "", *heading(f"rl.{room}" if hasattr(rl, room) else path, "=")]
+    lines = [f".. _api-{room}:", "", *heading(f"rl.{room}", "=")]
     lines += [f".. py:module:: {path}", "", inspect.getdoc(module) or "", ""]
     grouped: dict[str, list[str]] = {kind: [] for kind in KINDS}
     for name in exported(module):
@@ -99,7 +99,7 @@ def constants(module: ModuleType, path: str, names: list[str]) -> list[str]:
 
 def names_page() -> str:
     """Return the page of `rl` itself: which room holds each of its names."""
-    lines = [*heading("rso_lidar", "="), ".. py:module:: rso_lidar", "", inspect.getdoc(rl) or "", ""]
+    lines = [*heading("API", "="), ".. py:module:: rso_lidar", "", inspect.getdoc(rl) or "", ""]
     lines += heading("Names of rl", "-")
     lines += [".. list-table::", "   :class: api-overview", "   :widths: 30 70", ""]
     for name in rl.__all__:

@@ -67,14 +67,25 @@ def escape(text: str) -> str:
     return "`".join(pieces)
 
 
-def escape_bars(_app, _what, _name, _value, _options, lines):
-    """Escape the bars of a docstring."""
-    lines[:] = [escape(line) for line in lines]
+def separate_names(lines: list[str]) -> list[str]:
+    """Return a docstring whose parameters have their text below their name; in this package it follows the colon."""
+    made, inside = [], False
+    for k, line in enumerate(lines):
+        if set(line.strip()) == {"-"} and k:
+            inside = lines[k - 1].strip() in ("Parameters", "Other Parameters")
+        found = re.match(r"([\w*, ]+) : (.+)", line) if inside else None
+        made += [found[1], f"    {found[2]}"] if found else [line]
+    return made
+
+
+def prepare(_app, _what, _name, _value, _options, lines):
+    """Escape the bars of a docstring, and put the text of its parameters below their names."""
+    lines[:] = separate_names([escape(line) for line in lines])
 
 
 def setup(app):
     """Connect all to autodoc, before napoleon reads the docstrings."""
-    app.connect("autodoc-process-docstring", escape_bars, priority=90)
+    app.connect("autodoc-process-docstring", prepare, priority=90)
     app.connect("autodoc-process-docstring", add_fields, priority=100)
     app.connect("autodoc-skip-member", drop_fields)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
