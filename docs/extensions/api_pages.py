@@ -12,7 +12,7 @@ from rso_lidar.records import Record
 
 ROOMS = (  # in the order in which a reader needs them
     "simulation", "scenario", "records", "export", "orbit", "rpo", "motion", "sensors", "scene", "optics", "detector",
-    "track", "study", "dataset", "loop", "fmi", "picture", "records.taxonomy", "errors", "units",
+    "track", "study", "dataset", "dataset.torch", "loop", "fmi", "picture", "records.taxonomy", "errors", "units",
 )  # fmt: skip
 KINDS = ("Functions", "Parts", "Records", "Protocols", "Classes", "Exceptions and warnings", "Constants")
 

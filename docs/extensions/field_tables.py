@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import re
 
 import generate
 
