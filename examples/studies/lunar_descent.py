@@ -1,4 +1,4 @@
-"""Where can it land? A map of heights and one of hazards from the frames of a descent, and what was there.
+"""Make a map of heights and a map of hazards from the frames of a descent, and compare both with the true ground.
 
 `python examples/studies/lunar_descent.py [picture.png]` flies examples/lunar_descent.toml, prints the tables of
 lunar_descent.md and draws its picture.

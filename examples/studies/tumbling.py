@@ -1,4 +1,4 @@
-"""What does a tracker know of a tumbling rocket body, from 2 km to 50 m? A whole approach, with its errors through time.
+"""Run the reference trackers over a whole approach to a tumbling rocket body, from 2 km to 50 m, and draw their errors.
 
 A spent stage tumbles as its inertia lets it; a follower comes along the V-bar in five hops with a stop after each; a PTU
 points. The paper's camera flies it twice: as it is, and with a zoom lens, diffuser and energy that follow the range.
