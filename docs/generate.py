@@ -23,6 +23,7 @@ import numpy as np
 import rso_lidar as rl
 from rso_lidar import part, records
 from rso_lidar.dataset.shards.layout import LabelledFrame
+from rso_lidar.dataset.specification.distributions import Law
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.loop.service.requests import REQUESTS, CommandRequest
@@ -36,6 +37,7 @@ from rso_lidar.study.trades.merits import MERITS
 from rso_lidar.study.verification.requirements_file import Requirements
 
 DOCS = Path(__file__).resolve().parent
+LAWS = get_args(get_args(Law)[0])
 EXAMPLE = DOCS.parent / "examples" / "tdrs_approach.toml"
 
 ATTRIBUTES = {  # what each attribute of a recording means
@@ -147,7 +149,8 @@ def _collect(cls: type[part.Part], place: str, level: int, found: dict[type[part
         inner += ".<part>" if origin is dict else ""
         for each in allowed:
             tag = each.model_fields.get("type")
-            title = f"{name}: {tag.default}" if tag else name
+            kind = "law" if each in LAWS else name  # one law may draw many fields
+            title = f"{kind}: {tag.default}" if tag else name
             section = found.setdefault(each, Section(title, level, [], len(allowed) > 1))
             section.places.append(f"[[{inner}]]" if origin is tuple else f"[{inner}]")
             _collect(each, inner, 4, found)
@@ -170,7 +173,10 @@ def _key_tables(found: dict[type[part.Part], Section]) -> str:
     for cls, section in found.items():
         lines += [f"{'#' * section.level} {section.title}", ""]
         if section.places:
-            lines += ["Stands at " + ", ".join(dict.fromkeys(f"`{place}`" for place in section.places)) + ".", ""]
+            lines += [
+                "Place in the file: " + ", ".join(dict.fromkeys(f"`{place}`" for place in section.places)) + ".",
+                "",
+            ]
         lines += [_prose(cls), ""]
         preset_keys = _preset_keys(cls)
         rows = [

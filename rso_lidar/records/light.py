@@ -116,10 +116,10 @@ class Bounces(Record):
 class Photons(Record):
     """Light that returns to the focal plane, ordered by pixel: one return for each hit, more behind a lens that blurs.
 
-    Returns of a pixel belong to different clusters if their ranges leave a gap wider than c * FWHM / 2, beyond the
-    depth that a tilted surface spans between rays. Clusters are numbered through the frame by pixel, and in a pixel
-    from near to far. `pulse_step_s` [s] is the time between taps of the pulse. `late_s` [s] is the delay of the pulse
-    relative to the receiver's clock.
+    Returns of a pixel belong to different clusters if the gap between their ranges is wider than c * FWHM / 2. The
+    depth that a tilted surface spans between rays is added to that. Clusters are numbered through the frame by pixel,
+    and in a pixel from near to far. `pulse_step_s` [s] is the time between taps of the pulse. `late_s` [s] is the delay
+    of the pulse relative to the receiver's clock.
 
     Where a frame has several pulses and the scene moves between them, `epoch` and `pulse_epoch` tell which returns belong
     to which pulses. `photons`, `filled_fraction` and the background are then means over the pulses. Where each pulse has

@@ -26,8 +26,8 @@ class BodyMotion(Record):
     Earth are None; only the direction to a Sun that the world states is given. Position, velocity and attitude are NaN
     where no sensor reads them. `targets` holds, by name, the state of each target relative to the follower's origin
     (target minus follower) in inertial axes (time, xyz). `dynamics` holds arrays (time, entry) of the follower's
-    user-defined dynamics, where it has them: the state x and the input u of its motion as ``motion.state`` and
-    ``motion.input``, those of its attitude as ``attitude.state`` and ``attitude.input``.
+    user-defined dynamics, where it has them. The state x and the input u of its motion are ``motion.state`` and
+    ``motion.input``; those of its attitude are ``attitude.state`` and ``attitude.input``.
     """
 
     time_s: np.ndarray = array("time", "f8", "s", "instants since start_utc")

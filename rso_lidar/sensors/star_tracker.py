@@ -34,10 +34,11 @@ ExclusionAngle = Annotated[NotNegative, Field(le=180.0)]
 class StarTracker(SensorPart):
     """A star tracker. Its boresight is the +z axis of its mount; it reports inertial_from_body.
 
-    Errors are small rotations in tracker axes: white noise, a slowly varying part (a Gauss-Markov process, for errors that
-    move with the stars over the field of view) and a constant misalignment of the mount. A sample is not valid above
-    `max_rate_deg_s`, or where the boresight is too near to the Sun, the Moon, or the limb of the Earth. After any of these,
-    and after an outage, the tracker needs `acquisition_s` to find its attitude again. It is tracking when a run begins.
+    Errors are small rotations in tracker axes: white noise, a slowly varying part, and a constant misalignment of the
+    mount. The slow part is a Gauss-Markov process, for errors that move with the stars over the field of view. A sample
+    is not valid above `max_rate_deg_s`, or where the boresight is too near to the Sun, the Moon, or the limb of the
+    Earth. After any of these, and after an outage, the tracker needs `acquisition_s` to find its attitude again. It is
+    tracking when a run begins.
     """
 
     _ERRORS: ClassVar[ErrorTerms] = (

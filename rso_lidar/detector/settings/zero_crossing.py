@@ -15,11 +15,11 @@ class ZeroCrossing(Part):
     The photocurrent is differentiated **before** the channel's amplifier, H(f) = 2πi f τ / (1 + 2πi f τ) with τ =
     `differentiator_ns`. Two poles of the detector's amplifier follow, with noise of their own. The crossing of a linear
     pulse does not depend on its amplitude. Strong pulses clip at `rail_electrons`, after the pulse has become bipolar, so
-    that the crossing is kept (Baharmast & Kostamovaara, Opt. Eng. 59(10) 104102, 2020: ±3.5 cm over 1 : 250,000, with a
-    resonant circuit in place of the differentiator).
+    that the crossing is kept. Baharmast & Kostamovaara (Opt. Eng. 59(10) 104102, 2020) report ±3.5 cm over 1 : 250,000,
+    with a resonant circuit in place of the differentiator.
 
     A clipping stage stores charge and comes off its rail late. The stored charge q follows dq/dt = (x − rail) − q/τᵣ with
-    the input x and τᵣ = `recovery_ns`, and the output stays on the rail until q is spent. The falling half of the bipolar
+    the input x and τᵣ = `recovery_ns`. The output stays on the rail until q is zero. The falling half of the bipolar
     pulse discharges it, so the delay has a limit, about τᵣ, however strong the pulse is.
 
     The pixel's own trigger decides whether there is a return. From `hold_ns` before its latch on, the channel arms where the

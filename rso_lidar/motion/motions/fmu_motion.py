@@ -27,10 +27,10 @@ _ACCELERATION, _FORCE = "acceleration_m_s2", "specific_force_m_s2"
 class FmuMotion(FmuDynamics, PlacedMotion):
     """Motion by an FMU (FMI 2 or 3): position and velocity as functions of time, or under commands.
 
-    Quantities of `outputs`, three elements each: `position_m` and `velocity_m_s` in `axes`; if the FMU has them,
+    Quantities of `outputs` are `position_m` and `velocity_m_s` in `axes`, three elements each. Two more are optional:
     `acceleration_m_s2`, the derivative of the velocity, and `specific_force_m_s2`, the acceleration by thrust alone, which
-    accelerometers read. Under commands a motion in inertial or rtn axes needs the acceleration, because an FMU is not asked
-    for what follows the present instant. The FMU has the grid `step_s`; between its points position and velocity are cubic
+    accelerometers read. Under commands a motion in inertial or rtn axes needs the acceleration, because an FMU gives no
+    values after the present instant. The FMU has the grid `step_s`; between its points position and velocity are cubic
     polynomials that meet both ends. Quantities of `inputs`: `force_n`, `acceleration_m_s2`, `torque_n_m` and
     `throttle_fraction`.
     """

@@ -17,7 +17,7 @@ _MOST_SCATTER = 0.5  # share of the light that all surfaces may scatter; the law
 class Baffle(Part):
     """Cylinder before the lens, open in front, whose axis is the boresight.
 
-    Outside the field it shades the lens: the lit part of the aperture is the overlap of the aperture and of the opening,
+    It shades the lens from sources outside the field. The lit part of the aperture is its overlap with the opening,
     displaced by the length times the tangent of the source's angle. Light that walls and vanes scatter toward the lens
     is `leak_fraction` of what falls on the opening over the aperture's area.
     """
@@ -55,11 +55,11 @@ class Baffle(Part):
 class Glare(Part):
     """Light of Sun, Earth and Moon: their images in the field of view, and what the lens scatters of it over the image.
 
-    Each of the `surfaces` scatters by the law of Harvey and Shack, b₀ (1 + (|β − β₀| / L)²)^(s/2) [1/sr]. β and β₀ are the
-    directions of the scattered and of the incoming light as direction cosines. Three parameters describe it: the peak b₀,
-    the knee L and the slope s. For surfaces near the aperture stop, the irradiance of the focal plane over that of the lens
-    is the point source transmittance T N b₀ (1 + (sin θ / L)²)^(s/2) cos θ · π / (4 F²), with N surfaces, F the f-number and
-    T the transmission. This follows from the definition of the BSDF: a pixel sees the scattered radiance as it sees any
+    Each of the `surfaces` scatters by the law of Harvey and Shack, b₀ (1 + (|β − β₀| / L)²)^(s/2) [1/sr]. The direction
+    cosines are β for the scattered and β₀ for the incoming light. The parameters are the peak b₀, the knee L and the
+    slope s. The point source transmittance is the irradiance of the focal plane over that of the lens. For N surfaces near
+    the aperture stop it is T N b₀ (1 + (sin θ / L)²)^(s/2) cos θ · π / (4 F²), with the f-number F and the transmission
+    T. This follows from the definition of the BSDF: a pixel sees the scattered radiance as it sees any
     other.
 
     Laser light is not scattered by this law: the halo of `psf` describes that. The Earth is a Lambertian sphere without an

@@ -62,8 +62,8 @@ class Ephemeris(Part):
     type: Literal["ephemeris"] = "ephemeris"
     file: Text = Field(
         description=(
-            "Path of a CCSDS OEM (KVN or XML), or of a CSV file with one of the columns time_s, utc or epoch; x_m ... "
-            "or x_km ...; and, optionally, vx_m_s ... or vx_km_s ...."
+            "Path of a CCSDS OEM (KVN or XML), or of a CSV file. The CSV file has one of the columns time_s, utc or epoch, "
+            "positions x_m ... or x_km ..., and optionally velocities vx_m_s ... or vx_km_s ...."
         )
     )
     object: Text | None = Field(

@@ -197,10 +197,10 @@ class Waypoints(ProximityOperation):
 class Lambert(ProximityOperation):
     """A two-body transfer from `from_m` to rest at `to_m` (rtn axes of departure and of arrival), which is then held.
 
-    It is exact for two-body motion at any distance and about a chief of any eccentricity: the difference of two
-    propagated orbits in the rtn axes of the chief's own propagated one. Perturbations common to both (J2, drag) are
-    left out. In low orbit the difference of J2 is up to 4.5 % of the separation per revolution (by numerical
-    integration). It is less if it starts at a node. After `duration_s`, control and passive safety are
+    It is exact for two-body motion at any distance and about a chief of any eccentricity. The position is the
+    difference of two propagated orbits in the rtn axes of the chief's propagated orbit. Perturbations common to both
+    (J2, drag) are left out. In low orbit the difference of J2 is up to 4.5 % of the separation per revolution (by
+    numerical integration). It is less if it starts at a node. After `duration_s`, control and passive safety are
     Clohessy-Wiltshire's.
 
     `revolutions` are whole ones about the Earth before arrival; if left out, the number with the least cost. From one

@@ -23,8 +23,8 @@ class FacetMaterials(Part):
     """Which facet is of what material: overrides the materials of mesh and parts for the facets that `file` lists.
 
     Facets have the numbers that they have in the mesh's file, from 0, counted over its parts in order: the label `facet`.
-    A .csv has the columns facet and material, a facet being a number or a span such as 10-19; a .npy holds an integer for
-    each facet, -1 for none of these. `materials` says what the words, or the integers, mean; names of the catalogue need
+    A .csv has the columns facet and material, where a facet is a number or a span such as 10-19. A .npy holds an integer
+    for each facet, -1 for none of these. `materials` says what the words, or the integers, mean; names of the catalogue need
     no entry.
     """
 

@@ -28,8 +28,8 @@ class Fragment(Part):
 
     kind: FragmentKind = Field(
         description=(
-            "Category of the shape: a torn plate that is flat or bent and creased, a straight or bent rod, a nugget (a lump "
-            "with broken faces), or a flexible piece of insulation."
+            "Category of the shape. A plate is torn, and flat or bent and creased; a rod is straight or bent; a nugget is a "
+            "lump with broken faces; a flexible piece is insulation."
         )
     )
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(

@@ -57,9 +57,9 @@ class Lidar(Part):
     bounces: Annotated[Whole, Field(ge=1, le=2)] = Field(
         default=1,
         description=(
-            "Number of surfaces that light may meet on its way: 1 lights each surface by the laser alone; 2 adds paths "
-            "from the laser by two surfaces to the lens, with their own delay (docs/physics.md). `check` estimates what "
-            "the second bounce adds."
+            "Number of surfaces that light may meet on its way. With 1, the laser alone lights each surface. With 2, "
+            "paths from the laser by two surfaces to the lens are added, with their own delay (docs/physics.md). "
+            "`check` estimates what the second bounce adds."
         ),
     )
     schedule: Schedule | None = Field(

@@ -43,8 +43,8 @@ class Lambertian(MaterialPart):
 class Phong(MaterialPart):
     """The modified Phong surface ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ (Fuller et al., eq. 10; Lafortune and Willems 1994).
 
-    `diffuse` is k_d, `specular` k_s and `exponent` n, at the laser's wavelength. k_d + k_s may not exceed 1, so that energy
-    is conserved. φ is the angle between the mirror direction and the viewer.
+    `diffuse` is k_d, `specular` k_s and `exponent` n, at the laser's wavelength. The sum k_d + k_s may not exceed 1, so that
+    energy is conserved. The angle φ is the angle between the mirror direction and the viewer.
     """
 
     type: Literal["phong"] = "phong"

@@ -209,7 +209,7 @@ MERITS = {
         Merit(
             "tracker_error_m", "m", "less", "tracker",
             "rms distance of the constant-velocity filter's estimate (`rso-lidar track`) from the target's origin, over the "
-            "flashed frames from the first fix; it follows the nearest of several targets in the field, whichever is meant",
+            "flashed frames from the first fix. Of several targets in the field, the filter follows the nearest",
             lambda run: _rms(run.tracker_error_m),
             of_detected=True,
             noise="track",

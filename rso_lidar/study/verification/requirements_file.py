@@ -51,9 +51,9 @@ class Requirement(Part):
     text: Text = Field(description="The requirement as a sentence, such as `The lidar shall …`.")
     quantity: Text = Field(
         description=(
-            "Quantity that is bounded: a figure of merit of a trade study, a column of the link budget, the timeline or "
-            "the table of the tracker (`budget.`, `timeline.` or `tracking.` and its name), `finding.max_range_m`, or the "
-            "path of a parameter such as `lidar.receiver.ifov_rad`."
+            "Quantity that is bounded: a figure of merit of a trade study, `finding.max_range_m`, or the path of a "
+            "parameter such as `lidar.receiver.ifov_rad`. `budget.`, `timeline.` or `tracking.` and a name means a "
+            "column of the link budget, the timeline or the table of the tracker."
         )
     )
     at_least: Number | None = Field(default=None, description="Lower bound, in the unit of the quantity.")
