@@ -41,8 +41,8 @@ def shell(command):
 
 
 # %%
-# ``new`` writes a scenario to start from. A scenario is one text file (TOML) that describes a mission: time, targets, the
-# *follower* (the spacecraft that carries the lidar), and the lidar. Every number carries its unit in its name.
+# ``new`` writes a scenario to start from. A scenario is one text file (TOML) that describes a mission: time, targets,
+# the *follower* (the spacecraft that carries the lidar), and the lidar. Every number carries its unit in its name.
 #
 # .. code-block:: console
 #
@@ -53,14 +53,14 @@ text = (work / "approach.toml").read_text()
 print(text[text.index("version") :])
 
 # %%
-# The follower moves from 3 km behind a relay satellite to 300 m behind it, in 45 minutes. ``run`` simulates and records. Here
-# we ask for every 60th of the 540 frames.
+# The follower moves from 3 km behind a relay satellite to 300 m behind it, in 45 minutes. ``run`` simulates and
+# records. Here we ask for every 60th of the 540 frames.
 
 shell("rso-lidar run approach.toml -o approach.h5 --frames 0:540:60")
 
 # %%
-# *On target* counts the pixels whose light comes from the satellite, and how many of them reported a range. *False triggers*
-# are pixels that reported a range although nothing was there. ``plot`` draws all frames of the recording.
+# *On target* counts the pixels whose light comes from the satellite, and how many of them reported a range. *False
+# triggers* are pixels that reported a range although nothing was there. ``plot`` draws all frames of the recording.
 
 shell("rso-lidar plot approach.h5 -o approach.png")
 Image.open(work / "approach.png")
@@ -69,10 +69,10 @@ Image.open(work / "approach.png")
 # Each pair shows range on the left and intensity on the right, and is cropped to the satellite; the orange square shows
 # where the crop is in the field.
 #
-# - **The first frames have holes.** The light of a pixel falls with the square of the range. At 3 km a pixel gets a few hundred
-#   photons, and this detector needs about 780 to trigger in half of all flashes.
-# - **Colours change across the satellite**, because one end of the solar array is nearer than the other. They are relative
-#   to the median of each frame; otherwise the approach itself would hide the shape.
+# - **The first frames have holes.** The light of a pixel falls with the square of the range. At 3 km a pixel gets a few
+#   hundred photons, and this detector needs about 780 to trigger in half of all flashes.
+# - **Colours change across the satellite**, because one end of the solar array is nearer than the other. They are
+#   relative to the median of each frame; otherwise the approach itself would hide the shape.
 # - **Intensity is higher where a surface faces the lidar**, and grows as the satellite comes near.
 # - **Single pixels far from the satellite** are false alarms: noise of the amplifier that crosses the threshold.
 #
@@ -86,8 +86,8 @@ frame = next(rl.simulate(scenario, frames=[520]))
 frame
 
 # %%
-# What the sensor reports is an array per quantity, one value for each pixel. Row 0 is at the top, and columns grow to the
-# right. A pixel without a return is NaN in range and 0 in intensity, never a range of zero.
+# What the sensor reports is an array per quantity, one value for each pixel. Row 0 is at the top, and columns grow to
+# the right. A pixel without a return is NaN in range and 0 in intensity, never a range of zero.
 
 print(frame.range_m.shape, frame.range_m.dtype, "range [m]")
 print(frame.intensity_counts.shape, frame.intensity_counts.dtype, "intensity [counts of the converter]")
@@ -96,9 +96,9 @@ print(f"{frame.valid.sum()} of {frame.valid.size} pixels report a range")
 picture.frame_figure(frame)
 
 # %%
-# ``points_m`` holds the same ranges as points, in **lidar axes**: z along the boresight, x to the right, y down. A point is
-# the range times the line of sight of its pixel. Range is measured along the line of sight from the lens, so it is not the
-# z coordinate; at the edge of this field of 2.5° the two differ by 0.02 %, which is 9 cm at 400 m.
+# ``points_m`` holds the same ranges as points, in **lidar axes**: z along the boresight, x to the right, y down. A
+# point is the range times the line of sight of its pixel. Range is measured along the line of sight from the lens, so
+# it is not the z coordinate; at the edge of this field of 2.5° the two differ by 0.02 %, which is 9 cm at 400 m.
 
 points_m = frame.points_m[frame.valid]
 x, y, z = points_m.T
@@ -118,8 +118,8 @@ figure.colorbar(shown, label="z − z of the satellite [m]")
 figure
 
 # %%
-# On the left are the points as the lidar sees them, on the right the same points from above. No lidar sees the back of the
-# satellite, so from above there is only one side of it. The scatter along z is the noise of the ranges, about 5 cm.
+# On the left are the points as the lidar sees them, on the right the same points from above. No lidar sees the back of
+# the satellite, so from above there is only one side of it. The scatter along z is the noise of the ranges, about 5 cm.
 #
 # Truth and labels
 # ----------------
@@ -140,8 +140,8 @@ print(f"range error on the satellite: median {1e3 * np.median(error_m[seen]):+.1
 print(f"false alarms in the sky: {(frame.valid & (frame.labels.target < 0)).sum()}")
 
 # %%
-# The error of the ranges has two causes: the noise of the detector, and pixels at edges that see two surfaces at once. The
-# first is a bell, the second its long tails. The label of a part shows the edges.
+# The error of the ranges has two causes: the noise of the detector, and pixels at edges that see two surfaces at once.
+# The first is a bell, the second its long tails. The label of a part shows the edges.
 
 parts = frame.source.targets[0].parts
 figure = Figure(figsize=(9.5, 3.8), layout="constrained")
@@ -160,20 +160,23 @@ right.legend(frameon=False)
 figure
 
 # %%
-# The noise is random, but it is not arbitrary: frame *k* depends on the scenario, its ``seed`` and *k*, and on nothing else.
-# The same frame made again has the same bits, alone or among others. Another seed has other noise about the same truth.
+# The noise is random, but it is not arbitrary: frame *k* depends on the scenario, its ``seed`` and *k*, and on nothing
+# else. The same frame made again has the same bits, alone or among others. Another seed has other noise about the same
+# truth.
 
 again = next(rl.simulate(scenario, frames=[520]))
 other = next(rl.simulate(scenario.with_seed(1), frames=[520]))
 both = frame.valid & other.valid & seen
 print("same seed, same bits:", np.array_equal(frame.range_m, again.range_m, equal_nan=True))
-print(f"other seed: ranges differ by {np.std((frame.range_m - other.range_m)[both & ~edge]):.3f} m (standard deviation)")
+print(
+    f"other seed: ranges differ by {np.std((frame.range_m - other.range_m)[both & ~edge]):.3f} m (standard deviation)"
+)
 
 # %%
 # That is the square root of two times the noise of one range, because both frames have noise.
 #
-# **The result.** You have recorded an approach, found the satellite in it, and measured the precision of the sensor against
-# truth: about 5 cm. You have used no more than one file and thirty lines of Python.
+# **The result.** You have recorded an approach, found the satellite in it, and measured the precision of the sensor
+# against truth: about 5 cm. You have used no more than one file and thirty lines of Python.
 #
 # Exercises
 # ---------
@@ -206,9 +209,9 @@ print(f"other seed: ranges differ by {np.std((frame.range_m - other.range_m)[bot
 #
 #    .. dropdown:: Answer
 #
-#       ``type = "empirical"`` under ``[lidar.detector]`` is a fast detector with curves instead of a signal chain, and its rate
-#       of false alarms is a number, ``false_alarms_per_s = 0``. In the signal chain false alarms follow from noise and
-#       threshold: a higher threshold has fewer of them, and a shorter reach.
+#       ``type = "empirical"`` under ``[lidar.detector]`` is a fast detector with curves instead of a signal chain, and
+#       its rate of false alarms is a number, ``false_alarms_per_s = 0``. In the signal chain false alarms follow from
+#       noise and threshold: a higher threshold has fewer of them, and a shorter reach.
 #
 #       .. code-block:: python
 #

@@ -34,8 +34,8 @@ def shell(command):
 #
 # The motion of a body about the Earth may be an **element set** (TLE or OMM, propagated by SGP4), osculating elements
 # (``kepler``), mean elements with the Earth's flattening (``j2``), a numerical integration with forces, or a table from
-# another tool (OEM, CSV). Take the element set of your satellite from any catalogue. This one is synthetic: a rocket stage at
-# 550 km.
+# another tool (OEM, CSV). Take the element set of your satellite from any catalogue. This one is synthetic: a rocket
+# stage at 550 km.
 
 (work / "stage.tle").write_text(
     "ROCKET STAGE (SYNTHETIC)\n"
@@ -49,11 +49,11 @@ shell("rso-lidar catalog stage.tle")
 # ----------------------
 #
 # An element set is good to about a kilometre. That is useless between two bodies 200 m apart, so the inspector is given
-# *relative* to the stage. The axes are **rtn**: x radially out, y along-track (forward), z along the orbit normal. They turn
-# with the orbit. ``hill`` is the motion by Clohessy and Wiltshire.
+# *relative* to the stage. The axes are **rtn**: x radially out, y along-track (forward), z along the orbit normal. They
+# turn with the orbit. ``hill`` is the motion by Clohessy and Wiltshire.
 #
-# This is a whole scenario. ``look_at`` turns the body of the inspector so that its +x, along which the lidar looks, points at the
-# stage. ``preset`` takes a shipped camera, here with a wider field and less energy.
+# This is a whole scenario. ``look_at`` turns the body of the inspector so that its +x, along which the lidar looks,
+# points at the stage. ``preset`` takes a shipped camera, here with a wider field and less energy.
 
 (work / "inspection.toml").write_text("""\
 version = 1
@@ -83,8 +83,8 @@ receiver = { fov_deg = 8 }
 scenario = rl.Scenario.load(work / "inspection.toml")
 
 # %%
-# Small errors of velocity matter more than small errors of position. Three inspectors start 200 m behind the stage: one at
-# rest, one with a radial speed of n·y/2 (n is the mean motion), and one at rest but for 1 cm/s along-track.
+# Small errors of velocity matter more than small errors of position. Three inspectors start 200 m behind the stage: one
+# at rest, one with a radial speed of n·y/2 (n is the mean motion), and one at rest but for 1 cm/s along-track.
 
 n_rad_s = 2.0 * np.pi / 5745.0
 starts = {
@@ -121,17 +121,18 @@ axes.legend(frameon=False)
 figure
 
 # %%
-# The first stays where it is: two bodies on the same orbit keep their distance. The second flies an ellipse about the stage, twice
-# as long as high, and needs no thrust. The third *accelerates forward and falls behind*: a faster orbit is a higher and
-# slower one. In one revolution T it drifts by 3 T · 1 cm/s = 172 m. This is why relative navigation lives on velocity.
+# The first stays where it is: two bodies on the same orbit keep their distance. The second flies an ellipse about the
+# stage, twice as long as high, and needs no thrust. The third *accelerates forward and falls behind*: a faster orbit is
+# a higher and slower one. In one revolution T it drifts by 3 T · 1 cm/s = 172 m. This is why relative navigation lives
+# on velocity.
 #
 # A planned operation
 # -------------------
 #
-# An ellipse in the orbit's plane crosses the track of the stage, so a small drift can end in a collision. A **safety ellipse**
-# also swings across the track, such that it surrounds it. Operations of ``rl.rpo`` are motions like any other. They also make
-# a plan: impulses, delta-v, nearest distance, and *passive safety*, which is the nearest distance if thrust stops for good at the
-# worst instant.
+# An ellipse in the orbit's plane crosses the track of the stage, so a small drift can end in a collision. A **safety
+# ellipse** also swings across the track, such that it surrounds it. Operations of ``rl.rpo`` are motions like any
+# other. They also make a plan: impulses, delta-v, nearest distance, and *passive safety*, which is the nearest distance
+# if thrust stops for good at the worst instant.
 
 around = rl.rpo.SafetyEllipse(relative_to="stage", radial_m=90, cross_track_m=100, keep_out_m=60)
 stage_orbit = rl.orbit.Catalog.from_file(work / "stage.tle").trajectory(99002)
@@ -143,25 +144,29 @@ print(around.plan(scenario.time.start_utc, stage_orbit).describe())
 for name, options in {"straight": {"speed_m_s": 0.1}, "hops": {"hops": 2}}.items():
     approach = rl.rpo.VBarApproach(relative_to="stage", from_m=-200, to_m=-60, **options)
     plan = approach.plan(scenario.time.start_utc, stage_orbit)
-    print(f"{name:9s} {plan.duration_s:6.0f} s  {plan.delta_v_m_s:.3f} m/s  passive safety {plan.passive_safety_m():5.1f} m")
+    print(
+        f"{name:9s} {plan.duration_s:6.0f} s  {plan.delta_v_m_s:.3f} m/s  passive safety {plan.passive_safety_m():5.1f} m"
+    )
 
 # %%
-# The straight line is fast, but costs fuel to hold against the orbit, and drifts as near as 30 m if the thruster stops. The hops
-# take four times as long, need a seventh of the fuel, and never come nearer than planned.
+# The straight line is fast, but costs fuel to hold against the orbit, and drifts as near as 30 m if the thruster stops.
+# The hops take four times as long, need a seventh of the fuel, and never come nearer than planned.
 #
 # In the file, the operation is one line. ``check`` summarises the whole mission without rendering it: orbit, geometry,
 # Sun, light, and warnings. The link budget at its end is made by casting rays at the stage as it stands.
 
 text = (work / "inspection.toml").read_text()
 hill = next(line for line in text.splitlines() if "hill" in line)
-ellipse = 'motion = { type = "safety_ellipse", relative_to = "stage", radial_m = 90, cross_track_m = 100, keep_out_m = 60 }'
+ellipse = (
+    'motion = { type = "safety_ellipse", relative_to = "stage", radial_m = 90, cross_track_m = 100, keep_out_m = 60 }'
+)
 (work / "inspection.toml").write_text(text.replace(hill, ellipse))
 shell("rso-lidar check inspection.toml")
 
 # %%
-# Read it from the top: the element set and its age, the range over the run, where Sun, Earth and Moon are seen from the boresight,
-# the eclipses, and the plan. *Budget* says how much light comes back in the first and in the last frame, and with which
-# probability a pixel reports. The rows begin with what they are about, so you can search for them.
+# Read it from the top: the element set and its age, the range over the run, where Sun, Earth and Moon are seen from the
+# boresight, the eclipses, and the plan. *Budget* says how much light comes back in the first and in the last frame, and
+# with which probability a pixel reports. The rows begin with what they are about, so you can search for them.
 #
 # ``truth`` draws the motion:
 
@@ -172,8 +177,8 @@ Image.open(work / "path.png")
 # What warnings are for
 # ---------------------
 #
-# Models have limits, and the package tells you when you leave one. Here the stage is put on an eccentric orbit. Clohessy and
-# Wiltshire's equations take the orbit as circular.
+# Models have limits, and the package tells you when you leave one. Here the stage is put on an eccentric orbit.
+# Clohessy and Wiltshire's equations take the orbit as circular.
 
 eccentric = rl.Kepler(
     epoch_utc=scenario.time.start_utc, semi_major_axis_km=7200, eccentricity=0.03, inclination_deg=97.6,
@@ -184,9 +189,9 @@ for line in warned.advice():
     print("-", line, end="\n\n")
 
 # %%
-# A warning names the key, says what is wrong and by how much, and what to do. Others are about light and pointing: a part of
-# the stage outside the field, pixels that clip the converter, the Sun near the field. ``check`` prints them in its last
-# lines; Python calls them ``advice``.
+# A warning names the key, says what is wrong and by how much, and what to do. Others are about light and pointing: a
+# part of the stage outside the field, pixels that clip the converter, the Sun near the field. ``check`` prints them in
+# its last lines; Python calls them ``advice``.
 #
 # The result
 # ----------
@@ -198,10 +203,10 @@ frames = list(rl.simulate(flown, frames=slice(0, None, 9)))
 Image.open(picture.contact_sheet(frames, work / "ellipse.png"))
 
 # %%
-# The stage is seen from all sides, because both bodies move: the inspector once around it in a revolution, and the stage end over
-# end. You see its engine, its tanks and the white paint in turn. Bright spots are bare metal that faces the lidar: it sends
-# its light back like a mirror. Dark ones are surfaces at a flat angle. **This is your mission: one element set,
-# one operation, thirty lines of TOML.**
+# The stage is seen from all sides, because both bodies move: the inspector once around it in a revolution, and the
+# stage end over end. You see its engine, its tanks and the white paint in turn. Bright spots are bare metal that faces
+# the lidar: it sends its light back like a mirror. Dark ones are surfaces at a flat angle. **This is your mission: one
+# element set, one operation, thirty lines of TOML.**
 #
 # Exercises
 # ---------

@@ -19,7 +19,6 @@ import trimesh
 from matplotlib.figure import Figure
 
 import rso_lidar as rl
-from rso_lidar import picture
 
 work = Path(tempfile.mkdtemp(prefix="tutorial-"))
 
@@ -35,8 +34,8 @@ def shell(command):
 # Build the mesh
 # --------------
 #
-# Body axes are x forward, y left, z up. The craft is a bus of 1 m × 1 m × 1.5 m, and on its left (+y) a boom with a solar
-# array of 2 m × 1.2 m. Each part is a closed solid with a name. Coordinates are in metres.
+# Body axes are x forward, y left, z up. The craft is a bus of 1 m × 1 m × 1.5 m, and on its left (+y) a boom with a
+# solar array of 2 m × 1.2 m. Each part is a closed solid with a name. Coordinates are in metres.
 
 
 def box(size_m, center_m):
@@ -57,8 +56,9 @@ for name, solid in solids.items():
 shell("rso-lidar models check craft.glb")
 
 # %%
-# ``models check`` looks before you fly: size, holes, winding, and facets that no ray from outside can meet. Here the two
-# facets where boom and bus touch are such. Facets are two-sided in the simulation, so that a wrong winding loses no light.
+# ``models check`` looks before you fly: size, holes, winding, and facets that no ray from outside can meet. Here the
+# two facets where boom and bus touch are such. Facets are two-sided in the simulation, so that a wrong winding loses no
+# light.
 #
 # Units
 # ~~~~~
@@ -70,18 +70,20 @@ millimetres.export(work / "craft_mm.stl")
 shell("rso-lidar models check craft_mm.stl")
 
 # %%
-# The command doubts a spacecraft that is 3400 m across, and says which unit would make sense. In a scenario you would write
-# ``scale = 0.001``, or ``size_m = 3.4`` for the longest side. STL also loses the names of parts, which is why this tutorial goes on with
-# glTF (``.glb``): it keeps them and is in metres.
+# The command doubts a spacecraft that is 3400 m across, and says which unit would make sense. In a scenario you would
+# write ``scale = 0.001``, or ``size_m = 3.4`` for the longest side. STL also loses the names of parts, which is why
+# this tutorial goes on with glTF (``.glb``): it keeps them and is in metres.
 #
 # Put it into a scenario
 # ----------------------
 #
-# - ``part_materials`` gives each part a material, by a name from ``rso-lidar models materials``, or with numbers of your own.
+# - ``part_materials`` gives each part a material, by a name from ``rso-lidar models materials``, or with numbers of
+#   your own.
 # - ``joint`` is a hinge: the array and its boom turn about the body's y axis, by 1.5° a second.
-# - ``center_of_mass_m`` is the origin of the body, in coordinates of the mesh. If it is left out, it is assumed at the origin of the
-#   file, and a warning says so.
-# - The attitude ``rtn`` with a turn of 180° makes the body's +x point down, at an inspector 40 m below.
+# - ``center_of_mass_m`` is the origin of the body, in coordinates of the mesh. If it is left out, it is assumed at the
+#   origin of the file, and a warning says so.
+# - The attitude ``rtn`` turns the body relative to its orbit. 180° about z would make its +x point down, at an
+#   inspector 50 m below; 165°, and 20° about y, show more than one side.
 
 (work / "craft.toml").write_text("""\
 version = 1
@@ -97,8 +99,12 @@ frame_rate_hz = 0.25                    # every 4 s: the array turns by 6 degree
 name             = "craft"
 model            = "craft.glb"          # looked up beside this file
 center_of_mass_m = [0, 0, 0]
-attitude         = { type = "rtn", euler_zyx_deg = [180, 0, 0] }
-part_materials   = { bus = "mli_gold", boom = "aluminium", array = { type = "phong", diffuse = 0.15, specular = 0.10, exponent = 20 } }
+attitude         = { type = "rtn", euler_zyx_deg = [165, 20, 0] }
+
+[target.part_materials]
+bus   = "mli_gold"
+boom  = "aluminium"
+array = { type = "phong", diffuse = 0.15, specular = 0.10, exponent = 20 }
 
 [target.motion]
 type                    = "kepler"
@@ -118,7 +124,7 @@ axis       = [0, 1, 0]
 angle      = { type = "fixed", angle_deg = -45, rate_deg_s = 1.5 }
 
 [follower]
-motion   = { type = "hill", relative_to = "craft", position_m = [-40, 0, 0], velocity_m_s = [0, 0, 0] }
+motion   = { type = "hill", relative_to = "craft", position_m = [-50, 0, 0], velocity_m_s = [0, 0, 0] }
 attitude = { type = "look_at", at = "craft" }
 
 [lidar]
@@ -145,34 +151,38 @@ except rl.ScenarioError as error:
 #
 # Four frames, with the label of the part beside range and intensity.
 
-figure = Figure(figsize=(10, 7.2), layout="constrained")
+figure = Figure(figsize=(10, 5.6), layout="constrained")
 grid = figure.subplots(3, 4)
 parts = scenario.source.targets[0].parts
 for column, k in zip(grid.T, (0, 4, 8, 12), strict=True):
     frame = frames[k]
     depth_m = frame.range_m - np.linalg.norm(frame.truth.pose("lidar", "craft").translation)
     column[0].imshow(np.where(frame.labels.target >= 0, depth_m, np.nan), cmap="viridis", vmin=-0.8, vmax=0.8)
-    column[1].imshow(np.log10(np.maximum(frame.intensity_counts, 1)), cmap="gray", vmin=1.0, vmax=3.6)
+    column[1].imshow(np.log10(np.maximum(frame.intensity_counts, 1)), cmap="gray", vmin=1.0, vmax=2.7)
     column[2].imshow(np.ma.masked_less(frame.labels.part, 0), cmap="Set2", vmin=0, vmax=7)
     column[0].set_title(f"array at {-45 + 1.5 * frame.time_s:+.0f}°", fontsize=10)
     for axes in column:
         axes.set_xticks([])
         axes.set_yticks([])
+        axes.set_xlim(54, 127)  # columns and rows about the craft
+        axes.set_ylim(98, 50)
 for row, name in zip(grid, ("range, ±0.8 m", "intensity, log", "label: " + ", ".join(parts)), strict=True):
     row[0].set_ylabel(name)
 figure
 
 # %%
-# In the first frame the array is tilted by 45°: one of its long edges is nearer, and its light falls with the cosine of the
-# tilt. As it turns to face the lidar it becomes brighter, and at 0° a lobe of the Phong material (``specular``) adds to it. The
-# bus of gold foil is brighter still; its front saturates nothing because the laser was set to 1 mJ.
+# The body is turned by 20° about the axis of the hinge, so the array faces the lidar when the hinge is at −20°. There
+# it is brightest: little is lost to the cosine of the tilt, and the lobe of the Phong material (``specular``) sends
+# light straight back. At other angles one long edge is nearer than the other, and the light falls. The front of the bus
+# is gold foil at 25° from the line of sight; its top and its side are at flatter angles, and darker. Dark pixels at the
+# rim of the bus are those that are filled in part.
 #
 # Measure the angle of the array
 # ------------------------------
 #
-# The test of any simulation is whether one can get back what one put in. Take the points on the array, move them into body axes,
-# fit a plane, and compare its tilt with the angle of the hinge. The label picks the points; a tracker of yours would have
-# to segment them itself.
+# The test of any simulation is whether one can get back what one put in. Take the points on the array, move them into
+# body axes, fit a plane, and compare its tilt with the angle of the hinge. The label picks the points; a tracker of
+# yours would have to segment them itself.
 
 array = parts.index("array")
 angles = []
@@ -202,13 +212,17 @@ figure
 # %%
 
 print(f"points on the array: {count.min():.0f} to {count.max():.0f}")
-print(f"error of the angle: mean {np.mean(measured_deg - true_deg):+.2f} deg, rms {np.std(measured_deg - true_deg):.2f} deg")
+print(
+    f"error of the angle: mean {np.mean(measured_deg - true_deg):+.2f} deg, rms {np.std(measured_deg - true_deg):.2f} deg"
+)
 
 # %%
-# **The result.** With a noise of 5 cm on each range, thousands of points give the angle of a panel 1.2 m wide to a fraction of a
-# degree. That is the square root of the number of points at work.
+# **The result.** A noise of 5 cm on each range, and half a degree on a panel 1.2 m wide: the mean over many points is
+# at work. Independent errors would give 5 cm / (0.35 m · √1000) = 0.26°, with 0.35 m the rms distance of the points
+# from the hinge.
 #
-# ``frame.truth.pose("lidar", "craft.drive")`` is the pose of the hinge itself: each joint has axes in the tree of poses.
+# ``frame.truth.pose("lidar", "craft.drive")`` is the pose of the hinge itself: each joint has axes in the tree of
+# poses.
 #
 # Exercises
 # ---------
@@ -224,8 +238,8 @@ print(f"error of the angle: mean {np.mean(measured_deg - true_deg):+.2f} deg, rm
 #          on_bus = (one.labels.part == parts.index("bus")) & (one.labels.filled_fraction > 0.99)
 #          print(np.median(frames[0].labels.photons[on_bus] / one.labels.photons[on_bus]))
 #
-#       The ratio of the two BRDFs towards the lidar. Gold foil reflects 80 % and sends much of it back in a lobe about the
-#       mirror direction, black paint reflects 5 %.
+#       By 3.7, not by the 16 of the two reflectances (0.80 and 0.05): most of the light of gold foil leaves in a lobe
+#       about the mirror direction, and at 25° that misses the lidar.
 #
 # 2. Use the STL in millimetres. What do you lose?
 #
@@ -242,8 +256,8 @@ print(f"error of the angle: mean {np.mean(measured_deg - true_deg):+.2f} deg, rm
 #
 #    .. dropdown:: Answer
 #
-#       ``angle = { type = "follow_sun", normal = [1, 0, 0] }`` turns the hinge so that the normal of the cells points at the Sun as nearly
-#       as the axis allows.
+#       ``angle = { type = "follow_sun", normal = [1, 0, 0] }`` turns the hinge so that the normal of the cells points
+#       at the Sun as nearly as the axis allows.
 #
 #       .. code-block:: python
 #
