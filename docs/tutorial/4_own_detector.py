@@ -1,4 +1,4 @@
-r"""
+"""
 Step 4: own detector
 ====================
 
@@ -83,13 +83,15 @@ bench = rl.Scenario.load(work / "bench.toml")
 # How far does it see?
 # --------------------
 #
-# ``budget`` answers in closed form, for a pixel that the target fills. The photons that return to a pixel fall with the
-# square of the range R,
+# ``budget`` answers in closed form, for a pixel that the target fills. With the pulse energy E, the reflectance ρ, the
+# area A of the aperture and the transmission η, the photons that return to a pixel are
 #
-# .. math::  N = \frac{E}{h\nu} \; \frac{\rho}{\pi} \; \frac{A \, \eta}{R^2} \; \frac{1}{n_\mathrm{pixels}},
+# .. code-block:: text
 #
-# with the pulse energy E, the reflectance ρ, the area A of the aperture and the transmission η. One power of R² is the
-# light's way back. The way out does not count, because a pixel sees a larger patch of the target farther away.
+#    N = E / (h ν) / (number of pixels)  ·  ρ / π  ·  A η / R²
+#
+# They fall with the square of the range R, not with its fourth power: only the way back thins the light, because a
+# pixel sees a larger patch of the target farther away.
 
 shell("rso-lidar budget bench.toml --range 200m:3km -o budget.png")
 Image.open(work / "budget.png")
