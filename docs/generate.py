@@ -1,4 +1,4 @@
-"""Write the parts of the pages in docs/ that the package itself states: ``python docs/generate.py``.
+"""Write the parts of the pages in docs/ that the package itself states: ``python docs/generate.py [PAGE.md ...]``.
 
 A page is written by hand but for what stands between ``<!-- generated: name -->`` and ``<!-- end of name -->``. Names,
 types, limits, defaults and meanings of keys come from the parts, fields and meanings of records from their statements,
@@ -12,9 +12,10 @@ import dataclasses
 import datetime
 import importlib
 import re
+import sys
 import tomllib
 import types
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -73,30 +74,41 @@ SAID_BY_KEY = {  # types of fields that take what pydantic has no word for
 }
 
 
-def pages() -> dict[Path, str]:
-    """Return the text that each generated page should have, by path."""
-    made = {
-        "scenario.md": {"keys": scenario_keys()},
-        "records.md": {"records": record_tables(), "layout": file_layout()},
-        "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
-        "instrument.md": {"constants": constants(), "presets": presets()},
-        "sensors.md": {"presets": sensor_presets()},
-        "studies.md": {"merits": merits(), "study keys": study_keys()},
-        "requirements.md": {"requirement keys": requirement_keys()},
-        "protocol.md": {"requests": request_keys()},
-        "datasets.md": {"arrays": shard_arrays(), "spec keys": dataset_keys()},
-        "glossary.md": {"classes": classes()},
-        "architecture.md": {"floors": floors(), "rooms": rooms()},
-        "calibration.md": {"measured": measured_materials()},
+def pages(*names: str) -> dict[Path, str]:
+    """Return the text that generated pages should have, by path.
+
+    Parameters
+    ----------
+    names : of pages, such as ``glossary.md``; all without any.
+    """
+    makers: dict[str, dict[str, Callable[[], str]]] = {
+        "scenario.md": {"keys": scenario_keys},
+        "records.md": {"records": record_tables, "layout": file_layout},
+        "physics.md": {"budget": budget, "detection": detection, "defaults": defaults},
+        "instrument.md": {"constants": constants, "presets": presets},
+        "sensors.md": {"presets": sensor_presets},
+        "studies.md": {"merits": merits, "study keys": study_keys},
+        "requirements.md": {"requirement keys": requirement_keys},
+        "protocol.md": {"requests": request_keys},
+        "datasets.md": {"arrays": shard_arrays, "spec keys": dataset_keys},
+        "glossary.md": {"classes": classes},
+        "architecture.md": {"floors": floors, "rooms": rooms},
+        "calibration.md": {"measured": measured_materials},
         "models.md": {
-            "part classes": part_classes(),
-            "symmetries": symmetries(),
-            "models": shipped_models(),
-            "sources": model_sources(),
-            "materials": shipped_materials(),
+            "part classes": part_classes,
+            "symmetries": symmetries,
+            "models": shipped_models,
+            "sources": model_sources,
+            "materials": shipped_materials,
         },
     }
-    return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
+    if unknown := sorted(set(names) - set(makers)):
+        raise SystemExit(f"generate.py: {unknown[0]}: no page of this name is generated; give {', '.join(makers)}")
+    wanted = {name: makers[name] for name in names or makers}
+    return {
+        DOCS / name: _filled(DOCS / name, {block: make() for block, make in blocks.items()})
+        for name, blocks in wanted.items()
+    }
 
 
 def _filled(page: Path, blocks: dict[str, str]) -> str:
@@ -724,8 +736,8 @@ def _is_a_value(field: Any) -> bool:
 
 
 def main() -> None:
-    """Write the pages anew."""
-    for page, text in pages().items():
+    """Write the pages that the arguments name anew, or all."""
+    for page, text in pages(*sys.argv[1:]).items():
         page.write_text(text, encoding="utf-8")
 
 

@@ -92,7 +92,8 @@ def read_constants(folder: Path) -> Constants:
         with h5py.File(place, "r") as file:
             if file.attrs["Conventions"] != CONVENTIONS:
                 raise DatasetError(
-                    f"{place}: is of another version ({file.attrs['Conventions']}); make the dataset again"
+                    f"{place}: is of '{file.attrs['Conventions']}', and this rso_lidar reads '{CONVENTIONS}': upgrade "
+                    "rso_lidar, or make the dataset again"
                 )
             lists = {name: tuple(json.loads(file.attrs[name])) for name in _LISTS}
             groups = {name: file[f"sensors/{name}"] for name in lists["sensors"]}

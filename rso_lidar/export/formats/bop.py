@@ -19,9 +19,9 @@ from typing import Any, TextIO
 import numpy as np
 
 from rso_lidar.errors import RecordingError, warn
-from rso_lidar.export.formats.frame_files import describe_frame, get_file_stem, write_new_file, write_source
 from rso_lidar.export.layout.datasets import compute_lidar_poses
 from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.frame_files import describe_frame, get_file_stem, write_new_file, write_source
 from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.records import Frame
 from rso_lidar.units import MM

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.export.formats.frame_files import write_frame_files
+from rso_lidar.export.writer.frame_files import write_frame_files
 from rso_lidar.records import Frame
 
 _POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]

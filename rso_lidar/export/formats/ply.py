@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar.export.formats.frame_files import write_frame_files
+from rso_lidar.export.writer.frame_files import write_frame_files
 from rso_lidar.records import Frame
 
 _POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<u2"), ("row", "<u2"), ("col", "<u2")]
