@@ -77,8 +77,9 @@ peers: $(VENV)/.installed-test ## render anew what tests/peers compares with, by
 docs: $(VENV)/.installed ## write the generated parts of docs/ anew
 	$(BIN)/python docs/generate.py
 
-figures: $(VENV)/.installed ## draw the curves of docs/instrument.md anew
+figures: $(VENV)/.installed-test ## draw the curves of docs/instrument.md and the picture of the imports anew
 	$(BIN)/python docs/figures.py
+	$(BIN)/python docs/draw_architecture.py
 
 calibrate: $(VENV)/.installed ## solve the constants of the shipped detectors through the whole chain, anew
 	$(BIN)/python -m rso_lidar.detector.bench.calibration

@@ -180,7 +180,12 @@ FILM = DOCS / "pictures" / "approach.gif"
 
 def test_every_picture_is_shown_and_every_figure_drawn():
     figures = set(runpy.run_path(str(DOCS / "figures.py"), run_name="figures")["FIGURES"])
-    assert {file.stem for file in PICTURES} == figures | {"tdrs_approach", "growth"}
+    assert {file.stem for file in PICTURES} == figures | {
+        "tdrs_approach",
+        "growth",
+        "architecture",
+        "architecture_dark",
+    }
     told = "".join(
         (DOCS / page).read_text(encoding="utf-8")
         for page in (
