@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test site processor bounds release-check mutants rules lint validate docs figures calibrate models peers bench clean
+.PHONY: help venv demo test site processor bounds release-check mutants rules lint validate real-data docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
@@ -66,9 +66,15 @@ rules: $(VENV)/.installed-test ## run the quick ones of them: format, lint, floo
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-logo
 
-validate: export RSO_LIDAR_SHARED ?= $(abspath $(wildcard ../shared))
-validate: $(VENV)/.installed-test ## compare with the outside world, and write docs/validation.md
-	$(BIN)/python -m pytest -q tests/physics tests/peers --validation-page=docs/validation.md
+# Pages go to out/; PAGES=docs renews the committed ones, on a machine with all data and all optional programs.
+PAGES ?= out/validation
+validate: export RSO_LIDAR_SHARED ?= $(abspath $(firstword $(wildcard real_data ../shared)))
+validate: $(VENV)/.installed-test ## compare with the outside world; writes the ledger of what is validated to out/validation
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope --validation=$(PAGES) tests/physics tests/peers \
+		$$($(BIN)/python -m tests.ledger --tests)
+
+real-data: $(VENV)/.installed-test ## bring spacecraft and orbits that you downloaded to where tests look (FROM=folder)
+	$(BIN)/python -m tests.real_data $(if $(FROM),"$(FROM)")
 
 peers: $(VENV)/.installed-test ## render anew what tests/peers compares with, by mitransient (needs Debian's libllvm19)
 	@$(INSTALL) -e . --group peers

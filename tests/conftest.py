@@ -13,6 +13,8 @@ import pytest
 
 from tests import limits
 
+pytest_plugins = ["tests.ledger.recording"]
+
 # Hundreds of tests start a process. Where the machine forbids bytecode, each process would compile the package again.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -38,13 +40,23 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+class SharedFolder(type(Path())):
+    """A path below the folder of real data: a test that names a file or a folder that is not there is skipped."""
+
+    def __truediv__(self, name):
+        path = super().__truediv__(name)
+        if not path.exists():
+            pytest.skip(f"{name} is not in the folder of real data; tests/real_data.md says where it is public")
+        return path
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Return the folder of real data that RSO_LIDAR_SHARED names; without one the test is skipped."""
     name = os.environ.get("RSO_LIDAR_SHARED", "")
     if not name:
         pytest.skip("RSO_LIDAR_SHARED names no folder of real data; tests/real_data.md says where its files are public")
-    folder = Path(name)
+    folder = SharedFolder(name)
     if not folder.is_dir():
         pytest.fail(f"RSO_LIDAR_SHARED names a folder that is not there: {name}", pytrace=False)
     return folder

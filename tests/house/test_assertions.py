@@ -41,7 +41,10 @@ def names_in(function):
 def known_in(name, trees):
     """Return the functions that a test module can use by name: fixtures, imported ones and its own."""
     folders = list(PurePosixPath(name).parents)[::-1]
-    sources = [f"{folder}/conftest.py" for folder in folders]
+    sources = [
+        "tests/ledger/recording.py",
+        *(f"{folder}/conftest.py" for folder in folders),
+    ]  # its fixture is everywhere
     for node in ast.walk(trees[name]):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("tests"):
             modules = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
