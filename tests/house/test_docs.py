@@ -21,7 +21,7 @@ from rso_lidar.study.trades.plan import make_plan
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.glob("*.md"))]
-WRITTEN = [page for page in PAGES if page.name != "validation.md"]  # that one is a report of a run
+WRITTEN = [page for page in PAGES if not page.name.startswith("validation")]  # those are reports of a run
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 NAMES = [page.relative_to(ROOT).as_posix() for page in WRITTEN]
 
