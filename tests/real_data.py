@@ -116,6 +116,14 @@ def _names():
     return {name.lower() for name in published | {Path(each.path).name for each in list_files()}}
 
 
+def is_regular(path):
+    """Return whether a path is a regular file that can be looked at."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def walk(folder):
     """Yield the regular files of a folder and its subfolders, in order; links to folders are not followed."""
 
@@ -124,7 +132,7 @@ def walk(folder):
 
     for parent, folders, names in os.walk(folder, onerror=refuse):
         folders.sort()
-        yield from (path for name in sorted(names) if (path := Path(parent, name)).is_file())
+        yield from filter(is_regular, (Path(parent, name) for name in sorted(names)))
 
 
 def recognise(folders):
@@ -250,6 +258,8 @@ def main(arguments):
         place = Path(given.to)
         if given.folder is not None and not given.folder.strip():
             raise DataError("FOLDER: is empty; name the folder with what you downloaded")
+        if not str(given.to).strip():
+            raise DataError("--to: is empty; name the folder where tests look")
         if folder is not None and folder.is_file():
             raise DataError(f"{folder}: is a file; unpack it, and name the folder")
         if folder is not None and not folder.is_dir():

@@ -152,6 +152,7 @@ def test_many_unknown_files_are_counted(downloads, tmp_path, capsys):
         (["a\0b\nc"], "b c: there is no such folder"),
         (["{tmp}/downloads", "more"], "unrecognized arguments: more; usage: python -m tests.real_data"),
         (["--form", "x"], "unrecognized arguments"),
+        (["{tmp}/downloads", "--to", ""], "--to: is empty; name the folder where tests look"),
         (["{tmp}/downloads", "--to"], "expected one argument; usage"),
         (["{tmp}/downloads", "--to", "{tmp}/file"], "{tmp}/file: is not a folder; name another with --to"),
         (["{tmp}/downloads", "--to", "{tmp}/file/below"], "{tmp}/file/below"),

@@ -83,7 +83,7 @@ def test_page_holds_what_was_compared_in_order(run):
     assert f"rso_lidar {version('rso-lidar')} " in page
     assert "1 check without a number passed: of a word." in page
     assert "**Not run**: needs data (no data here)." in page
-    assert "**Not run**: test\\_absent" in page or "not there" in page
+    assert "**Not run**: test absent.py (not there)." in page or "(not there)" in page
 
 
 def test_validation_takes_a_folder(tmp_path):

@@ -4,6 +4,7 @@ import math
 import textwrap
 from pathlib import Path
 
+from rso_lidar.files import write_text
 from tests.ledger.assumed_defaults import list_assumed_defaults
 from tests.ledger.capabilities import KINDS, build_ledger, file_title
 
@@ -54,8 +55,8 @@ def write_pages(folder, capabilities, results):
     ledger = build_ledger(capabilities, results)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "validation.md").write_text(ledger_page(ledger), encoding="utf-8")
-    (folder / CASES).write_text(cases_page(results), encoding="utf-8")
+    write_text(folder / "validation.md", ledger_page(ledger), overwrite=True)
+    write_text(folder / CASES, cases_page(results), overwrite=True)
     return ledger
 
 

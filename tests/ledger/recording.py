@@ -9,12 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.ledger import pages
 from tests.ledger.capabilities import load_capabilities
 from tests.ledger.results import Results, Row, TestResult, load_results, this_version, write_results
 
 KEY = "validation"  # of the user properties of a report, which pytest-xdist carries from its workers
-RESULTS = pytest.StashKey[dict]()
 
 
 def pytest_addoption(parser):
@@ -24,9 +22,16 @@ def pytest_addoption(parser):
 def pytest_configure(config):
     if not config.getoption("--validation", None) or hasattr(config, "workerinput"):
         return
+    from rso_lidar.files import can_write_in  # here, so that other runs of pytest start without the package
+
     folder = Path(config.getoption("--validation"))
-    if folder.exists() and not folder.is_dir():
-        raise pytest.UsageError(f"--validation {folder}: is a file; name a folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = "is a file" if folder.is_file() else error.strerror
+        raise pytest.UsageError(f"--validation {folder}: {reason}; name a folder") from None
+    if not can_write_in(folder):
+        raise pytest.UsageError(f"--validation {folder}: cannot be written; name another folder")
     load_capabilities()  # an error in that file is reported before the tests run, not after
     config.pluginmanager.register(Recorder(config, folder), "validation-recorder")
 
@@ -71,12 +76,16 @@ class Recorder:
     def pytest_sessionfinish(self):
         if self.config.option.collectonly or not self.tests:
             return
+        from tests.ledger import pages
+
         results = Results(this_version(), self.tests).completed(load_results())
         self.ledger = pages.write_pages(self.folder, load_capabilities(), results)
         write_results(self.folder / "validation.json", results)
 
     def pytest_terminal_summary(self, terminalreporter):
         if self.ledger is not None:
+            from tests.ledger import pages
+
             terminalreporter.section("validation ledger")
             for line in pages.summary(self.ledger):
                 terminalreporter.line(line)

@@ -95,6 +95,8 @@ def load_results(path=COMMITTED):
 
 def write_results(path, results):
     """Write results as JSON with one line for each test."""
+    from rso_lidar.files import write_text  # here, so that pytest starts without the package
+
     lines = []
     for name, result in sorted(results.tests.items()):
         entry = {"outcome": result.outcome}
@@ -104,7 +106,7 @@ def write_results(path, results):
             entry["rows"] = [[*row.as_list()[:2], *map(shortened, row.as_list()[2:5]), row.unit] for row in result.rows]
         lines.append(f"{json.dumps(name)}: {json.dumps(entry, ensure_ascii=False)}")
     text = f'{{"version": {json.dumps(results.version)}, "tests": {{\n' + ",\n".join(lines) + "\n}}\n"
-    Path(path).write_text(text, encoding="utf-8")
+    write_text(path, text, overwrite=True)
 
 
 def shortened(value):
