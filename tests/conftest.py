@@ -40,8 +40,11 @@ def pytest_collection_finish():
     gc.freeze()
 
 
-class SharedFolder(type(Path())):
-    """A path below the folder of real data: a test that names a file or a folder that is not there is skipped."""
+class SharedPath(type(Path())):
+    """A path to real data: a test that names a file or a folder that is not there is skipped.
+
+    trimesh knows classes of paths by the end of their names.
+    """
 
     def __truediv__(self, name):
         path = super().__truediv__(name)
@@ -56,7 +59,7 @@ def shared() -> Path:
     name = os.environ.get("RSO_LIDAR_SHARED", "")
     if not name:
         pytest.skip("RSO_LIDAR_SHARED names no folder of real data; tests/real_data.md says where its files are public")
-    folder = SharedFolder(name)
+    folder = SharedPath(name)
     if not folder.is_dir():
         pytest.fail(f"RSO_LIDAR_SHARED names a folder that is not there: {name}", pytrace=False)
     return folder

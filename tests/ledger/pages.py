@@ -11,7 +11,7 @@ from tests.ledger.capabilities import KINDS, build_ledger, file_title
 STATUS_WORDS = {  # of the sentence of counts, and headings with what they mean
     "failed": ("failed", "Failed", "A comparison of this run was outside its tolerance."),
     "not run": ("not run", "Not run", "There are comparisons, but none of them ran: data or programs were absent."),
-    "assumed": ("assumed", "Assumed", "No source, and nothing to compare with. Do not rely on these numbers."),
+    "assumed": ("assumed", "Assumed", "No source, and nothing independent to compare with: a choice of this project."),
     "modelled": (
         "modelled",
         "Modelled",
