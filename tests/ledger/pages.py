@@ -21,9 +21,10 @@ STATUS_WORDS = {  # of the sentence of counts, and headings with what they mean
     "validated": (
         "validated",
         "Validated",
-        "Compared with something independent. The kinds of sources, those of most weight first: published measurements of "
-        "real instruments and materials; other programs; published numbers, such as printed examples and data sheets; "
-        "closed forms, worked out for the test. Under *how near* stands the number that uses most of its tolerance.",
+        "Compared with something independent. A *published measurement* is of a real instrument or material. "
+        "An *other program* was run, or its results were kept. A *published number* is a printed example, a data sheet or a "
+        "standard. A *closed form* was worked out for the test. Under *how near* stands the number that uses most of its "
+        "tolerance.",
     ),
 }
 CASES = "validation_cases.md"
