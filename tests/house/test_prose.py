@@ -9,7 +9,18 @@ from pygments.util import ClassNotFound
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("docs", "examples", "tests", "benchmarks")
-PAGES = sorted({*ROOT.glob("*.md"), *(page for folder in FOLDERS for page in (ROOT / folder).rglob("*.md"))})
+MADE = {
+    line.strip("/") for line in (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines() if line.endswith("/")
+}
+
+
+def is_made(page):
+    """Return whether a page is in a folder that a build makes, such as those of the site."""
+    return any(folder.relative_to(ROOT).as_posix() in MADE for folder in page.parents if folder.is_relative_to(ROOT))
+
+
+FOUND = {*ROOT.glob("*.md"), *(page for folder in FOLDERS for page in (ROOT / folder).rglob("*.md"))}
+PAGES = sorted(page for page in FOUND if not is_made(page))
 # Not made of sentences by hand: the report of a run, a text of others, and lists of features.
 OTHERS = {"docs/validation.md", "docs/validation_cases.md", "CODE_OF_CONDUCT.md", "CHANGELOG.md", "README.md"}
 LISTS = {"README.md", "docs/README.md", "CODE_OF_CONDUCT.md"}  # begin with a list, code or a heading on purpose
