@@ -66,6 +66,17 @@ sphinx_gallery_conf = {
     "write_computation_times": False,  # its table would load a script from another host
     "min_reported_time": 10,
     "plot_gallery": "True",
+    "subsection_order": [
+        *(
+            f"gallery/{name}"
+            for name in ("missions", "instrument", "studies", "how_do_i", "own_parts", "learning", "connect")
+        ),
+        "*",
+    ],
+    "image_scrapers": ("matplotlib", "extensions.figure_scraper.scrape_last_value"),
+    "reset_modules": ("matplotlib", "extensions.figure_scraper.use_temporary_folder"),
+    "capture_repr": ("_repr_html_",),  # the values of other cells are printed
+    "first_notebook_cell": "%matplotlib inline\n# %pip install rso-lidar",
     "copyfile_regex": r".*\.(toml|csv)$",
 }
 

@@ -66,3 +66,15 @@ def test_find_knows_the_home_folder(tmp_path, monkeypatch):
 
 def test_what_is_nowhere_is_none(tmp_path):
     assert find("tle/no_such_file.tle", tmp_path) is None
+
+
+def test_scenarios_and_studies_are_found_among_the_shipped_data(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shipped_one = rso_lidar.Scenario.load("examples/bench_plate.toml")
+    assert shipped_one.name == "Bench, plate at 3 km"
+    assert rso_lidar.study.Study.load("examples/studies/trade_lens.toml").base().target[0].name == "tdrs"
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples" / "bench_plate.toml").write_text(shipped_one.replace(name="mine").dumps(), encoding="utf-8")
+    assert rso_lidar.Scenario.load("examples/bench_plate.toml").name == "mine"  # the working folder comes first
+    with pytest.raises(rso_lidar.ScenarioError, match="no such file"):
+        rso_lidar.Scenario.load("examples/bench.toml")

@@ -79,7 +79,7 @@ def figure(found: ElevationMap, truth: ElevationMap):
     light, ends = LightSource(azdeg=70, altdeg=30), {"vmin": low, "vmax": high}
     grounds = (
         (panels[0, 0], truth, "the ground", ""),
-        (panels[0, 1], found.fill_holes(), "from 60 frames", "small holes filled"),
+        (panels[0, 1], found.fill_holes(), "from the frames", "small holes filled"),
     )
     for axes, ground, title, note in grounds:
         shown = axes.imshow(ground.height_m, cmap="cividis", **ends, **span)

@@ -83,7 +83,7 @@ class Mission(Part):
 
         Parameters
         ----------
-        path : of the file.
+        path : of the file; a relative one is looked up in the working folder, then among the shipped data.
         settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
         trust_fmu : whether the native code of FMUs that the file names may run when the scenario is flown.
 
@@ -93,6 +93,7 @@ class Mission(Part):
             For a file that cannot be read, and for content that is not a valid scenario.
         """
         path = convert_path(path, ScenarioError)
+        path = find(path) or path
         text, where = read_toml(path), path.name
         scenario = cls.loads(text, folder=path.parent, where=where, settings=settings, trust_code=True)
         return scenario.with_trusted_fmus() if trust_fmu else scenario

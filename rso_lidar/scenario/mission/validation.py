@@ -10,6 +10,7 @@ from rso_lidar.errors import FieldError, ScenarioError, SettingError
 from rso_lidar.files import convert_path, read_text
 from rso_lidar.part import Part, explain
 from rso_lidar.part.toml_text import DEEPEST, MOST_BYTES, parse_toml
+from rso_lidar.shipped import find
 
 AnyPart = TypeVar("AnyPart", bound=Part)
 
@@ -27,7 +28,7 @@ class FilePart(Part):
 
         Parameters
         ----------
-        path : of the file.
+        path : of the file; a relative one is looked up in the working folder, then among the shipped data.
 
         Raises
         ------
@@ -35,6 +36,7 @@ class FilePart(Part):
             For a file that cannot be read, and for content that is not valid.
         """
         path = convert_path(path, ScenarioError)
+        path = find(path) or path
         return cls.loads(read_toml(path), folder=path.parent, where=path.name)
 
     @classmethod
