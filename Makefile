@@ -66,7 +66,7 @@ rules: $(VENV)/.installed-test ## run the quick ones of them: format, lint, floo
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-logo
 
-# Pages go to out/; PAGES=docs renews the committed ones, on a machine with all data and all optional programs.
+# Pages go to out/. PAGES=docs renews the committed ones; what cannot run on this machine keeps its earlier result there.
 PAGES ?= out/validation
 validate: export RSO_LIDAR_SHARED ?= $(abspath $(firstword $(wildcard real_data ../shared)))
 validate: $(VENV)/.installed-test ## compare with the outside world; writes the ledger of what is validated to out/validation

@@ -218,6 +218,7 @@ def outside_tests(capabilities):
     return sorted(found)
 
 
+@functools.cache
 def test_names(file):
     """Return the names of the tests of a file, without parameters."""
     body = ast.parse((ROOT / file).read_text(encoding="utf-8")).body
@@ -227,6 +228,12 @@ def test_names(file):
 
 
 test_names.__test__ = False  # no test
+
+
+def is_test(name):
+    """Return whether there is a test, or a file of tests, of this name."""
+    file, _, function = name.partition("::")
+    return (ROOT / file).is_file() and (not function or name in test_names(file))
 
 
 def file_title(file):

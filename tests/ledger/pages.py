@@ -37,7 +37,8 @@ HOW_IT_IS_MADE = (
     "part, format, command and preset that users can name belongs to one of them. `make validate` runs the tests and "
     f"derives each status from what ran. All rows are in [{CASES}]({CASES}). Spacecraft and orbits from outside the "
     "repository are brought in by `make real-data FROM=folder` ([where they are public](../tests/real_data.md)). Without "
-    "them, rows are shown as not run."
+    "them, rows are shown as not run. The page in the repository keeps the last result of each test from a "
+    "machine that could run it."
 )
 DEFAULTS = (
     "A validated capability may start from assumed numbers: the model is right, the number is a guess. {total} defaults say "
@@ -186,7 +187,8 @@ def how_near(compared):
     if compared.rows:
         worst = max(compared.rows, key=lambda row: row.share)
         number = counted(len(compared.rows), "number")
-        parts.append(f"{number}; nearest to its limit: {plain(worst.case)}, {difference(worst)}")
+        link = ":" if len(compared.rows) == 1 else "; nearest to its limit:"
+        parts.append(f"{number}{link} {plain(worst.case)}, {difference(worst)}")
     if compared.checks:
         parts.append(f"{counted(compared.checks, 'check')} passed")
     if compared.skipped:

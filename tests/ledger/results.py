@@ -60,6 +60,17 @@ class Results:
     version: str
     tests: dict[str, TestResult]
 
+    def updated(self, newer, exists):
+        """Return these results with newer ones in their place; a test that was skipped now keeps what it had.
+
+        `exists` says of a name without parameters whether there is such a test; results of others are dropped.
+        """
+        tests = {name: result for name, result in self.tests.items() if exists(name.partition("[")[0])}
+        for name, result in newer.tests.items():
+            if result.outcome != "skipped" or name not in tests:
+                tests[name] = result
+        return Results(newer.version, tests)
+
     def completed(self, known):
         """Return the results with the rows that skipped tests would have compared, as far as `known` has them.
 
