@@ -54,7 +54,7 @@ TOP = {
     ".ci", ".github", "LICENSES", "benchmarks", "conda", "docs", "examples", "models", "rso_lidar", "tests", "tle",
     ".dockerignore", ".gitignore", ".zenodo.json", "ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md",
     "CONTRIBUTING.md", "Dockerfile", "LICENSE", "Makefile", "README.md", "REUSE.toml", "SECURITY.md", "constraints.txt",
-    "hatch_build.py", "pyproject.toml",
+    "hatch_build.py", "noxfile.py", "pyproject.toml",
 }  # fmt: skip
 
 
