@@ -9,10 +9,35 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks import dataset, growth, labelled, loop, orbit, peers, report, sampling, stages, startup, workers
+from benchmarks import (
+    dataset,
+    footprint,
+    growth,
+    labelled,
+    loop,
+    orbit,
+    peers,
+    report,
+    sampling,
+    stages,
+    startup,
+    workers,
+)
 from benchmarks.report import HEADER, Findings, table
 
-PARTS = ("stages", "sampling", "peers", "dataset", "labelled", "workers", "startup", "loop", "growth", "orbit")
+PARTS = (
+    "stages",
+    "sampling",
+    "peers",
+    "dataset",
+    "labelled",
+    "workers",
+    "startup",
+    "loop",
+    "growth",
+    "orbit",
+    "footprint",
+)
 
 
 def main() -> None:
@@ -39,6 +64,7 @@ def main() -> None:
         "loop": lambda: loop.run(quick=chosen.quick),
         "growth": lambda: growth.run(quick=chosen.quick, frames=chosen.frames, pictures=pictures),
         "orbit": lambda: orbit.run(quick=chosen.quick, frames=chosen.frames),
+        "footprint": lambda: footprint.run(quick=chosen.quick),
     }
     print(report.machine())
     found = Findings()

@@ -67,7 +67,7 @@ def test_wheel_holds_the_package_and_its_data_and_nothing_else(wheel):
         f"rso_lidar/{file.relative_to(ROOT).as_posix()}"
         for folder in ("tle", "models", "examples")
         for file in (ROOT / folder).rglob("*")
-        if file.is_file() and "__pycache__" not in file.parts
+        if file.is_file() and "__pycache__" not in file.parts and file.suffix != ".png"  # pictures of pages
     }
     data |= {file.relative_to(ROOT).as_posix() for file in (ROOT / "rso_lidar").rglob("presets.toml")}
     info = f"rso_lidar-{VERSION}.dist-info"

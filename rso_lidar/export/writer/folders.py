@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from rso_lidar.errors import RecordingError
@@ -37,6 +37,8 @@ def check_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
     if not place.name or place.name == "..":
         raise RecordingError(f"{place}: cannot be replaced; name a folder in it")
     with _reporting_access(place):
+        with suppress(FileNotFoundError, NotADirectoryError):
+            place.lstat()  # from Python 3.14 on, `exists` hides why a name cannot be looked up
         if place.exists() and not place.is_dir():
             raise RecordingError(f"{place}: is a file, and this format needs a folder; give another name")
         if not place.parent.is_dir():
