@@ -19,7 +19,9 @@ CMD ["make", "demo"]
 FROM python:3.13-slim AS build
 WORKDIR /source
 COPY . .
+# hadolint ignore=DL3013
 RUN python -m venv /opt/rso_lidar \
+    && /opt/rso_lidar/bin/pip install --no-cache-dir --upgrade pip \
     && /opt/rso_lidar/bin/pip install --no-cache-dir -c constraints.txt --build-constraint constraints.txt .
 
 FROM python:3.13-slim

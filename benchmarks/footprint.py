@@ -132,7 +132,7 @@ def _packages(site: Path) -> dict[str, str]:
 
     alone = {}
     for direct in needs[OURS]:
-        kept = _closure(OURS, {name: needed - {direct} * (name == OURS) for name, needed in needs.items()})
+        kept = _closure(OURS, {name: needed - {direct} if name == OURS else needed for name, needed in needs.items()})
         alone[direct] = [name for name in _closure(OURS, needs) if name not in kept]
     shares = {direct: _sum(sizes[name] for name in names) for direct, names in alone.items()}
     rows = [

@@ -43,6 +43,11 @@ def test_recipe_needs_what_the_package_needs():
     assert wanted == set(PROJECT["project"]["dependencies"])
 
 
+def test_installation_page_lists_every_extra():
+    page = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == sorted(PROJECT["project"]["optional-dependencies"])
+
+
 def test_archive_and_citation_agree_with_the_project():
     archive = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
     project = PROJECT["project"]
