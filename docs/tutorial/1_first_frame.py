@@ -83,7 +83,7 @@ Image.open(work / "approach.png")
 
 scenario = rl.Scenario.load(work / "approach.toml")
 frame = next(rl.simulate(scenario, frames=[520]))
-frame
+print(frame)
 
 # %%
 # What the sensor reports is an array per quantity, one value for each pixel. Row 0 is at the top, and columns grow to
