@@ -43,7 +43,8 @@ test: rules ## run every check: format, lint, floors, types, tests and doctests
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope --no-loadscope-reorder
 
 site: $(VENV)/.installed-site ## build the documentation into out/site: every example run, every link checked
-	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/site
+	@rm -rf out/site
+	$(BIN)/python -m sphinx -q -W --keep-going -b html -d out/site-doctrees docs out/site
 	@echo "out/site/index.html"
 
 mutants: $(VENV)/.installed-test ## plant faults one by one and see that tests notice (slow; ROOM=... NAME=... choose)

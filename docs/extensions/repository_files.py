@@ -117,7 +117,10 @@ def write_files(app):
         file.parent.mkdir(parents=True, exist_ok=True)
         if not file.exists() or file.read_text(encoding="utf-8") != text:
             file.write_text(text, encoding="utf-8")
-    app.config.repository_files = files
+    names = {(docs / f"{name}.md").resolve() for name in files.pages}
+    for stale in (docs / "files").rglob("*.md"):  # of an earlier build
+        if stale.resolve() not in names:
+            stale.unlink()
 
 
 def rewrite_source(app, docname, source):

@@ -48,7 +48,7 @@ def locate_centroid(
     median count; false triggers, which are uniform in range, are seldom among them. The covariance of the mean of n
     points is a sum of three terms, for pixels of width p at that range:
 
-    * `range_noise_m`² / n along the line of sight.
+    * σ² / n along the line of sight, where σ is `range_noise_m`.
     * p² / (12 √n) across it, because a pixel along the edge either returns or does not. For squares and discs in any
       orientation the true value is 0.3 to 1 times this. An edge along the rows shifts all its pixels together, which
       gives up to p² / 12.
