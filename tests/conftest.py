@@ -19,6 +19,9 @@ pytest_plugins = ["tests.ledger.recording"]
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+# Each of the test processes would start as many threads of OpenBLAS as there are cores, which then wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # A shell ignores Ctrl-C for what it starts in the background, and processes pass that on. Tests of Ctrl-C need it.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN and threading.current_thread() is threading.main_thread():
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -70,6 +73,17 @@ def no_library(tmp_path_factory):
     """Let no test see the models that whoever runs it keeps in a library of their own."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RSO_LIDAR_MODELS", str(tmp_path_factory.mktemp("library") / "none"))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_waiting_for_disks():
+    """Let os.fsync return at once: no test cuts the power, and thousands of small files would each wait for the disk.
+
+    A descriptor that is not open is refused as before. Processes that a test starts wait for the disk as usual.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", os.fstat)
         yield
 
 

@@ -1,5 +1,7 @@
 """What tests of commands share: a small scenario as a file, and the command line run in this process."""
 
+import shutil
+
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -15,13 +17,19 @@ def bench(text, tmp_path):
     return path
 
 
-@pytest.fixture
-def recorded(text, tmp_path):
-    """Record the bench from nearby with the fast detector, and return the file."""
-    path = tmp_path / "bench.h5"
+@pytest.fixture(scope="session")
+def recorded_once(text, tmp_path_factory):
+    """Record the bench from nearby with the fast detector, once for all tests, and return the file."""
+    path = tmp_path_factory.mktemp("recorded") / "bench.h5"
     near = text.replace("[1000, 0, 0]", "[200, 0, 0]") + '\n[lidar.detector]\ntype = "empirical"\n'
     rl.save(path, rl.simulate(rl.Scenario.loads(near)))
     return path
+
+
+@pytest.fixture
+def recorded(recorded_once, tmp_path):
+    """Return a copy of that recording, which the test may change."""
+    return shutil.copyfile(recorded_once, tmp_path / "bench.h5")
 
 
 @pytest.fixture

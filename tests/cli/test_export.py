@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -51,11 +52,19 @@ def flyby(tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def bench_once(text, tmp_path_factory):
+    """Return the folder of a scenario and its recording in a local world."""
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "bench.toml").write_text(text, encoding="utf-8")
+    assert left(["run", folder / "bench.toml", "-o", folder / "bench.h5", *SMALL]) == 0
+    return folder
+
+
 @pytest.fixture
-def bench(text, tmp_path):
-    """Return a recording in a local world."""
-    (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
-    assert left(["run", tmp_path / "bench.toml", "-o", tmp_path / "bench.h5", *SMALL]) == 0
+def bench(bench_once, tmp_path):
+    """Return a copy of that recording, beside one of the scenario."""
+    shutil.copytree(bench_once, tmp_path, dirs_exist_ok=True)
     return tmp_path / "bench.h5"
 
 

@@ -5,6 +5,7 @@ import dataclasses
 import os
 import shutil
 import tempfile
+from functools import lru_cache
 from pathlib import Path
 
 import h5py
@@ -99,7 +100,16 @@ def make_sensors(k, rng, counts):
     return found
 
 
-def make_frame(
+def make_frame(k=0, seed=1, shape=(12, 10), **how):
+    """Return frame k of a made-up run; the same for the same arguments. See `_make_frame` for the others.
+
+    Frames cannot be changed, so that tests which make the same ones again share them.
+    """
+    plain = how.keys() <= {"ptu", "lit", "returns", "keep"}
+    return (_make_frame_once if plain else _make_frame)(k, seed, tuple(shape), **how)
+
+
+def _make_frame(
     k=0,
     seed=1,
     shape=(12, 10),
@@ -113,7 +123,7 @@ def make_frame(
     zoom=1.0,
     sensors=None,
 ):
-    """Return frame k of a made-up run; the same for the same arguments. `zoom` is a number, or a function of k."""
+    """Make frame k of a made-up run. `zoom` is a number, or a function of k."""
     rng = np.random.default_rng([seed, k])
     zoom = zoom(k) if callable(zoom) else zoom
     sight = line_of_sight(shape, zoom) if zoom != 1.0 else _SIGHT.setdefault(shape, line_of_sight(shape))
@@ -182,6 +192,9 @@ def make_frame(
     truth = Truth(time_s, PoseTree(parents, links), states, sun / np.linalg.norm(sun), pointing, sunlit)
     kept = {name: made for name, made in make_kept(rng, shape, valid).items() if name in keep}
     return Frame(3 * k, observation, labels, truth, source, kept)
+
+
+_make_frame_once = lru_cache(256)(_make_frame)
 
 
 def make_kept(rng, shape, valid):

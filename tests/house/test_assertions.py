@@ -1,6 +1,7 @@
 """Every test can fail by itself: it asserts, or uses a function or a fixture that does."""
 
 import ast
+from functools import cache
 from pathlib import PurePosixPath
 
 import pytest
@@ -12,6 +13,7 @@ CHECKS = {"raises", "warns", "fail", "check_call", "check_returncode"}  # of pyt
 RUNS = {"exec"}  # other people's code, such as a page's: what it raises fails the test
 
 
+@cache  # helpers are asked about once for each module that can use them
 def asserts(function):
     """Return whether a function asserts, or one inside it does."""
     for node in ast.walk(function):
@@ -25,11 +27,13 @@ def asserts(function):
     return False
 
 
+@cache
 def functions_of(tree):
     """Return the functions and methods of a module by name."""
     return {node.name: node for node in ast.walk(tree) if isinstance(node, FUNCTIONS)}
 
 
+@cache
 def names_in(function):
     """Return the names that a function uses; its arguments are fixtures."""
     arguments = function.args.posonlyargs + function.args.args + function.args.kwonlyargs

@@ -27,6 +27,12 @@ def record(output, meddle, at, **how):
             meddle(recorder.temporary)
 
 
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory):
+    """Return the datasets of a run that nothing disturbs."""
+    return datasets(export.save(tmp_path_factory.mktemp("unbroken") / "whole.h5", make_frames(COUNT, shape=SHAPE)))
+
+
 def remove_folder(file):
     shutil.rmtree(file.parent)
 
@@ -79,7 +85,7 @@ MEDDLING = [
 
 @pytest.mark.parametrize("at", [2, COUNT], ids=["in the middle", "at the end"])
 @pytest.mark.parametrize("meddle", MEDDLING, ids=lambda meddle: meddle.__name__)
-def test_frames_of_a_file_that_is_moved_or_replaced_are_kept(tmp_path, meddle, at):
+def test_frames_of_a_file_that_is_moved_or_replaced_are_kept(tmp_path, unbroken, meddle, at):
     output = tmp_path / "out" / "run.h5"
     output.parent.mkdir()
     with pytest.raises(
@@ -109,8 +115,7 @@ def test_frames_of_a_file_that_is_moved_or_replaced_are_kept(tmp_path, meddle, a
             assert_same(frame, make_frame(k, shape=SHAPE))
     again = kept.with_name(kept.name.removesuffix(f".tmp-{RUN}"))
     record(again, None, None, resume=True)
-    whole = export.save(tmp_path / "whole.h5", make_frames(COUNT, shape=SHAPE))
-    assert datasets(again) == datasets(whole)
+    assert datasets(again) == unbroken
 
 
 @pytest.mark.parametrize("at", [1, COUNT], ids=["in the middle", "at the end"])
@@ -143,7 +148,7 @@ def test_what_does_not_read_back_is_not_published(tmp_path):
     assert not output.exists()
 
 
-def test_a_folder_turned_read_only_stops_the_run_at_the_next_frame():
+def test_a_folder_turned_read_only_stops_the_run_at_the_next_frame(unbroken):
     with folder_of_somebody() as folder:
         output = folder / "run.h5"
         with pytest.raises(RunError, match=r"after 2 frames \(the folder .* may no longer be written to\)") as caught:
@@ -153,8 +158,7 @@ def test_a_folder_turned_read_only_stops_the_run_at_the_next_frame():
             f"run.h5.tmp-{RUN} is kept: allow writing there again and continue with --resume"
         )
         record(output, None, None, resume=True)
-        whole = export.save(folder / "whole.h5", make_frames(COUNT, shape=SHAPE))
-        assert datasets(output) == datasets(whole)
+        assert datasets(output) == unbroken
 
 
 @pytest.mark.parametrize("victim", [b"precious", None], ids=["file", "nothing"])
