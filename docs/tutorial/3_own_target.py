@@ -164,8 +164,8 @@ for column, k in zip(grid.T, (0, 4, 8, 12), strict=True):
     for axes in column:
         axes.set_xticks([])
         axes.set_yticks([])
-        axes.set_xlim(54, 127)  # columns and rows about the craft
-        axes.set_ylim(98, 50)
+        axes.set_xlim(44, 127)  # columns and rows about the craft
+        axes.set_ylim(94, 36)
 for row, name in zip(grid, ("range, ±0.8 m", "intensity, log", "label: " + ", ".join(parts)), strict=True):
     row[0].set_ylabel(name)
 figure
