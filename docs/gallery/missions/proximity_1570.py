@@ -21,8 +21,8 @@ import numpy as np
 scenario = rl.Scenario.load("examples/proximity_1570.toml")
 
 # %%
-# The solar wings show their cells, the two large dishes a bright ring around their feeds, and the laser casts shadows
-# of its own, because it does not sit behind the lens.
+# The two large dishes are brightest where their curved surface faces the lidar. The laser casts shadows of its own,
+# because it does not sit behind the lens.
 frames = list(rl.simulate(scenario, frames=[0, 13, 26, 39]))
 Image.open(picture.contact_sheet(frames, folder / "sheet.png", columns=2, rows=2))
 

@@ -19,7 +19,7 @@ folder = Path(tempfile.mkdtemp())
 scenario = rl.Scenario.load("examples/safety_ellipse.toml")
 
 # %%
-# The plan is the motion of the follower. It says what it costs and how near it comes, also if a burn is missed.
+# The plan is the motion of the follower. The circle is its keep-out sphere: without any burn the ellipse stays outside.
 motion = scenario.follower.motion
 frames = list(rl.simulate(scenario, frames=range(0, 43, 3)))
 picture.orbit_figure(frames, "tdrs", keep_out_m=motion.keep_out_m)
@@ -27,10 +27,6 @@ picture.orbit_figure(frames, "tdrs", keep_out_m=motion.keep_out_m)
 # %%
 # The arrays turn once about their boom in the frames of a day: two joints of the model, with the law `follow_sun`.
 Image.open(picture.contact_sheet(frames, folder / "sheet.png", columns=4, rows=3))
-
-# %%
-# Angles of the Sun, range and pointing over the day.
-picture.angles_figure(frames, "tdrs", "Angles over a day")
 
 # %%
 # **To try.** Let the ellipse drift faster with `drift_m`, and see where passive safety ends: `rso-lidar check

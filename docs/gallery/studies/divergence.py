@@ -18,16 +18,22 @@ divergence = importlib.util.module_from_spec(place)
 place.loader.exec_module(divergence)
 
 # %%
-# The reach of a facet that fills a pixel, by beam and aperture. Each point is a link budget in closed form.
+# The reach by beam, for a facet that fills a pixel and for one of a square metre. Each point is a link budget in closed
+# form. A larger aperture helps the small facet only: at a constant f-number a pixel sees less of a large one.
 figure = Figure(figsize=(8, 4), layout="constrained")
 axes = figure.subplots()
 beams_deg = (0.2, 0.4, 0.8, 1.6)
-for aperture_mm in (105.0, 200.0):
-    lidar = divergence.camera(aperture_mm, divergence.TRIGGER)
-    reach_km = [divergence.reach_m(lidar, beam_deg, None) / 1e3 for beam_deg in beams_deg]
-    axes.loglog(beams_deg, reach_km, "o-", label=f"aperture {aperture_mm:.0f} mm")
+lidar = divergence.camera(105.0, divergence.TRIGGER)
+for name, facet_m2 in (("fills a pixel", None), ("1 m²", 1.0)):
+    reach_km = [divergence.reach_m(lidar, beam_deg, facet_m2) / 1e3 for beam_deg in beams_deg]
+    axes.loglog(beams_deg, reach_km, "o-", label=name)
 axes.axhline(10.0, color="0.6", ls="--")
-axes.set(xlabel="full divergence [deg]", ylabel="range of 95 % [km]", title="50 mJ, a facing facet of reflectance 0.30")
+axes.set(
+    xlabel="full divergence [deg]",
+    ylabel="range of 95 % [km]",
+    title="50 mJ, 105 mm, a facing facet of reflectance 0.30",
+)
+axes.set_xticks(beams_deg, [f"{beam_deg:g}" for beam_deg in beams_deg])
 axes.grid(alpha=0.3, which="both")
 axes.legend()
 figure

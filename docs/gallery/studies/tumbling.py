@@ -22,9 +22,9 @@ place.loader.exec_module(tumbling)
 # The study flies 1350 frames with each of two cameras. These are two minutes of the second hop, from 940 m on, with
 # the camera as it is. ICP aligns the mesh of the stage with each cloud of points and starts from the pose before.
 approach = tumbling.scenario(None)
-frames = list(rl.simulate(approach, frames=range(420, 480)))
+frames = list(rl.simulate(approach, frames=range(420, 480, 2)))
 made = rl.study.tracking(frames)
-picture.frame_figure(frames[30])
+picture.frame_figure(frames[15])
 
 # %%
 # The errors over time: place and turn by ICP, and the filters of the position beside it.
