@@ -70,6 +70,9 @@ def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path
         assert recorder.written > 0
         for k in range(recorder.written, COUNT):
             recorder.write(make_frame(k, shape=SHAPE, **how))
-    assert [p.name for p in tmp_path.iterdir()] == ["run.h5"]
+    # A kill between making and removing a probe, which shows that the folder can be written to, leaves an empty file.
+    probes = list(tmp_path.glob("run.h5.tmp-*.probe"))
+    assert all(probe.stat().st_size == 0 for probe in probes)
+    assert sorted(tmp_path.iterdir()) == sorted([output, *probes])
     whole = export.save(tmp_path / "whole.h5", make_frames(COUNT, shape=SHAPE, **how))
     assert datasets(output) == datasets(whole)
