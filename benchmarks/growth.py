@@ -16,8 +16,9 @@ from benchmarks import scenes
 from benchmarks.clock import fresh, seconds
 from benchmarks.report import Findings, table
 from benchmarks.stages import ROWS, flash_s, medians, warm
-from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
-from rso_lidar.picture.style.palette import PARTS
+from rso_lidar.picture.style.figures import LINE_PT, THICK_PT, format_thousands, new_figure, style_axes
+from rso_lidar.picture.style.output import save_small_figure
+from rso_lidar.picture.style.palette import DARK, LIGHT, LINES, RULE
 
 FIGURE = "growth.png"
 FACETS = (3_000, 12_000, 47_000, 187_000, 500_000)
@@ -162,9 +163,9 @@ def drawn(found: Sequence[Axis]) -> Any:
     )
     panels = figure.subplots(2, 3).ravel()
     panels[-1].set_axis_off()
-    for panel, axis, colour in zip(panels, found, PARTS, strict=False):
-        panel.loglog(axis.size, axis.cost, "o-", color=colour, ms=4, lw=1.6)
-        panel.loglog(axis.size, axis.cost[-1] * axis.size / axis.size[-1], ":", color="0.6", lw=1.0)
+    for panel, axis, colour in zip(panels, found, LINES, strict=False):
+        panel.loglog(axis.size, axis.cost, "o-", color=colour, ms=4, lw=THICK_PT)
+        panel.loglog(axis.size, axis.cost[-1] * axis.size / axis.size[-1], ":", color=RULE, lw=LINE_PT)
         decades = np.floor(np.log10(axis.cost.min())), np.ceil(np.log10(axis.cost.max()))
         panel.set_ylim(*np.power(10.0, decades))
         style_axes(
@@ -193,5 +194,7 @@ def run(*, quick: bool, frames: int | None = None, pictures: Path | None = None)
     ]
     header = ("axis", "scene", "sizes", "cost", "unit", "exponent", "at the end", "steepest stage at the end")
     if pictures is not None:
-        drawn(found).savefig(pictures / FIGURE)
+        figure = drawn(found)
+        for scheme, ending in ((LIGHT, ""), (DARK, "_dark")):
+            save_small_figure(figure, pictures / f"growth{ending}.png", scheme)
     return Findings({"growth": table(header, rows, left=5)})

@@ -1,8 +1,8 @@
 """Draw the figures of the pages in docs: ``python docs/figures.py`` writes docs/pictures/.
 
-It takes a minute or two on one core. Every curve of the instrument is what the detector's chain makes of a plate on the
-bench, with fixed seeds; nothing is drawn from a formula but what says so. A name or two on the command line draws these
-figures only.
+Each is written twice: NAME.png on white and NAME_dark.png on a dark page. It takes a minute or two on one core. Every curve
+of the instrument is what the detector's chain makes of a plate on the bench, with fixed seeds; nothing is drawn from a
+formula but what says so. A name or two on the command line draws these figures only.
 """
 
 from __future__ import annotations
@@ -36,8 +36,40 @@ from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.picture.selection.scale import nice_down
-from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
+from rso_lidar.picture.style.figures import (
+    HAIR_PT,
+    HEADING_PT,
+    LINE_PT,
+    PAGE_IN,
+    SMALL_PT,
+    TEXT_PT,
+    THICK_PT,
+    THIN_PT,
+    TITLE_PT,
+    WIDE_PT,
+    format_thousands,
+    new_figure,
+    style_axes,
+)
+from rso_lidar.picture.style.output import save_small_figure
+from rso_lidar.picture.style.palette import (
+    BLUE,
+    GREEN,
+    INK,
+    LINES,
+    NO_RETURN,
+    ORANGE,
+    OTHER_PART,
+    PAPER,
+    PARTS,
+    PINK,
+    QUIET,
+    RED,
+    RULE,
+    SKY,
+    split_rgb,
+)
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
@@ -46,7 +78,6 @@ from rso_lidar.scene.surfaces.portrait import render_portrait
 from rso_lidar.study.time_history.open_loop import fly_open_loop
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
-BLUE, ORANGE, GREEN, PINK, SKY, RED = PARTS[:6]
 STILL = rl.detector.Timing(pixel_jitter_ns=0.0)
 ALGORITHMS = {
     "matched_filter": BLUE,
@@ -77,7 +108,7 @@ def binomial_bars(found: int, n: int) -> tuple[float, float, float]:
 
 def key(axes: Any, where: str = "best", **more: Any) -> None:
     """Put a legend in quiet ink."""
-    axes.legend(fontsize=8, frameon=False, loc=where, labelcolor=hex_colour(QUIET), **more)
+    axes.legend(fontsize=SMALL_PT, frameon=False, loc=where, labelcolor=QUIET, **more)
 
 
 # --------------------------------------------------------------------------------------------------------- figures
@@ -99,12 +130,10 @@ def counts() -> Any:
         trials = [seen(detector, level, 1500).intensity_counts for level in levels]
         mean = np.array([one.mean() for one in trials])
         spread = np.array([one.std() for one in trials])
-        mean_of.plot(levels, mean, ".-", color=colour, label=label, ms=4, lw=1.0)
-        noise_of.plot(levels, spread, ".-", color=colour, label=label, ms=4, lw=1.0)
+        mean_of.plot(levels, mean, ".-", color=colour, label=label, ms=4, lw=LINE_PT)
+        noise_of.plot(levels, spread, ".-", color=colour, label=label, ms=4, lw=LINE_PT)
     fast = rl.Empirical()
-    mean_of.plot(
-        levels, fast.counts(levels), "--", color=hex_colour(INK), lw=0.9, label="empirical, fitted to the blue curve"
-    )
+    mean_of.plot(levels, fast.counts(levels), "--", color=INK, lw=THIN_PT, label="empirical, fitted to the default")
     mean_of.set(xscale="log", yscale="log")
     noise_of.set(xscale="log", ylim=(0, None))
     format_thousands(mean_of.xaxis, mean_of.yaxis, noise_of.xaxis)
@@ -127,17 +156,17 @@ def detection() -> Any:
     def draw(axes: Any, detector: Any, colour: str, label: str, pulse_fwhm_ns: float = 8.0) -> None:
         found = [int(seen(detector, level, n, 1, pulse_fwhm_ns).detected.sum()) for level in levels]
         share, low, high = np.array([binomial_bars(count, n) for count in found]).T
-        axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=0.9, capsize=2, label=label)
+        axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=THIN_PT, capsize=2, label=label)
 
     draw(by_preset, rl.Gsfl(), BLUE, "noise_limited")
     draw(by_preset, rl.Gsfl(preset="offset_limited"), ORANGE, "offset_limited")
     fast = rl.Empirical().detection_probability(levels.astype(float))
-    by_preset.plot(levels, fast, "--", color=hex_colour(INK), lw=0.9, label="empirical, fitted to noise_limited")
+    by_preset.plot(levels, fast, "--", color=INK, lw=THIN_PT, label="empirical, fitted to noise_limited")
     for fwhm_ns, colour in ((6.0, GREEN), (8.0, BLUE), (10.0, RED)):
         draw(by_pulse, rl.Gsfl(), colour, f"{fwhm_ns:g} ns", fwhm_ns)
     for axes in (by_preset, by_pulse):
-        axes.axhline(0.95, color=hex_colour(LINE), lw=0.8)
-        axes.axvline(1000, color=hex_colour(LINE), lw=0.8)
+        axes.axhline(0.95, color=RULE, lw=THIN_PT)
+        axes.axvline(1000, color=RULE, lw=THIN_PT)
     style_axes(by_preset, "Presets", x="Photons on the pixel", y="Probability of detection")
     style_axes(by_pulse, "Length of the pulse, noise_limited", x="Photons on the pixel")
     format_thousands(by_preset.xaxis, by_pulse.xaxis)
@@ -166,14 +195,14 @@ def false_alarms() -> Any:
                 over * sigma, apd=apd, rate_per_s=rate_per_s, integration_s=amplifier.integration_s, **known
             )
             rate = np.maximum(rate, 1e-30)
-            axes.plot(over, rate, style, color=colour, lw=1.1, label=f"{preset}, k = {k:g}")
+            axes.plot(over, rate, style, color=colour, lw=LINE_PT, label=f"{preset}, k = {k:g}")
             own = detector.threshold_over_noise
             axes.plot(own, np.exp(np.interp(own, over, np.log(rate))), "o", color=colour, ms=5)
     axes.plot(
         over,
         rice_rate(over, 1.0, rl.detector.Amplifier().pole_s),
-        color=hex_colour(INK),
-        lw=1.4,
+        color=INK,
+        lw=THICK_PT,
         label="Gaussian (Rice)",
     )
     axes.set(yscale="log", ylim=(1e-6, 1e7), xlim=(3, 18.5))
@@ -206,21 +235,21 @@ def precision() -> Any:
             ranging = rl.detector.Ranging(algorithm=name)
             found, _ = locate(samples, start, pulse, ranging, threshold_counts=2.5 * sigma, **known)
             spread.append(np.nanstd((found - truth) * CM))
-        bench.plot(snrs, spread, ".-", color=colour, ms=4, lw=1.0, label=name)
+        bench.plot(snrs, spread, ".-", color=colour, ms=4, lw=LINE_PT, label=name)
     bound = [
         math.sqrt(
             np.mean([crlb_s(pulse, snr * sigma, sample_s, covariance, p) ** 2 for p in np.linspace(-0.5, 0.5, 9)])
         )
         for snr in snrs
     ]
-    bench.plot(snrs, np.array(bound) * CM, color=hex_colour(INK), lw=1.4, label="Cramér–Rao bound")
+    bench.plot(snrs, np.array(bound) * CM, color=INK, lw=THICK_PT, label="Cramér–Rao bound")
     levels = np.geomspace(700, 60_000, 12)
     for name, colour in ALGORITHMS.items():
         detector = rl.Gsfl(timing=STILL, ranging=rl.detector.Ranging(algorithm=name, walk_correction=True))
         spread = [seen(detector, level, 1500, 2).range_noise_m / units.CM for level in levels]
-        whole.plot(levels, spread, ".-", color=colour, ms=4, lw=1.0, label=f"{name}")
+        whole.plot(levels, spread, ".-", color=colour, ms=4, lw=LINE_PT)
     spread = [seen(rl.Gsfl(), level, 4000, 3).range_noise_m / units.CM for level in levels]
-    whole.plot(levels, spread, "--", color=BLUE, lw=1.3, label="matched_filter with the default jitter: 5 cm")
+    whole.plot(levels, spread, "--", color=BLUE, lw=THICK_PT, label="matched_filter, default jitter: 5 cm")
     for axes in (bench, whole):
         axes.set(xscale="log", yscale="log")
         format_thousands(axes.xaxis, axes.yaxis)
@@ -255,8 +284,8 @@ def walk() -> Any:
             trials = [seen(detector, level, 2000, 4) for level in levels]
             bias = np.array([one.range_bias_m for one in trials]) / units.CM
             bar = [1.96 * one.range_error_m.std() / math.sqrt(len(one.range_error_m)) / units.CM for one in trials]
-            axes.errorbar(levels, bias, bar, fmt=".-", color=colour, ms=4, lw=1.0, label=name)
-        axes.axhline(0.0, color=hex_colour(INK), lw=0.6)
+            axes.errorbar(levels, bias, bar, fmt=".-", color=colour, ms=4, lw=LINE_PT, label=name)
+        axes.axhline(0.0, color=INK, lw=THIN_PT)
         axes.set(xscale="log", ylim=(-160, 100))
         axes.set_yscale("symlog", linthresh=5.0, linscale=1.2)
         axes.set_yticks([-100, -50, -20, -10, -5, -2, 0, 2, 5, 10, 20, 50])
@@ -289,13 +318,13 @@ def strong_returns() -> Any:
         curve = rl.detector.simulate_walk_curve(detector, pulse, pixels=512)
         middle, spread = curve.bias_m / units.CM, curve.noise_m / units.CM
         bias.fill_between(curve.photons, middle - spread, middle + spread, color=colour, alpha=0.15, lw=0)
-        bias.plot(curve.photons, middle, ".-", color=colour, ms=4, lw=1.0, label=label)
+        bias.plot(curve.photons, middle, ".-", color=colour, ms=4, lw=LINE_PT, label=label)
         if label.startswith(("default", "two")):
             trials = [seen(detector, level, 64).intensity_counts.mean() for level in curve.photons]
             unit = detector.readout.counts_per_intensity
             name = f"{label.partition(',')[0]}: {unit} converter count{'s' * (unit > 1)} in one"
-            heights.plot(curve.photons, trials, ".-", color=colour, ms=4, lw=1.0, label=name)
-    bias.axhline(0.0, color=hex_colour(INK), lw=0.6)
+            heights.plot(curve.photons, trials, ".-", color=colour, ms=4, lw=LINE_PT, label=name)
+    bias.axhline(0.0, color=INK, lw=THIN_PT)
     bias.set(xscale="log", ylim=(-60, 60))
     bias.set_yscale("symlog", linthresh=1.0, linscale=0.6)
     bias.set_yticks([-50, -20, -10, -5, -2, -1, 0, 1, 2, 5, 10, 20, 50])
@@ -348,19 +377,24 @@ def pixel() -> Any:
     current.plot(
         range_m,
         detector.apd.gain * made.primaries[0],
-        color=hex_colour(INK),
-        lw=1.1,
+        color=INK,
+        lw=LINE_PT,
         label="gain × expected photoelectrons",
     )
     current.step(
-        range_m, made.electrons[0], where="mid", color=ORANGE, lw=1.0, label="drawn: Poisson, avalanche, dark current"
+        range_m,
+        made.electrons[0],
+        where="mid",
+        color=ORANGE,
+        lw=LINE_PT,
+        label="drawn: Poisson, avalanche, dark current",
     )
     style_axes(current, "APD", y="Electrons in a step", note=f"steps of {plan.step_s / units.NS:.2f} ns")
     key(current)
-    voltage.plot(range_m, made.mean()[0], color=hex_colour(INK), lw=0.9, label="without noise")
-    voltage.plot(range_m, made.amplitude[0], color=BLUE, lw=1.2, label="amplitude")
-    voltage.axhline(threshold[0], color=RED, lw=0.9, ls="--", label="threshold of this pixel")
-    voltage.axvline(np.interp(latch, np.arange(rows.length), range_m), color=RED, lw=0.9, label="latch")
+    voltage.plot(range_m, made.mean()[0], color=INK, lw=THIN_PT, label="without noise")
+    voltage.plot(range_m, made.amplitude[0], color=BLUE, lw=LINE_PT, label="amplitude")
+    voltage.axhline(threshold[0], color=RED, lw=THIN_PT, ls="--", label="threshold of this pixel")
+    voltage.axvline(np.interp(latch, np.arange(rows.length), range_m), color=RED, lw=THIN_PT, label="latch")
     style_axes(voltage, "Amplifier and trigger", y="Electrons")
     key(voltage)
     counts_at = samples[0] - detector.readout.baseline_counts
@@ -374,12 +408,18 @@ def pixel() -> Any:
         if np.isfinite(where)
     ]
     for k, one in enumerate(fit):
-        stored.plot(fine, one, color=PINK, lw=1.0, ls="--", label="" if k else "the pulses fitted")
-    stored.plot(fine, np.sum(fit, axis=0), color=GREEN, lw=1.2, label="and their sum")
+        stored.plot(fine, one, color=PINK, lw=LINE_PT, ls="--", label="" if k else "the pulses fitted")
+    stored.plot(fine, np.sum(fit, axis=0), color=GREEN, lw=LINE_PT, label="and their sum")
     for where in found_m[np.isfinite(found_m)]:
-        stored.axvline(where, color=GREEN, lw=0.7)
+        stored.axvline(where, color=GREEN, lw=THIN_PT)
         stored.text(
-            where, 1.02, f"{where:.2f} m", transform=stored.get_xaxis_transform(), fontsize=8, ha="center", color=GREEN
+            where,
+            1.02,
+            f"{where:.2f} m",
+            transform=stored.get_xaxis_transform(),
+            fontsize=SMALL_PT,
+            ha="center",
+            color=GREEN,
         )
     style_axes(
         stored,
@@ -435,16 +475,16 @@ def gate() -> Any:
                     binomial_bars(int(seen(gated, photons, n, 5 + pulses, range_m=middle_m).detected.sum()), n)
                 )
             share, low, high = np.array(points).T
-            axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=0.9, capsize=2, label=label)
+            axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=THIN_PT, capsize=2, label=label)
     for axes in (single, averaged):
         axes.set(xscale="log", ylim=(-0.03, 1.03))
         format_thousands(axes.xaxis)
-    single.axvline(30, color=hex_colour(LINE), lw=0.8)
+    single.axvline(30, color=RULE, lw=THIN_PT)
     style_axes(single, "One pulse", x="Photons on the pixel", y="Probability of detection")
     style_axes(averaged, "30 photons a pulse", x="Pulses averaged")
     lines, labels = single.get_legend_handles_labels()
     figure.legend(
-        lines, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False, labelcolor=hex_colour(QUIET)
+        lines, labels, loc="outside lower center", ncols=2, fontsize=SMALL_PT, frameon=False, labelcolor=QUIET
     )
     return figure
 
@@ -461,7 +501,7 @@ def shared() -> Any:
         lit = np.flatnonzero(np.arange(n) % round(1.0 / share) == 0)
         loads = [simulate_array_load(rl.Gsfl(droop=rl.detector.Droop()), _flat(lit, level)) for level in levels]
         lost = [100.0 * (1.0 - one.gain[lit].mean()) for one in loads]
-        sag.plot(levels, lost, ".-", color=colour, ms=4, lw=1.0, label=f"{share:.0%} of the array is lit")
+        sag.plot(levels, lost, ".-", color=colour, ms=4, lw=LINE_PT, label=f"{share:.0%} of the array is lit")
         sys.stdout.write(
             f"droop, {share:.0%} lit: {np.round(lost, 2).tolist()} % at {levels.round().tolist()} photons\n"
         )
@@ -480,11 +520,9 @@ def shared() -> Any:
             reading, _ = detect(_flat(lit, 30_000.0), detector, np.random.Generator(np.random.Philox(5)))
             low, high = np.quantile(reading.range_m.ravel()[lit], [0.25, 0.75])
             spread.append((high - low) / 1.349 / units.CM)
-        scatter.plot(shares, spread, ".-", color=colour, ms=4, lw=1.0, label=name)
+        scatter.plot(shares, spread, ".-", color=colour, ms=4, lw=LINE_PT, label=name)
         sys.stdout.write(f"{name}: {np.round(spread, 2).tolist()} cm at {shares.tolist()}\n")
-    scatter.plot(
-        [0.5], [8.04], "D", color=hex_colour(INK), ms=6, label="published, before a checkerboard (Opt. Eng. 60, 083101)"
-    )
+    scatter.plot([0.5], [8.04], "D", color=INK, ms=6, label="published (Opt. Eng. 60, 083101)")
     scatter.set(ylim=(0, 16), xlim=(0, 1.03))
     style_axes(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
     key(scatter, "upper left")
@@ -528,7 +566,7 @@ def separation() -> Any:
 def _both(axes: Any, detector: Any, separation_m: np.ndarray, photons: float, label: str, colour: str) -> None:
     pulse, fwhm_s = make_reference_pulse(), REFERENCE_FWHM_S
     made = simulate_pairs(detector, pulse, fwhm_s, separation_m, (photons, photons), 300)
-    axes.plot(made.separation_m, made.probability, ".-", color=colour, ms=4, lw=1.0, label=label)
+    axes.plot(made.separation_m, made.probability, ".-", color=colour, ms=4, lw=LINE_PT, label=label)
     listed = [[round(float(end), 2) for end in made.interval_m(share) or ()] for share in (0.5, 0.9)]
     sys.stdout.write(
         f"two returns, {label}, {detector.readout.samples} samples: half the time {listed[0]} m, 90 % {listed[1]} m\n"
@@ -598,27 +636,27 @@ def operations() -> Any:
         right, up = (1, 0) if plane == "rt" else (2, 0)
         unit = units.KM if name.startswith("lambert") else 1.0
         safety = plan.passive_safety(plan.revolution_s)
-        for leg, begin_s, end_s in plan._stretches():
+        for leg, begin_s, end_s in plan.stretches():
             if end_s > begin_s:
                 path = leg.path(np.linspace(0.0, end_s - begin_s, 400))[0] / unit
-                axes.plot(path[:, right], path[:, up], color=BLUE, lw=2.4 if leg.acceleration_m_s2 else 1.2)
+                axes.plot(path[:, right], path[:, up], color=BLUE, lw=THICK_PT if leg.acceleration_m_s2 else LINE_PT)
         impulses = [impulse for impulse in plan.impulses if impulse.size_m_s > 0.0]
         if impulses:
             places = plan.relative(np.array([impulse.time_s for impulse in impulses]))[0] / unit
             axes.plot(places[:, right], places[:, up], "^", color=RED, ms=5, zorder=4)
         if impulses or plan.thrust:
             drift = _adrift(plan, safety.failure_s) / unit
-            axes.plot(drift[:, right], drift[:, up], "--", color=ORANGE, lw=0.9, zorder=1)
+            axes.plot(drift[:, right], drift[:, up], "--", color=ORANGE, lw=THIN_PT, zorder=1)
         start = plan.relative(np.zeros(1))[0][0] / unit
-        axes.plot(start[right], start[up], "o", color=hex_colour(INK), ms=4, zorder=5)
+        axes.plot(start[right], start[up], "o", color=INK, ms=4, zorder=5)
         axes.plot(0.0, 0.0, "s", color=GREEN, ms=6, zorder=5)
         _frame(axes, plan.relative(np.linspace(0.0, plan.duration_s, 400))[0][:, [right, up]] / unit)
         cost = f"{plan.delta_v_m_s:.3g} m/s" if plan.delta_v_m_s > 0.0 else "free"
         letters = "km" if unit != 1.0 else "m"
         style_axes(axes, name, x=f"{'Along-track' if plane == 'rt' else 'Across'} [{letters}]", y=f"Radial [{letters}]")
         axes.text(
-            0.03, 0.05, f"{cost}; safe {safety.distance_m:.0f} m", transform=axes.transAxes, fontsize=8,
-            color=hex_colour(QUIET), bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+            0.03, 0.05, f"{cost}; safe {safety.distance_m:.0f} m", transform=axes.transAxes, fontsize=SMALL_PT,
+            color=QUIET, bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1.0},
         )  # fmt: skip
     return figure
 
@@ -685,12 +723,10 @@ def relative_models() -> Any:
         more = {"nonlinear, two bodies": INK, "relative_elements": GREEN} if axes is flattened else {}
         for name, colour in (drawn | more).items():
             line = [error[name] for error in errors]
-            axes.plot(over, line, ".-", color=hex_colour(colour) if colour == INK else colour, ms=4, lw=1.1, label=name)
+            axes.plot(over, line, ".-", color=colour, ms=4, lw=LINE_PT, label=name)
         axes.set(xscale="log", yscale="log", ylim=(1e-4, 1e7))
-    apart.plot(
-        separations, 6 * math.pi * separations**2 / 7e6, "--", color=hex_colour(QUIET), lw=0.9, label="6π ρ² / r"
-    )
-    eccentric.plot(eccentricities, 3e4 * eccentricities, "--", color=hex_colour(QUIET), lw=0.9, label="30 e × 1 km")
+    apart.plot(separations, 6 * math.pi * separations**2 / 7e6, "--", color=QUIET, lw=THIN_PT, label="6π ρ² / r")
+    eccentric.plot(eccentricities, 3e4 * eccentricities, "--", color=QUIET, lw=THIN_PT, label="30 e × 1 km")
     style_axes(apart, "Two bodies, e = 0", x="Behind by [m]", y="Error [m]")
     style_axes(eccentric, "Two bodies, 1 km", x="Eccentricity of the chief")
     style_axes(flattened, "With J2 to J6, e = 0.001", x="Behind by [m]")
@@ -789,14 +825,14 @@ def models() -> Any:
         image, width_m = _shape(name)
         axes.imshow(image, interpolation="none")
         axes.set_axis_off()
-        axes.set_title(name, fontsize=9.5, color=hex_colour(INK), pad=2)
+        axes.set_title(name, fontsize=TEXT_PT, color=INK, pad=2)
         bar_m = nice_down(0.35 * width_m)
         wide, high = SHAPE_PIXELS
         axes.set_ylim(high + 26, 0)  # the bar stands below the picture: a craft may reach into every corner of that
         foot = high + 22
-        axes.plot([4, 4 + bar_m / width_m * wide], [foot, foot], color=hex_colour(INK), lw=1.5, solid_capstyle="butt")
+        axes.plot([4, 4 + bar_m / width_m * wide], [foot, foot], color=INK, lw=THICK_PT, solid_capstyle="butt")
         text = f"{bar_m:g} m" if bar_m >= 1.0 else f"{100 * bar_m:g} cm"
-        axes.text(4, foot - 5, text, fontsize=8, color=hex_colour(QUIET), va="bottom")
+        axes.text(4, foot - 5, text, fontsize=SMALL_PT, color=QUIET, va="bottom")
     return figure
 
 
@@ -813,14 +849,14 @@ def published() -> Any:
     )
     (walk, counts), (sigma, reach) = figure.subplots(2, 2)
     range_m, zones = known.tmf_deviations(known.TMF_ITERATIONS)
-    for (zone, (photons, measured_m, _)), colour in zip(zones.items(), PARTS, strict=False):
+    for (zone, (photons, measured_m, _)), colour in zip(zones.items(), LINES, strict=False):
         walk.plot(photons, 1e3 * measured_m, "o", color=colour, ms=3.5, label=f"zone {zone}")
         root = 1.0 / np.sqrt(photons)
         far = range_m > 0.095
         counts.plot(range_m, root, "o", color=colour, ms=3.5)
-        counts.plot(range_m, np.polyval(np.polyfit(range_m[far], root[far], 1), range_m), "-", color=colour, lw=1.0)
+        counts.plot(range_m, np.polyval(np.polyfit(range_m[far], root[far], 1), range_m), "-", color=colour, lw=LINE_PT)
     level, _, walk_m = known.tmf_walk()
-    walk.plot(level, 1e3 * walk_m, color=hex_colour(INK), lw=1.4, label="simulated")
+    walk.plot(level, 1e3 * walk_m, color=INK, lw=THICK_PT, label="simulated")
     style_axes(walk, "TMF8820: range walk", x="Photons of a zone in an iteration", y="Range minus a straight line [mm]")
     key(walk)
     style_axes(
@@ -829,10 +865,10 @@ def published() -> Any:
     n = known.MIT_DETECTIONS
     sigma.plot(n, known.MIT_SIGMA_PS, "o", color=BLUE, ms=5, label="measured (quartiles)")
     for gaussian, colour, label in (
-        (False, hex_colour(INK), "simulated, measured response"),
+        (False, INK, "simulated, measured response"),
         (True, ORANGE, "authors' Gaussian"),
     ):
-        sigma.plot(n, [known.mit_sigma_ps(int(k), gaussian)[0] for k in n], "-", color=colour, lw=1.3, label=label)
+        sigma.plot(n, [known.mit_sigma_ps(int(k), gaussian)[0] for k in n], "-", color=colour, lw=THICK_PT, label=label)
     sigma.set(xscale="log", yscale="log")
     sigma.minorticks_off()
     sigma.set_xticks(n, [f"{k}" for k in n])
@@ -842,14 +878,12 @@ def published() -> Any:
     simulated_m = known.vl53_reaches_m()
     for place, (case, measured_m) in enumerate(known.VL53_REACH_M.items()):
         free = case in known.VL53_FREE
-        reach.plot(
-            simulated_m[case], place, "|", color=hex_colour(INK), ms=14, mew=1.6, label=None if place else "simulated"
-        )
+        reach.plot(simulated_m[case], place, "|", color=INK, ms=14, mew=1.6, label=None if place else "simulated")
         face = "none" if free else BLUE
         label = {0: "published, used to set signal and sunlight", 1: "published"}.get(place)
         reach.plot(measured_m, place, "o", color=BLUE, mfc=face, ms=6, label=label)
     names = [f"{zones}, {target}, {'5 klux' if lit else 'dark'}" for zones, target, lit in known.VL53_REACH_M]
-    reach.set_yticks(range(len(names)), names, fontsize=8)
+    reach.set_yticks(range(len(names)), names, fontsize=SMALL_PT)
     reach.set(xlim=(0.0, 3.3), ylim=(len(names) - 0.5, -0.5))
     style_axes(reach, "VL53L5CX: reach", x="Range of 90 % detection [m]")
     key(reach, "center right", bbox_to_anchor=(1.0, 0.7))
@@ -873,7 +907,7 @@ def stray_light() -> Any:
         photons = frame.kept["photons"]
         steady = photons.background_photons_per_s
         pulse = np.bincount(photons.pixel, photons.photons, steady.size).reshape(steady.shape)
-        drawn = (steady, LogNorm(1e7, 1e14), "magma"), (np.maximum(pulse, 1e-2), LogNorm(0.1, 1e5), "viridis")
+        drawn = (steady, LogNorm(1e7, 1e14), AMOUNT_RAMP), (np.maximum(pulse, 1e-2), LogNorm(0.1, 1e5), AMOUNT_RAMP)
         for axes, (image, norm, colours), row, label in zip(
             column, drawn, rows, ("steady light [photons/s]", "laser light [photons]"), strict=True
         ):
@@ -882,7 +916,7 @@ def stray_light() -> Any:
             axes.set_yticks([])
             if frame is frames[-1]:
                 figure.colorbar(shown, ax=list(row), label=label, pad=0.01)
-        column[0].set_title(f"{frame.time_s:.0f} s", fontsize=9.5, color=hex_colour(INK))
+        column[0].set_title(f"{frame.time_s:.0f} s", fontsize=TEXT_PT, color=INK)
     return figure
 
 
@@ -909,14 +943,12 @@ def second_bounce() -> Any:
     for low, photons, title in panels:
         axes = figure.add_axes((0.03, low, 0.50, 0.30))
         image = np.log10(np.maximum(photons[window], 1.0))
-        shown = axes.imshow(np.where(photons[window] > 0, image, np.nan), cmap="viridis", vmin=1.0, vmax=4.5)
-        axes.set_title(
-            f"{title}: {photons.sum(dtype=float) / 1e6:.1f} million photons", fontsize=9.5, color=hex_colour(INK)
-        )
+        shown = axes.imshow(np.where(photons[window] > 0, image, np.nan), cmap=AMOUNT_RAMP, vmin=1.0, vmax=4.5)
+        axes.set_title(f"{title}: {photons.sum(dtype=float) / 1e6:.1f} million photons", fontsize=TEXT_PT, color=INK)
         axes.set_axis_off()
     bar = figure.colorbar(shown, cax=figure.add_axes((0.545, 0.12, 0.012, 0.55)), ticks=[1, 2, 3, 4])
-    bar.ax.set_yticklabels(["10", "100", "1,000", "10⁴"], fontsize=8)
-    bar.ax.set_title("photons", fontsize=8, color=hex_colour(QUIET))
+    bar.ax.set_yticklabels(["10", "100", "1,000", "10⁴"], fontsize=SMALL_PT)
+    bar.ax.set_title("photons", fontsize=SMALL_PT, color=QUIET)
     axes = figure.add_axes((0.675, 0.15, 0.305, 0.61))
     for material, label, colour in ((None, "catalogue's materials", BLUE), ("mli_gold", "gold foil all over", ORANGE)):
         points = np.array([_bounced_share(name, material, k) for name in BOUNCING for k in range(6)])
@@ -993,17 +1025,17 @@ def smear() -> Any:
         scenario = still.replace(target=(still.target[0].replace(**changed),))
         (frame,) = rl.simulate(scenario, keep=["waveforms"])
         shown = image.imshow(
-            np.maximum(frame.labels.photons, 1.0), cmap="viridis", norm=LogNorm(1.0, 1e3), interpolation="none"
+            np.maximum(frame.labels.photons, 1.0), cmap=AMOUNT_RAMP, norm=LogNorm(1.0, 1e3), interpolation="none"
         )
         epochs = len(frame.truth.cast_epochs)
-        image.set_title(f"{name}\ncast at {epochs} epoch{'s' * (epochs > 1)}", fontsize=9.5, color=hex_colour(INK))
+        image.set_title(f"{name}\ncast at {epochs} epoch{'s' * (epochs > 1)}", fontsize=TEXT_PT, color=INK)
         image.set_xticks([])
         image.set_yticks([])
         stored = frame.kept["waveforms"]
         lit = frame.labels.photons.ravel()[stored.pixel] > 0.0
         samples = stored.samples_counts[lit].mean(axis=0) - stored.baseline_counts
         range_m = (stored.start_s[0] + np.arange(len(samples)) * stored.sample_s) * units.RANGE_PER_DELAY_M_S
-        trace.plot(range_m, samples, ".-", color=BLUE, ms=3, lw=0.9)
+        trace.plot(range_m, samples, ".-", color=BLUE, ms=3, lw=THIN_PT)
         style_axes(trace, "", x="Range [m]", y="Mean sample [counts]" if trace is traces[0] else "")
         trace.set_xlim(295.0, 305.0)
     figure.colorbar(shown, ax=list(images), label="expected photons", pad=0.01)
@@ -1052,21 +1084,71 @@ def allan() -> Any:
         for k, axis in enumerate((samples.angular_velocity_rad_s / units.DEG_H).T):
             label = "preset, three axes" if walk_deg_h_sqrt_h == 0.0 else "with a rate random walk"
             deviation = _allan_deviation(axis, rate_hz, averaging_s)
-            axes.plot(averaging_s, deviation, ".-", color=colour, ms=3, lw=0.7, label=label if k == 0 else None)
+            axes.plot(averaging_s, deviation, ".-", color=colour, ms=3, lw=THIN_PT, label=label if k == 0 else None)
     floor = gyro.bias_instability_deg_h
     for label, line, style in (
         ("angle random walk 0.15 deg/√h", 0.15 * 60.0 / np.sqrt(averaging_s), "--"),
         (f"bias instability {floor:g} deg/h", np.full_like(averaging_s, floor), ":"),
         ("rate random walk 2 deg/h/√h", 2.0 * np.sqrt(averaging_s / 3.0 / 3600.0), "-."),
     ):
-        axes.plot(averaging_s, line, style, color=hex_colour(INK), lw=0.9, label=label)
+        axes.plot(averaging_s, line, style, color=INK, lw=THIN_PT, label=label)
     axes.set(xscale="log", yscale="log", ylim=(0.1, 30.0))
     style_axes(axes, x="Averaging time [s]", y="Allan deviation [deg/h]")
     key(axes)
     return figure
 
 
+def palette() -> Any:
+    """The style of all pictures: colours of lines, sizes of text, colours of parts, and colour maps."""
+    figure = new_figure(
+        PAGE_IN, 4.6, "Style of pictures", "colours of the scheme of this page; maps and parts are the same in both"
+    )
+    lines, sizes, maps, parts = figure.subplots(2, 2, gridspec_kw={"height_ratios": (1.35, 1.0)}).flat
+    x = np.linspace(0.0, 1.0, 60)
+    names = ("BLUE", "ORANGE", "GREEN", "PINK", "SKY", "RED")
+    for k, (name, colour) in enumerate(zip(names, LINES, strict=True)):
+        lines.plot(x, np.sin(3.0 * x + 0.45 * k), color=colour, lw=THICK_PT, label=name)
+    lines.axhline(0.0, color=RULE, lw=THIN_PT)
+    style_axes(lines, "Lines and categories", "Time [s]", "Range [m]")
+    lines.legend(
+        fontsize=SMALL_PT,
+        frameon=False,
+        loc="upper left",
+        bbox_to_anchor=(1.0, 1.0),
+        labelcolor=QUIET,
+        borderaxespad=0.0,
+    )
+    words = {"TITLE_PT": TITLE_PT, "HEADING_PT": HEADING_PT, "TEXT_PT": TEXT_PT, "SMALL_PT": SMALL_PT}
+    for k, (name, size_pt) in enumerate(words.items()):
+        sizes.text(
+            0.0, 0.9 - 0.27 * k, f"{name}: {size_pt:g} pt", fontsize=size_pt, color=QUIET if k else INK, va="center"
+        )
+    widths = {"HAIR_PT": HAIR_PT, "THIN_PT": THIN_PT, "LINE_PT": LINE_PT, "THICK_PT": THICK_PT, "WIDE_PT": WIDE_PT}
+    for k, (name, width_pt) in enumerate(widths.items()):
+        y = 0.94 - 0.21 * k
+        sizes.plot([0.55, 0.68], [y, y], color=INK, lw=width_pt)
+        sizes.text(0.71, y, f"{name}: {width_pt:g} pt", fontsize=SMALL_PT, color=QUIET, va="center")
+    sizes.set(xlim=(0, 1), ylim=(0, 1))
+    sizes.set_axis_off()
+    ramps = {"range": RANGE_RAMP, "intensity": INTENSITY_RAMP, "amount": AMOUNT_RAMP, "error": ERROR_RAMP}
+    for k, name in enumerate(ramps.values()):
+        maps.imshow(ramp(name)[None], extent=(0, 256, 3.6 - k, 4.4 - k), aspect="auto")
+    maps.imshow(np.array([[split_rgb(NO_RETURN)]]), extent=(0, 256, -0.4, 0.4), aspect="auto")
+    maps.set(xlim=(0, 256), ylim=(-0.5, 4.5), xticks=[])
+    style_axes(maps, "Colour maps")
+    maps.grid(visible=False)
+    maps.set_yticks(range(5), ["no return", *reversed([f"{use}: {name}" for use, name in ramps.items()])])
+    for k, colour in enumerate((*PARTS, OTHER_PART)):
+        parts.imshow(np.array([[split_rgb(colour)]]), extent=(k - 0.45, k + 0.45, 0, 1), aspect="auto")
+    parts.set(xlim=(-0.5, len(PARTS) + 0.5), ylim=(0, 1), yticks=[])
+    style_axes(parts, "Parts and classes on images")
+    parts.grid(visible=False)
+    parts.set_xticks(range(len(PARTS) + 1), [*(f"{k}" for k in range(len(PARTS))), "other"])
+    return figure
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
+    "palette": palette,
     "counts": counts,
     "detection": detection,
     "false_alarms": false_alarms,
@@ -1096,7 +1178,9 @@ def main(names: Sequence[str] = ()) -> None:
     if unknown := set(names) - set(FIGURES):
         raise SystemExit(f"figures: nothing is called {', '.join(sorted(unknown))} (known: {', '.join(FIGURES)})")
     for name in names or FIGURES:
-        picture.save_figure(FIGURES[name](), FOLDER / f"{name}.png", dpi=120)
+        figure = FIGURES[name]()
+        for scheme, ending in ((picture.LIGHT, ""), (picture.DARK, "_dark")):
+            save_small_figure(figure, FOLDER / f"{name}{ending}.png", scheme)
 
 
 if __name__ == "__main__":

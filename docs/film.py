@@ -16,7 +16,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import rso_lidar as rl
-from rso_lidar.picture.style.palette import INTENSITY_RAMP, RANGE_RAMP, Rgb, ramp
+from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, ramp
+from rso_lidar.picture.style.palette import Rgb
 from rso_lidar.study.time_history.open_loop import fly_open_loop
 
 PLACE = Path(__file__).resolve().parent / "pictures" / "approach.gif"

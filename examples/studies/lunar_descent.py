@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 
 import rso_lidar as rl
-from rso_lidar.picture.style.figures import new_figure, style_axes
+from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, ERROR_RAMP
+from rso_lidar.picture.style.figures import PAGE_IN, SCREEN_DPI, SMALL_PT, new_figure, style_axes, style_bar
+from rso_lidar.picture.style.output import save_figure
+from rso_lidar.picture.style.palette import NO_RETURN, OTHER_PART, PARTS, QUIET
 from rso_lidar.study import (
     HAZARD,
     SAFE,
@@ -70,7 +73,7 @@ def figure(found: ElevationMap, truth: ElevationMap):
     from matplotlib.colors import LightSource, ListedColormap
 
     made = new_figure(
-        10.0, 11.2, "Lunar descent: what the frames say of the ground", f"cells of {CELL_M:g} m, {SIZE_M:g} m across"
+        PAGE_IN, 10.8, "Lunar descent: what the frames say of the ground", f"cells of {CELL_M:g} m, {SIZE_M:g} m across"
     )
     panels = made.subplots(2, 2)
     half = 0.5 * SIZE_M
@@ -82,10 +85,10 @@ def figure(found: ElevationMap, truth: ElevationMap):
         (panels[0, 1], found.fill_holes(), "from the frames", "small holes filled"),
     )
     for axes, ground, title, note in grounds:
-        shown = axes.imshow(ground.height_m, cmap="cividis", **ends, **span)
+        shown = axes.imshow(ground.height_m, cmap=AMOUNT_RAMP, **ends, **span)
         shaded = light.shade(
             ground.height_m,
-            matplotlib.colormaps["cividis"],
+            matplotlib.colormaps[AMOUNT_RAMP],
             blend_mode="soft",
             vert_exag=2.0,
             dx=CELL_M,
@@ -96,10 +99,10 @@ def figure(found: ElevationMap, truth: ElevationMap):
         _key(made, shown, axes, "height [m]")
         style_axes(axes, title, "east [m]", "north [m]", note)
     apart = 100.0 * (found.height_m - truth.height_m)
-    shown = panels[1, 0].imshow(apart, cmap="RdBu_r", vmin=-30.0, vmax=30.0, **span)
+    shown = panels[1, 0].imshow(apart, cmap=ERROR_RAMP, vmin=-30.0, vmax=30.0, **span)
     _key(made, shown, panels[1, 0], "found less true [cm]")
-    style_axes(panels[1, 0], "the difference", "east [m]", "north [m]", "grey: no height")
-    panels[1, 0].set_facecolor("#9a9da3")
+    style_axes(panels[1, 0], "the difference", "east [m]", "north [m]", "dark: no height")
+    panels[1, 0].set_facecolor(NO_RETURN)
     said, there = hazards(found), hazards(truth)
     kinds = np.select(
         [(said == UNKNOWN) | (there == UNKNOWN), (said == SAFE) & (there == SAFE), said == there, said == SAFE],
@@ -107,11 +110,11 @@ def figure(found: ElevationMap, truth: ElevationMap):
         4,
     )
     colours = {
-        "not judged": "#c9ccd1",
-        "safe": "#8fd0b4",
-        "hazard": "#44474e",
-        "missed": "#e8503a",
-        "feared": "#f2c14e",
+        "not judged": OTHER_PART,
+        "safe": PARTS[9],
+        "hazard": NO_RETURN,
+        "missed": PARTS[5],
+        "feared": PARTS[8],
     }
     panels[1, 1].imshow(kinds, cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=4.5, **span)
     style_axes(
@@ -124,7 +127,13 @@ def figure(found: ElevationMap, truth: ElevationMap):
     for name, colour in colours.items():
         panels[1, 1].plot([], [], "s", color=colour, label=name)
     panels[1, 1].legend(
-        loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=5, frameon=False, fontsize=8.5, columnspacing=1.0
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.12),
+        ncols=5,
+        frameon=False,
+        fontsize=SMALL_PT,
+        labelcolor=QUIET,
+        columnspacing=1.0,
     )
     for axes in panels.flat:
         axes.grid(visible=False)
@@ -136,8 +145,7 @@ def figure(found: ElevationMap, truth: ElevationMap):
 def _key(made, shown, axes, label):
     """Draw the ramp of a panel below it."""
     bar = made.colorbar(shown, ax=axes, location="bottom", shrink=0.8, aspect=40, pad=0.02)
-    bar.set_label(label, fontsize=8.5)
-    bar.ax.tick_params(labelsize=8)
+    style_bar(bar, label)
 
 
 if __name__ == "__main__":
@@ -154,4 +162,4 @@ if __name__ == "__main__":
         late = build_elevation_map(frames[-last:], "site", SIZE_M, CELL_M)
         print(f"of the last {last} frames: {late.coverage:.1%} of the cells have a height")
     if len(sys.argv) > 1:
-        figure(found, truth).savefig(sys.argv[1], dpi=75)
+        save_figure(figure(found, truth), sys.argv[1], dpi=SCREEN_DPI)

@@ -157,10 +157,17 @@ def _median(values: np.ndarray) -> float:
 
 def figure(tables: dict[str, dict[str, np.ndarray]]) -> Any:
     """Return the picture: points, errors of place, and of turn, over time, one column for each camera."""
-    from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
-    from rso_lidar.picture.style.palette import PARTS, QUIET, hex_colour
+    from rso_lidar.picture.style.figures import (
+        LINE_PT,
+        SMALL_PT,
+        TEXT_PT,
+        THICK_PT,
+        format_thousands,
+        new_figure,
+        style_axes,
+    )
+    from rso_lidar.picture.style.palette import BLUE, GREEN, ORANGE, QUIET, RED, SHADE
 
-    blue, orange, green, red = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
     drawn = new_figure(
         12.0,
         8.4,
@@ -172,29 +179,28 @@ def figure(tables: dict[str, dict[str, np.ndarray]]) -> Any:
         time_s = table["time_s"]
         for axes in column:
             for arrival_s in ARRIVALS_S[1:]:
-                axes.axvspan(arrival_s, min(arrival_s + HOLD_S, DURATION_S), color="0.93", lw=0, zorder=0)
-        column[0].plot(time_s, table["true_range_m"], color=hex_colour(QUIET), lw=1.4, label="range [m]")
-        column[0].plot(time_s, table["points"], color=orange, lw=1.0, label="points")
+                axes.axvspan(arrival_s, min(arrival_s + HOLD_S, DURATION_S), color=SHADE, lw=0, zorder=0)
+        column[0].plot(time_s, table["true_range_m"], color=QUIET, lw=THICK_PT, label="range [m]")
+        column[0].plot(time_s, table["points"], color=ORANGE, lw=LINE_PT, label="points")
         style_axes(column[0], f"Camera {name}", y="range [m], points")
-        for kind, word, colour in (("centroid", "centroid", QUIET), ("cv", "CV", orange), ("cw", "CW", blue)):
-            tone = hex_colour(colour) if colour is QUIET else colour
-            column[1].plot(time_s, _length(table, f"{kind}_error"), ".", ms=1.8, color=tone, label=word)
-        column[1].plot(time_s, table["icp_error_m"], ".", ms=1.8, color=green, label="ICP")
+        for kind, word, colour in (("centroid", "centroid", QUIET), ("cv", "CV", ORANGE), ("cw", "CW", BLUE)):
+            column[1].plot(time_s, _length(table, f"{kind}_error"), ".", ms=1.8, color=colour, label=word)
+        column[1].plot(time_s, table["icp_error_m"], ".", ms=1.8, color=GREEN, label="ICP")
         style_axes(column[1], y="error of place [m]")
-        column[2].plot(time_s, table["icp_error_rad"] / rl.units.DEG, ".", ms=1.8, color=red, label="whole turn")
+        column[2].plot(time_s, table["icp_error_rad"] / rl.units.DEG, ".", ms=1.8, color=RED, label="whole turn")
         axis_deg = table["icp_long_axis_error_rad"] / rl.units.DEG
-        column[2].plot(time_s, axis_deg, ".", ms=1.8, color=blue, label="long axis")
+        column[2].plot(time_s, axis_deg, ".", ms=1.8, color=BLUE, label="long axis")
         style_axes(column[2], y="ICP, turn [deg]")
-        column[3].plot(time_s, np.abs(table["axis_rate_error_rad_s"]) / rl.units.DEG, ".", ms=1.8, color=blue)
+        column[3].plot(time_s, np.abs(table["axis_rate_error_rad_s"]) / rl.units.DEG, ".", ms=1.8, color=BLUE)
         style_axes(column[3], y="rate of the\nlong axis [deg/s]")
-        column[3].set_xlabel("time [s]", fontsize=9, color=hex_colour(QUIET))
+        column[3].set_xlabel("time [s]", fontsize=TEXT_PT, color=QUIET)
         format_thousands(column[3].xaxis)
     for row in panels:
         row[0].set_yscale("log")
     for axes, mark in zip(panels[:3, -1], (1, 4, 4), strict=True):
         axes.legend(
-            fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, markerscale=mark,
-            borderaxespad=0.0, labelcolor=hex_colour(QUIET),
+            fontsize=SMALL_PT, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, markerscale=mark,
+            borderaxespad=0.0, labelcolor=QUIET,
         )  # fmt: skip
     panels[0, 0].set_ylim(8, 2.5e4)
     panels[1, 0].set_ylim(3e-3, 60)
@@ -224,5 +230,5 @@ if __name__ == "__main__":
     for name, (table, nis) in made.items():
         print(told(name, table, nis), end="\n\n")
     picture = Path(sys.argv[1] if len(sys.argv) > 1 else "tumbling.png")  # in the working folder
-    save_figure(figure({name: table for name, (table, _) in made.items()}), picture, dpi=110)
+    save_figure(figure({name: table for name, (table, _) in made.items()}), picture)
     print(picture)

@@ -10,6 +10,7 @@ import typer
 
 from rso_lidar import export, units
 from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
 
 ScenarioFile = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]
@@ -22,6 +23,7 @@ TrustFmu = Annotated[
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
+Dark = Annotated[bool, typer.Option("--dark", help="Draw on a dark background.")]
 
 _LENGTHS_M = {"m": 1.0, "km": units.KM}
 
@@ -29,6 +31,11 @@ _LENGTHS_M = {"m": 1.0, "km": units.KM}
 def join_settings(settings: list[str] | None, seed: int | None) -> tuple[str, ...]:
     """Return the settings of a scenario, with the seed of its option as the last one."""
     return (*(settings or ()), *(() if seed is None else (f"seed={seed}",)))
+
+
+def choose_scheme(dark: bool) -> Scheme:
+    """Return the colours of pictures for the option ``--dark``."""
+    return DARK if dark else LIGHT
 
 
 def parse_length_m(option: str, text: str) -> float:

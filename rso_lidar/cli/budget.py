@@ -6,11 +6,12 @@ from typing import Annotated, Any
 
 import typer
 
-from rso_lidar.cli.arguments import Overwrite, Settings, parse_length_m
+from rso_lidar.cli.arguments import Dark, Overwrite, Settings, choose_scheme, parse_length_m
 from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable
+from rso_lidar.picture.style.palette import Scheme
 from rso_lidar.scenario import Finding, Lidar, Scenario
 from rso_lidar.scenario.mission.validation import validate_toml
 from rso_lidar.scenario.tables.presets import load_presets
@@ -72,6 +73,7 @@ def budget(
     ] = None,
     settings: Settings = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png) or table (.csv).")] = None,
+    dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Compute photons, detection and precision against range.
@@ -102,6 +104,7 @@ def budget(
             flashes=flashes,
             attitudes=attitudes,
             output=output,
+            scheme=choose_scheme(dark),
         )
         return
     made = worked_out(
@@ -117,7 +120,7 @@ def budget(
     if settings and camera in load_presets():
         made = replace(made, camera=f"{camera} with {', '.join(settings)}")  # it is not the camera of that name
     if output is not None:
-        made.save(output, overwrite=overwrite)
+        made.save(output, overwrite=overwrite, scheme=choose_scheme(dark))
     echo(made.table())
     if output is not None:
         echo(f"{output}")
@@ -133,6 +136,7 @@ def _find(
     flashes: str | None,
     attitudes: str | None,
     output: Path | None,
+    scheme: Scheme,
 ) -> None:
     """Solve how far a body is found, and print and write the answer.
 
@@ -141,6 +145,7 @@ def _find(
     camera, body, probability, range_m : as for `find_range`.
     pixels, flashes, attitudes : as the user gave them.
     output : picture or table, None for neither.
+    scheme : colours of a picture.
     """
     finding = camera.finding if isinstance(camera, Scenario) else Finding()
     if pixels is not None:
@@ -163,7 +168,7 @@ def _find(
     made = find_range(camera, body, finding=finding, **chosen)
     echo(made.table())
     if output is not None:
-        made.save(output)
+        made.save(output, scheme)
         echo(f"{output}")
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Overwrite
+from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.dataset.scoring.comparison import LEVEL, compare
@@ -61,6 +61,7 @@ def score(
     replicates: Annotated[
         int, typer.Option("--replicates", min=100, max=100_000, help="Draws of the bootstrap over encounters.")
     ] = REPLICATES,
+    dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Score predictions on a split of a dataset, and compare them with older ones.
@@ -88,7 +89,7 @@ def score(
         for line in format_comparison(comparison):
             echo(line)
     for place in places:
-        for path in save_report(card, place, comparison):
+        for path in save_report(card, place, comparison, choose_scheme(dark)):
             echo(path)
     if comparison is not None and comparison.is_worse:
         raise typer.Exit(1)

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from rso_lidar import picture, units
-from rso_lidar.cli.arguments import Overwrite, parse_instant, parse_length_m
+from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme, parse_instant, parse_length_m
 from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
@@ -17,6 +17,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_text
 from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
+from rso_lidar.picture.style.palette import Scheme
 from rso_lidar.scenario import Constraints, Lidar, Scenario
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.study import Encounters, scenario_text
@@ -85,6 +86,7 @@ def encounters(
             "-o", "--output", help="File to write: the table (.csv), a picture (.png) or, with --scenario, .toml."
         ),
     ] = None,
+    dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
     """List the close approaches of one object to a catalogue."""
@@ -132,7 +134,7 @@ def encounters(
     if csv is not None:
         echo(f"{table.csv(csv, overwrite=overwrite)}")
     if plot is not None and not all(row.docked for row in table.rows):
-        echo(f"{_draw(table, plot)}")
+        echo(f"{_draw(table, plot, choose_scheme(dark))}")
     elif plot is not None:
         echo("no picture written: no encounter to draw", err=True)
     if text is not None and output is not None:
@@ -191,7 +193,7 @@ def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
     return sorted(chosen)
 
 
-def _draw(table: Encounters, place: Path) -> Path:
+def _draw(table: Encounters, place: Path, scheme: Scheme) -> Path:
     rows = [row for row in table.rows if not row.docked]
     start = np.datetime64(table.start_utc.astimezone(datetime.UTC).replace(tzinfo=None), "ms")
     figure = encounter_figure(
@@ -208,7 +210,7 @@ def _draw(table: Encounters, place: Path) -> Path:
         f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}   ·   element sets are good to a kilometre",
         window_utc=(start, start + np.timedelta64(round(units.DAY_S * 1e3 * table.days), "ms")),
     )
-    return picture.save_figure(figure, place)
+    return picture.save_figure(figure, place, scheme=scheme)
 
 
 def _choose_constraints(

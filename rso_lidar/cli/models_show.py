@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from rso_lidar.cli.arguments import Overwrite
+from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme
 from rso_lidar.cli.completion import list_models
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
@@ -31,13 +31,16 @@ def show(
         Path | None,
         typer.Option("-o", "--output", help="Picture of four sides by part and by material (.png, .pdf, .svg)."),
     ] = None,
+    dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Describe a model: its size, its parts, and the light it returns from 1 km; draw it from four sides."""
     if output is not None:
         output = check_writable(output, FIGURE_SUFFIXES, overwrite=overwrite)
     card = make_model_card(name)
-    drawn = card.save(output) if output is not None else None  # before a reader of the text may go away
+    drawn = (
+        card.save(output, choose_scheme(dark)) if output is not None else None
+    )  # before a reader of the text may go away
     console = make_console()
     for line in (card.what, *card.lines):
         console.print(line)

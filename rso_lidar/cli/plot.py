@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export, picture
-from rso_lidar.cli.arguments import Overwrite, RecordingFile
+from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable
@@ -31,6 +31,7 @@ def plot(
     curves: Annotated[
         bool, typer.Option("--curves", help="Draw detection, photons and range error over time.")
     ] = False,
+    dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Draw frames of a recording, their trajectory or curves. Without --frame, it draws a contact sheet."""
@@ -39,6 +40,7 @@ def plot(
     kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"
     if output is not None:
         output = check_writable(output, SHEET_SUFFIXES if kind == "sheet" else FIGURE_SUFFIXES, overwrite=overwrite)
+    scheme = choose_scheme(dark)
     with export.open(recording) as frames:
         place = output or check_writable(recording.with_name(f"{recording.stem}_{kind}.png"), overwrite=overwrite)
         if frame is not None:
@@ -46,11 +48,11 @@ def plot(
             if frame not in numbers:
                 held = f"holds {len(numbers)} frames, {numbers[0]} to {numbers[-1]}" if numbers else "holds no frames"
                 raise RecordingError(f"--frame {frame}: {recording.name} {held}")
-            picture.save_frame(frames[numbers.index(frame)], place)
+            picture.save_frame(frames[numbers.index(frame)], place, scheme)
         elif path:
-            picture.save_figure(picture.orbit_figure(frames), place)
+            picture.save_figure(picture.orbit_figure(frames), place, scheme=scheme)
         elif curves:
-            picture.save_figure(picture.curve_figure(frames), place)
+            picture.save_figure(picture.curve_figure(frames), place, scheme=scheme)
         else:
-            picture.contact_sheet(frames, place)
+            picture.contact_sheet(frames, place, scheme=scheme)
     echo(f"{place}")

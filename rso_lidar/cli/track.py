@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
-from rso_lidar.cli.arguments import Overwrite, RecordingFile, select_frames
+from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_scheme, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
@@ -42,6 +42,7 @@ def track(
         bool, typer.Option("--shape/--no-shape", help="Whether the filters allow for the shape of the model.")
     ] = True,
     icp: Annotated[bool, typer.Option("--icp/--no-icp", help="Whether ICP runs, 0.2 to 2 s a frame.")] = True,
+    dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Track the target of a recording and compare with the truth. Trackers: centroid, Kalman filters and ICP."""
@@ -66,7 +67,7 @@ def track(
     for line in summarise(made, icp=icp):
         echo(line)
     if output is not None:
-        made.save(output)
+        made.save(output, choose_scheme(dark))
         echo(f"{output}")
 
 

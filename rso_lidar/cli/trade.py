@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Overwrite, TrustFmu
+from rso_lidar.cli.arguments import Dark, Overwrite, TrustFmu, choose_scheme
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.files import check_suffix, check_writable, write_atomically
 from rso_lidar.interruption import set_advice
+from rso_lidar.picture.style.palette import Scheme
 from rso_lidar.study.trades import report
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import RowFile, Trade, place_row_file, run_rows, tabulate_rows
@@ -47,6 +48,7 @@ def trade(
         ),
     ] = None,
     trust_fmu: TrustFmu = False,
+    dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Run a trade study of scenario fields against figures of merit.
@@ -85,7 +87,7 @@ def trade(
                 rows.add(row)
                 bar.advance()
         made = tabulate_rows(plan, base, rows.known)
-        _write(made, places)
+        _write(made, places, choose_scheme(dark))
         set_advice(lambda: to_one_line(f"the outputs {', '.join(map(str, places))} are written"))
         kept.unlink(missing_ok=True)
     for line in (*summarize(made), *map(str, places)):
@@ -123,11 +125,11 @@ def _make_folder(folder: Path) -> None:
         raise RecordingError(f"{folder}: no folder can be made there ({error.strerror}); choose another") from None
 
 
-def _write(made: Trade, places: list[Path]) -> None:
+def _write(made: Trade, places: list[Path], scheme: Scheme) -> None:
     """Write all outputs under temporary names, and rename them when the last is complete."""
     with ExitStack() as drafts:
         for place in places:
-            made.save(drafts.enter_context(write_atomically(place)))
+            made.save(drafts.enter_context(write_atomically(place)), scheme)
 
 
 def _report_other_files(kept: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from rso_lidar import orbit, picture
-from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustFmu
+from rso_lidar.cli.arguments import Dark, Overwrite, ScenarioFile, Settings, TrustFmu, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.formats.czml import choose_samples, write_czml
@@ -66,6 +66,7 @@ def truth(
     ] = None,
     settings: Settings = None,
     trust_fmu: TrustFmu = False,
+    dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Write or draw the true motion without rendering frames.
@@ -79,7 +80,7 @@ def truth(
     frames = np.arange(0, scenario.time.n_frames, _compute_stride(every_s, scenario))
     frames = np.union1d(frames, scenario.time.n_frames - 1)  # the last frame too, so that a table covers the whole run
     if suffix in FIGURE_SUFFIXES:
-        picture.save_figure(_draw_figure(scenario, kind, body, frames), output)
+        picture.save_figure(_draw_figure(scenario, kind, body, frames), output, scheme=choose_scheme(dark))
     elif suffix == ".csv":
         table = tabulate_run(scenario, *fly_open_loop(scenario, frames))
         write_columns(output, table)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.arguments import Overwrite, RecordingFile, select_frames
+from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_scheme, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
@@ -48,6 +48,7 @@ def view(
             "-o", "--output", help="Write a scene (.rrd), a picture (.png, .pdf, .svg) or a film (.gif, .mp4)."
         ),
     ] = None,
+    dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Show a recording in a viewer, frame by frame. It shows the point cloud, range, intensity and true mesh."""
@@ -59,7 +60,7 @@ def view(
         if not chosen.paths:
             echo(f"{chosen.why}: {_format_count(len(some))}; close it to go on")
         each = count_frames(some, "drawing") if chosen.tool == "rerun" else None
-        drawn = show(chosen, some, colour=colour, folder=recording.parent, each=each)
+        drawn = show(chosen, some, colour=colour, folder=recording.parent, each=each, scheme=choose_scheme(dark))
     if chosen.paths:
         echo(_summarise(chosen, drawn))
 

@@ -12,9 +12,13 @@ from rso_lidar.picture.plots.orbit import inertial_figure
 from rso_lidar.picture.plots.trajectory import orbit_figure
 from rso_lidar.picture.selection.sequence import even_indices
 from rso_lidar.picture.style.output import save_figure
+from rso_lidar.picture.style.palette import DARK, LIGHT
+from rso_lidar.picture.style.recolour import recolour
 from rso_lidar.public_names import limit_dir
 
 __all__ = [
+    "DARK",
+    "LIGHT",
     "angles_figure",
     "animate",
     "contact_sheet",
@@ -24,6 +28,7 @@ __all__ = [
     "inertial_figure",
     "orbit_figure",
     "ptu_figure",
+    "recolour",
     "save_figure",
     "save_frame",
 ]

@@ -13,6 +13,7 @@ from rso_lidar import optics, sampling, units
 from rso_lidar.motion import Fixed
 from rso_lidar.picture.plots.model_card import CardView, model_card_figure
 from rso_lidar.picture.style.output import save_figure
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Target
@@ -91,9 +92,9 @@ class ModelCard:
             rows.append([side, *(f"{_format_photons(v)}" for one in of for v in (one.photons, one.brightest_photons))])
         return rows
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
         """Write the page as .png, .pdf or .svg, and return its path."""
-        return save_figure(self.figure(), path, dpi=110)
+        return save_figure(self.figure(), path, scheme=scheme)
 
 
 def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: bool = True) -> ModelCard:

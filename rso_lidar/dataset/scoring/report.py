@@ -19,6 +19,7 @@ from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.picture.style.html_page import embed_figure, write_page, write_table
 from rso_lidar.picture.style.output import save_figure
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 
 SUFFIXES = (".html", ".json")
 _MOST_POINTS = 400  # of a curve in JSON
@@ -48,7 +49,9 @@ def check_output(place: Path, *, overwrite: bool) -> Path:
     return check_writable(place, SUFFIXES, overwrite=overwrite)
 
 
-def save_report(card: Scorecard, place: Path, comparison: Comparison | None = None) -> list[Path]:
+def save_report(
+    card: Scorecard, place: Path, comparison: Comparison | None = None, scheme: Scheme = LIGHT
+) -> list[Path]:
     """Write a report by the suffix of its path: JSON, HTML, or pictures in a folder.
 
     Parameters
@@ -56,6 +59,7 @@ def save_report(card: Scorecard, place: Path, comparison: Comparison | None = No
     card : the scorecard.
     place : as `check_output` returned it.
     comparison : with another algorithm, if any.
+    scheme : of pictures and pages, `LIGHT` or `DARK`.
 
     Returns
     -------
@@ -64,10 +68,11 @@ def save_report(card: Scorecard, place: Path, comparison: Comparison | None = No
     if place.suffix.lower() == ".json":
         text = json.dumps(describe(card, comparison), indent=1, allow_nan=False) + "\n"
     elif place.suffix.lower() == ".html":
-        text = write_html(card, comparison)
+        text = write_html(card, comparison, scheme)
     else:
         place.mkdir(exist_ok=True)
-        return [save_figure(figure.draw(), place / f"{figure.stem}.png") for figure in _list_all(card, comparison)]
+        figures = _list_all(card, comparison)
+        return [save_figure(figure.draw(), place / f"{figure.stem}.png", scheme=scheme) for figure in figures]
     with write_atomically(place) as draft:
         draft.write_text(text, encoding="utf-8")
     return [place]
@@ -201,26 +206,27 @@ def describe(card: Scorecard, comparison: Comparison | None = None) -> dict[str,
     return made
 
 
-def write_html(card: Scorecard, comparison: Comparison | None = None) -> str:
+def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Scheme = LIGHT) -> str:
     """Return a report as one HTML page with embedded pictures, without network access and scripts.
 
     Parameters
     ----------
     card : the scorecard.
     comparison : with another algorithm, if any.
+    scheme : of the page, `LIGHT` or `DARK`.
     """
     names = ", ".join(run.name for run in card.runs)
     body = [f"<h1>Scores of {escape(names)}</h1>", f'<p class="quiet">{escape(describe_frames(card))}</p>']
     if comparison is not None:
         old = ", ".join(run.name for run in comparison.old.runs)
         body += [f"<h2>Against {escape(old)}</h2>", f"<p><b>{escape(describe_result(comparison))}</b></p>"]
-        body.append(embed_figure(draw_comparison(comparison), "gain of each figure of merit"))
+        body.append(embed_figure(draw_comparison(comparison), "gain of each figure of merit", scheme=scheme))
         body.append("<pre>" + escape("\n".join(format_comparison(comparison))) + "</pre>")
     body.append("<h2>Figures of merit</h2>")
     body += [f'<p class="quiet">{escape(line)}</p>' for line in format_table(card)[1 : -len(card.merits) - 1]]
     body.append(_tabulate(card))
     for figure in list_figures(card):
-        body.append(embed_figure(figure.draw(), figure.caption, escape(figure.caption)))
+        body.append(embed_figure(figure.draw(), figure.caption, escape(figure.caption), scheme))
     body.append("<h2>How to read this</h2>")
     body.append(
         "<p>What is independent in a dataset is the encounter, not the frame: intervals are over encounters. Shares have "
@@ -228,7 +234,7 @@ def write_html(card: Scorecard, comparison: Comparison | None = None) -> str:
         f"{card.replicates:,} draws. A frame without a prediction counts as a failure.</p>"
         f'<p class="quiet">dataset <code>{escape(card.benchmark.identity)}</code>, rso_lidar {version("rso-lidar")}</p>'
     )
-    return write_page(f"Scores of {names}", body)
+    return write_page(f"Scores of {names}", body, scheme)
 
 
 def _list_all(card: Scorecard, comparison: Comparison | None) -> list[ScoreFigure]:

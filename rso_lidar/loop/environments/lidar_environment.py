@@ -14,7 +14,8 @@ from gymnasium.spaces import Box, Dict, MultiBinary
 
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.part import to_real_array
-from rso_lidar.picture.style.palette import PAPER, RANGE_RAMP, apply_ramp
+from rso_lidar.picture.style.colour_maps import RANGE_RAMP, apply_ramp
+from rso_lidar.picture.style.palette import PAPER
 from rso_lidar.records import Command, Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulation.stepping import Simulation

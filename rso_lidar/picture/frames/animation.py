@@ -15,7 +15,8 @@ from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, shorten
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, pick
 from rso_lidar.picture.selection.window import Window, crop
-from rso_lidar.picture.style.palette import INK, LINE, MARK, PAPER, QUIET, fixed_palette
+from rso_lidar.picture.style.colour_maps import fixed_palette
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.records import Frame
 
 if TYPE_CHECKING:
@@ -35,7 +36,11 @@ FASTEST_HZ = 50.0  # GIF counts hundredths of a second, and players slow down de
 
 
 def animate(
-    frames: Iterable[Frame], path: str | Path, max_frames: int = 120, frame_rate_hz: float | None = None
+    frames: Iterable[Frame],
+    path: str | Path,
+    max_frames: int = 120,
+    frame_rate_hz: float | None = None,
+    scheme: Scheme = LIGHT,
 ) -> Path:
     """Draw an animation of at most `max_frames` frames, evenly chosen; GIF or MP4 by the suffix.
 
@@ -47,6 +52,7 @@ def animate(
     path : of the file.
     max_frames : most frames drawn.
     frame_rate_hz : rate of playing, at most 50 Hz (None: 4 to 20 Hz, for a length of about ten seconds).
+    scheme : `LIGHT` or `DARK`.
 
     Returns
     -------
@@ -66,30 +72,32 @@ def animate(
     rate_hz = frame_rate_hz or min(max(len(thumbnails) / SHOWN_S, 4.0), 20.0)
     with write_atomically(place) as draft:
         if ffmpeg is None:
-            _write_gif(draft, _draw_all(thumbnails), rate_hz)
+            _write_gif(draft, _draw_all(thumbnails, scheme), rate_hz, scheme)
         else:
-            _write_mp4(ffmpeg, draft, _draw_all(thumbnails), rate_hz)
+            _write_mp4(ffmpeg, draft, _draw_all(thumbnails, scheme), rate_hz)
     return place
 
 
-def _draw_all(thumbnails: Sequence[Thumbnail]) -> Iterator[Image]:
+def _draw_all(thumbnails: Sequence[Thumbnail], scheme: Scheme) -> Iterator[Image]:
     """Yield one picture for each thumbnail."""
     from PIL import Image, ImageDraw
 
     scale = Scale.of(thumbnails)
-    page = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
+    page = Image.new("RGB", (WIDTH, HEIGHT), scheme.paper)
     draw = ImageDraw.Draw(page)
     inner = WIDTH - 2 * MARGIN
-    write(draw, MARGIN, 12, shorten(draw, thumbnails[0].title, 17, inner, bold=True), 17, INK, bold=True)
-    draw_legend(draw, MARGIN, HEIGHT - FOOT + 6, scale, inner, 11)
-    plot = _draw_timeline(page, thumbnails)
+    write(draw, MARGIN, 12, shorten(draw, thumbnails[0].title, 17, inner, bold=True), 17, scheme.ink, bold=True)
+    draw_legend(draw, MARGIN, HEIGHT - FOOT + 6, scale, inner, 12, scheme)
+    plot = _draw_timeline(page, thumbnails, scheme)
     window: Window | None = None
     for k, thumbnail in enumerate(thumbnails):
         window = crop(thumbnail.bounds, window)
-        yield _draw_one(page.copy(), thumbnail, scale, window, plot[k])
+        yield _draw_one(page.copy(), thumbnail, scale, window, plot[k], scheme)
 
 
-def _draw_one(page: Image, thumbnail: Thumbnail, scale: Scale, window: Window, now: tuple[float, float]) -> Image:
+def _draw_one(
+    page: Image, thumbnail: Thumbnail, scale: Scale, window: Window, now: tuple[float, float], scheme: Scheme
+) -> Image:
     """Draw one frame on a copy of the page.
 
     Parameters
@@ -99,25 +107,26 @@ def _draw_one(page: Image, thumbnail: Thumbnail, scale: Scale, window: Window, n
     scale : limits of the colours.
     window : the part of the field shown.
     now : where on the line of range over time the frame is.
+    scheme : colours of the page.
     """
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(page)
-    page.paste(draw_pair(thumbnail, scale, window, SIDE), (MARGIN, HEAD))
+    page.paste(draw_pair(thumbnail, scale, window, SIDE, scheme), (MARGIN, HEAD))
     y = HEAD + SIDE + 8
     seen = math.isfinite(thumbnail.median_m)
     said = f"{thumbnail.median_m:,.1f} m" if seen else f"{thumbnail.true_range_m:,.1f} m (truth)"
-    write(draw, MARGIN, y, said, 18, INK, bold=True)
+    write(draw, MARGIN, y, said, 18, scheme.ink, bold=True)
     field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
-    write(draw, MARGIN + SIDE + GAP, y + 4, f"{thumbnail.returns:,} returns   ·   {field}", 12, QUIET)
-    write(draw, WIDTH - MARGIN, y + 2, f"{thumbnail.time_s:,.1f} s", 15, INK, anchor="ra")
+    write(draw, MARGIN + SIDE + GAP, y + 4, f"{thumbnail.returns:,} returns   ·   {field}", 12, scheme.quiet)
+    write(draw, WIDTH - MARGIN, y + 2, f"{thumbnail.time_s:,.1f} s", 15, scheme.ink, anchor="ra")
     across, down = now
-    draw.line((across, HEAD + SIDE + CAPTION + 2, across, HEAD + SIDE + CAPTION + TIMELINE - 8), fill=LINE)
-    draw.ellipse((across - 4, down - 4, across + 4, down + 4), fill=MARK)
+    draw.line((across, HEAD + SIDE + CAPTION + 2, across, HEAD + SIDE + CAPTION + TIMELINE - 8), fill=scheme.rule)
+    draw.ellipse((across - 4, down - 4, across + 4, down + 4), fill=scheme.mark)
     return page
 
 
-def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail]) -> list[tuple[float, float]]:
+def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail], scheme: Scheme) -> list[tuple[float, float]]:
     """Draw the line of range over time, and return the position of each thumbnail on it [pixels]."""
     from PIL import ImageDraw
 
@@ -128,8 +137,8 @@ def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail]) -> list[tuple[f
     low_m, high_m = (float(ranges_m[known].min()), float(ranges_m[known].max())) if known.any() else (0.0, 0.0)
     top, bottom = HEAD + SIDE + CAPTION + 6, HEAD + SIDE + CAPTION + TIMELINE - 12
     left, right = MARGIN + 76, WIDTH - MARGIN - 6
-    write(draw, left - 8, top, f"{high_m:,.0f} m", 11, QUIET, anchor="rm")
-    write(draw, left - 8, bottom, f"{low_m:,.0f} m", 11, QUIET, anchor="rm")
+    write(draw, left - 8, top, f"{high_m:,.0f} m", 12, scheme.quiet, anchor="rm")
+    write(draw, left - 8, bottom, f"{low_m:,.0f} m", 12, scheme.quiet, anchor="rm")
     share_x = (times_s - times_s[0]) / max(float(np.ptp(times_s)), 1e-12)
     share_y = (np.where(known, ranges_m, low_m) - low_m) / max(high_m - low_m, 1e-12)
     points = [
@@ -137,11 +146,11 @@ def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail]) -> list[tuple[f
         for x, y in zip(share_x, share_y, strict=True)
     ]
     if len(points) > 1:
-        draw.line(points, fill=QUIET, width=2, joint="curve")
+        draw.line(points, fill=scheme.quiet, width=2, joint="curve")
     return points
 
 
-def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float) -> None:
+def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float, scheme: Scheme) -> None:
     """Write pictures as a GIF.
 
     Parameters
@@ -149,11 +158,12 @@ def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float) -> None:
     draft : path to write.
     pictures : consumed one at a time.
     rate_hz : pictures per second of playback; GIF rounds their duration to 10 ms.
+    scheme : colours of the pages.
     """
     from PIL import Image
 
     palette = Image.new("P", (1, 1))
-    palette.putpalette(fixed_palette())
+    palette.putpalette(fixed_palette(scheme))
     drawn = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
     delay_ms = max(round(100.0 / rate_hz), 2) * 10
     next(drawn).save(draft, save_all=True, append_images=drawn, duration=delay_ms, loop=0, optimize=False)

@@ -15,22 +15,33 @@ from rso_lidar.picture.frames.part_colours import PartKey, choose_part_colours, 
 from rso_lidar.picture.selection.scale import count_limits, nice_down, nice_up
 from rso_lidar.picture.selection.sequence import find_target_pixels, format_start, on_target, pixel_rad, target_ranges_m
 from rso_lidar.picture.selection.window import Window, bounding_window, crop
-from rso_lidar.picture.style.figures import new_figure, use_minus_sign
+from rso_lidar.picture.style.colour_maps import ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
+from rso_lidar.picture.style.figures import (
+    HEADING_PT,
+    SMALL_PT,
+    TEXT_PT,
+    THICK_PT,
+    THIN_PT,
+    WIDE_PT,
+    new_figure,
+    use_minus_sign,
+)
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.style.palette import (
-    ERROR_RAMP,
     FALSE,
+    IMAGE_BLACK,
+    IMAGE_MARK,
+    IMAGE_WHITE,
     INK,
-    INTENSITY_RAMP,
-    MARK,
+    LIGHT,
     MISSED,
+    NO_LIGHT,
     NO_RETURN,
     OTHER_PART,
+    PAPER,
     PARTS,
     QUIET,
-    RANGE_RAMP,
-    hex_colour,
-    ramp,
+    Scheme,
 )
 from rso_lidar.records import Frame, Reading, specs
 
@@ -45,20 +56,21 @@ LETTERS = 156  # letters in a line of small print
 MOST_TARGETS = 3  # most targets whose geometry is described
 
 
-def save_frame(frame: Frame, path: str | Path) -> Path:
+def save_frame(frame: Frame, path: str | Path, scheme: Scheme = LIGHT) -> Path:
     """Draw `frame_figure(frame)` and write it as PNG, PDF or SVG, by the suffix; return its path.
 
     Parameters
     ----------
     frame : to be drawn.
     path : of the picture; an existing file is replaced.
+    scheme : `LIGHT` or `DARK`.
 
     Returns
     -------
     Path
     """
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
-    return save_figure(frame_figure(frame), place)
+    return save_figure(frame_figure(frame), place, scheme=scheme)
 
 
 def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
@@ -85,11 +97,11 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
     _draw_parts(panels[1, 0], frame, window, parts)
     _draw_error(panels[1, 1], frame, window)
     for axes in panels.flat:
-        axes.set_xlabel("col", fontsize=9, color=hex_colour(QUIET))
-        axes.set_ylabel("row", fontsize=9, color=hex_colour(QUIET))
-        axes.tick_params(labelsize=8, colors=hex_colour(QUIET))
+        axes.set_xlabel("col", fontsize=TEXT_PT, color=QUIET)
+        axes.set_ylabel("row", fontsize=TEXT_PT, color=QUIET)
+        axes.tick_params(labelsize=SMALL_PT, colors=QUIET)
         for spine in axes.spines.values():
-            spine.set_color(hex_colour(QUIET))
+            spine.set_color(QUIET)
     return figure
 
 
@@ -177,14 +189,14 @@ def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, lo
 
     place = axes.inset_axes((1.03, 0.0, 0.045, 1.0))
     bar = axes.figure.colorbar(drawn, cax=place, extend=extend)
-    bar.ax.tick_params(labelsize=8, colors=hex_colour(QUIET))
+    bar.ax.tick_params(labelsize=SMALL_PT, colors=QUIET)
     if logarithmic:
         bar.locator, bar.formatter = LogLocator(subs=(1.0, 2.0, 5.0)), StrMethodFormatter("{x:,.0f}")
         bar.minorticks_off()
     else:
         bar.ax.ticklabel_format(useOffset=False, style="plain")
-    bar.outline.set_edgecolor(hex_colour(QUIET))
-    bar.set_label(label, fontsize=8.5, color=hex_colour(QUIET))
+    bar.outline.set_edgecolor(QUIET)
+    bar.set_label(label, fontsize=SMALL_PT, color=QUIET)
 
 
 def _write_heading(axes: Axes, text: str, note: str = "") -> None:
@@ -194,8 +206,8 @@ def _write_heading(axes: Axes, text: str, note: str = "") -> None:
     ----------
     axes, text, note : the panel, and its heading on the left and on the right.
     """
-    axes.set_title(text, loc="left", fontsize=11, color=hex_colour(INK))
-    axes.set_title(note, loc="right", fontsize=8.5, color=hex_colour(QUIET))
+    axes.set_title(text, loc="left", fontsize=HEADING_PT, color=INK)
+    axes.set_title(note, loc="right", fontsize=SMALL_PT, color=QUIET)
 
 
 def range_limits_m(frame: Frame) -> tuple[float, float]:
@@ -220,7 +232,7 @@ def draw_range(axes: Axes, frame: Frame, window: Window) -> None:
     from matplotlib import colormaps
 
     low, high = range_limits_m(frame)
-    colours = colormaps[RANGE_RAMP].with_extremes(bad=hex_colour(NO_RETURN))
+    colours = colormaps[RANGE_RAMP].with_extremes(bad=NO_RETURN)
     drawn = _show(axes, frame.range_m, window, colours, low, high)
     shown = window.cut(frame.range_m)
     below, above = bool((shown < low).any()), bool((shown > high).any())
@@ -237,11 +249,11 @@ def _draw_locator(axes: Axes, window: Window) -> None:
     longest = max(window.n_rows, window.n_cols)
     wide, high = 0.16 * window.n_cols / longest, 0.16 * window.n_rows / longest
     small = axes.inset_axes((0.985 - wide, 0.985 - high, wide, high))
-    small.set(xlim=(0, window.n_cols), ylim=(window.n_rows, 0), xticks=[], yticks=[], facecolor="black")
-    small.add_patch(Rectangle((window.left, window.top), window.width, window.height, color=hex_colour(MARK), lw=0))
+    small.set(xlim=(0, window.n_cols), ylim=(window.n_rows, 0), xticks=[], yticks=[], facecolor=IMAGE_BLACK)
+    small.add_patch(Rectangle((window.left, window.top), window.width, window.height, color=IMAGE_MARK, lw=0))
     for spine in small.spines.values():
-        spine.set_color("white")
-        spine.set_linewidth(0.7)
+        spine.set_color(IMAGE_WHITE)
+        spine.set_linewidth(THIN_PT)
 
 
 def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
@@ -264,7 +276,7 @@ def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
     if not logarithmic:
         high = max(float(counts.max()), 1.0)
     below, above = bool((shown < low).any()), bool((shown > high).any())
-    colours = ListedColormap(ramp(INTENSITY_RAMP) / 255.0).with_extremes(bad="black")
+    colours = ListedColormap(ramp(INTENSITY_RAMP) / 255.0).with_extremes(bad=NO_LIGHT)
     drawn = _show(axes, np.where(counts > 0, counts, np.nan), window, colours, low, high, logarithmic=logarithmic)
     extend = ("neither", "min", "max", "both")[below + 2 * above]
     _draw_bar(axes, drawn, _caption("intensity_counts"), extend, logarithmic=logarithmic)
@@ -279,11 +291,11 @@ def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
         x, y = window.left + 0.04 * window.width - 0.5, window.bottom - 0.05 * window.height - 0.5
         flat: dict[str, Any] = {"scalex": False, "scaley": False}
         ends = [x, x + length_m / pixel_m]
-        axes.plot(ends, [y, y], color="black", lw=6.0, solid_capstyle="projecting", **flat)
-        axes.plot(ends, [y, y], color="white", lw=2.5, solid_capstyle="butt", **flat)
+        axes.plot(ends, [y, y], color=IMAGE_BLACK, lw=2.0 * WIDE_PT, solid_capstyle="projecting", **flat)
+        axes.plot(ends, [y, y], color=IMAGE_WHITE, lw=THICK_PT, solid_capstyle="butt", **flat)
         axes.annotate(
-            f"{length_m:g} m", (x, y), xytext=(0, 6), textcoords="offset points", color="white", fontsize=9,
-            bbox={"facecolor": "black", "lw": 0, "pad": 1.5},
+            f"{length_m:g} m", (x, y), xytext=(0, 6), textcoords="offset points", color=IMAGE_WHITE, fontsize=TEXT_PT,
+            bbox={"facecolor": IMAGE_BLACK, "lw": 0, "pad": 1.5},
         )  # fmt: skip
 
 
@@ -304,7 +316,7 @@ def _draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKe
     colour = choose_part_colours(frame, kinds, order, parts)
     shown = np.full(there.shape, np.nan)
     shown[there] = colour[places.reshape(-1)]
-    colours = ListedColormap([*PARTS, OTHER_PART]).with_extremes(bad=hex_colour(NO_RETURN))
+    colours = ListedColormap([*PARTS, OTHER_PART]).with_extremes(bad=NO_RETURN)
     _show(axes, shown, window, colours, -0.5, named + 0.5)
     entries = [
         Patch(color=PARTS[colour[which]], label=f"{find_part_name(frame, *kinds[which])}  {counts[which]:,}")
@@ -319,9 +331,9 @@ def _draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKe
             handles=entries,
             loc="upper left",
             bbox_to_anchor=(1.02, 1.02),
-            fontsize=7.5,
+            fontsize=SMALL_PT,
             frameon=False,
-            labelcolor=hex_colour(QUIET),
+            labelcolor=QUIET,
             handlelength=1.0,
             borderpad=0.0,
             labelspacing=0.45,
@@ -361,7 +373,7 @@ def _draw_error(axes: Axes, frame: Frame, window: Window) -> None:
     single = np.isfinite(error_cm) & (frame.labels.cluster_count == 1)
     judged = error_cm[single] if single.any() else error_cm[np.isfinite(error_cm)]
     limit = nice_up(float(np.percentile(np.abs(judged), 99))) if judged.size else 1.0
-    colours = colormaps[ERROR_RAMP].with_extremes(bad=hex_colour(NO_RETURN))
+    colours = colormaps[ERROR_RAMP].with_extremes(bad=NO_RETURN)
     drawn = _show(axes, error_cm, window, colours, -limit, limit)
     missed, false = there & ~frame.valid, frame.valid & ~there & bool(there.any())
     marks = [(missed, MISSED, "missed"), (false, FALSE, "false")]
@@ -370,24 +382,22 @@ def _draw_error(axes: Axes, frame: Frame, window: Window) -> None:
             axes,
             np.where(mask, 1.0, np.nan),
             window,
-            ListedColormap([hex_colour(colour)]).with_extremes(bad=(0, 0, 0, 0)),
+            ListedColormap([colour]).with_extremes(bad=(0, 0, 0, 0)),
             0,
             2,
         )
     outside = bool((np.abs(window.cut(error_cm)) > limit).any())
     _draw_bar(axes, drawn, "Range minus truth of the brightest cluster [cm]", "both" if outside else "neither")
-    entries = [
-        Patch(color=hex_colour(colour), label=f"{word}  {int(mask.sum()):,}")
-        for mask, colour, word in marks
-        if mask.any()
-    ]
+    entries = [Patch(color=colour, label=f"{word}  {int(mask.sum()):,}") for mask, colour, word in marks if mask.any()]
     if entries:
         axes.legend(
             handles=entries,
             loc=_free_corner(window.cut(there | frame.valid)),
-            fontsize=8,
+            fontsize=SMALL_PT,
             framealpha=0.85,
+            facecolor=PAPER,
             edgecolor="none",
+            labelcolor=INK,
             handlelength=1.0,
             borderpad=0.5,
             labelspacing=0.25,

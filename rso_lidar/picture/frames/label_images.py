@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.picture.selection.window import Window, bounding_window, crop
-from rso_lidar.picture.style.figures import new_figure
+from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP
+from rso_lidar.picture.style.figures import SMALL_PT, TEXT_PT, new_figure
 from rso_lidar.picture.style.output import save_figure
-from rso_lidar.picture.style.palette import INK, INTENSITY_RAMP, NO_RETURN, PARTS, QUIET, RANGE_RAMP, hex_colour
+from rso_lidar.picture.style.palette import INK, NO_RETURN, PARTS, QUIET
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,8 +63,8 @@ def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], 
             _draw_classes(axes, images[name], part_classes, window)
         else:
             _draw_values(axes, name, images[name].astype(float), on_target, window)
-        axes.set_title(_TITLES[name], loc="left", fontsize=9, color=hex_colour(INK))
-        axes.tick_params(labelsize=7, colors=hex_colour(QUIET))
+        axes.set_title(_TITLES[name], loc="left", fontsize=TEXT_PT, color=INK)
+        axes.tick_params(labelsize=SMALL_PT, colors=QUIET)
     return figure
 
 
@@ -94,14 +95,14 @@ def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarra
     seen = shown[~absent & window.cut(on_target)]
     is_probability = name == "detection_probability"
     low, high = np.percentile(seen, [2, 98]) if seen.size and not is_probability else (0.0, 1.0)
-    colours = colormaps[_RAMPS.get(name, RANGE_RAMP)].with_extremes(bad=hex_colour(NO_RETURN))
+    colours = colormaps[_RAMPS.get(name, RANGE_RAMP)].with_extremes(bad=NO_RETURN)
     pad = 0.05 if high - low < 0.1 else 0.0  # a flat target: its noise does not fill the ramp
     is_light = name in ("intensity_counts", "photons")  # a few glints outshine the rest
     norm = LogNorm(low, high) if is_light and 0.0 < low < high else Normalize(low - pad, high + pad)
     masked = np.ma.masked_array(shown, absent)
     drawn = axes.imshow(masked, cmap=colours, norm=norm, extent=_extent(window), interpolation="nearest")
     bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.8)
-    bar.ax.tick_params(which="both", labelsize=7, colors=hex_colour(QUIET))
+    bar.ax.tick_params(which="both", labelsize=SMALL_PT, colors=QUIET)
     if isinstance(norm, LogNorm):
         bar.locator, bar.formatter = LogLocator(subs=(1.0, 2.0, 5.0)), StrMethodFormatter("{x:,.0f}")
         bar.minorticks_off()
@@ -124,10 +125,12 @@ def _draw_classes(axes: Axes, classes: np.ndarray, names: Sequence[str], window:
 
     shown = window.cut(classes)
     colours = [PARTS[k % len(PARTS)] for k in range(len(names))]
-    ramp = ListedColormap([hex_colour(NO_RETURN), *colours])
+    ramp = ListedColormap([NO_RETURN, *colours])
     limits: dict[str, Any] = {"vmin": -1.5, "vmax": len(names) - 0.5}
     axes.imshow(shown, cmap=ramp, extent=_extent(window), interpolation="nearest", **limits)
     there = [k for k in range(len(names)) if (shown == k).any()]
     if there:
         keys = [Patch(color=colours[k], label=names[k]) for k in there]
-        axes.legend(handles=keys, fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
+        axes.legend(
+            handles=keys, fontsize=SMALL_PT, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False
+        )

@@ -12,18 +12,15 @@ import numpy as np
 from rso_lidar.picture.selection.scale import Scale, nice_down
 from rso_lidar.picture.selection.sequence import Thumbnail
 from rso_lidar.picture.selection.window import Window
+from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, ramp
 from rso_lidar.picture.style.palette import (
-    BLACK,
+    IMAGE_MARK,
+    IMAGE_WHITE,
     INK,
-    INTENSITY_RAMP,
-    LINE,
-    MARK,
+    LIGHT,
+    NO_LIGHT,
     NO_RETURN,
-    PAPER,
-    QUIET,
-    RANGE_RAMP,
-    Rgb,
-    ramp,
+    Scheme,
 )
 
 if TYPE_CHECKING:
@@ -50,7 +47,7 @@ def write(
     y: float,
     text: str,
     size: int = 12,
-    colour: Rgb = INK,
+    colour: str = INK,
     anchor: str = "la",
     bold: bool = False,
 ) -> float:
@@ -83,7 +80,7 @@ def shorten(draw: ImageDraw, text: str, size: int, width: float, bold: bool = Fa
     return text.rstrip() + "…"
 
 
-def draw_panel(rgb: np.ndarray, side: int, background: Rgb) -> Image:
+def draw_panel(rgb: np.ndarray, side: int, background: str) -> Image:
     """Draw colours (row, col, rgb) enlarged to a square of `side` pixels, with sharp edges.
 
     Parameters
@@ -108,7 +105,7 @@ def draw_panel(rgb: np.ndarray, side: int, background: Rgb) -> Image:
     return square
 
 
-def draw_pair(thumbnail: Thumbnail, scale: Scale, window: Window, side: int) -> Image:
+def draw_pair(thumbnail: Thumbnail, scale: Scale, window: Window, side: int, scheme: Scheme = LIGHT) -> Image:
     """Draw range and intensity of one frame side by side, with the locator of the crop.
 
     Parameters
@@ -117,12 +114,13 @@ def draw_pair(thumbnail: Thumbnail, scale: Scale, window: Window, side: int) -> 
     scale : limits of the colours.
     window : the part of the field shown.
     side : of each panel [pixels].
+    scheme : colour of the gap between them.
     """
     from PIL import Image, ImageDraw
 
-    both = Image.new("RGB", (2 * side + GAP, side), PAPER)
+    both = Image.new("RGB", (2 * side + GAP, side), scheme.paper)
     both.paste(draw_panel(scale.range_rgb(window.cut(thumbnail.range_m), thumbnail.median_m), side, NO_RETURN), (0, 0))
-    both.paste(draw_panel(scale.intensity_rgb(window.cut(thumbnail.intensity_counts)), side, BLACK), (side + GAP, 0))
+    both.paste(draw_panel(scale.intensity_rgb(window.cut(thumbnail.intensity_counts)), side, NO_LIGHT), (side + GAP, 0))
     draw = ImageDraw.Draw(both)
     if not window.whole:
         small = max(26, side // 7)
@@ -160,10 +158,10 @@ def _draw_scale_bar(draw: ImageDraw, x: float, y: float, side: int, across_m: fl
     long = side * length_m / across_m
     text, size = f"{length_m:g} m", max(10, side // 28)
     left, top, right, _ = draw.textbbox((x, y - 3), text, font=load_font(size), anchor="ld")
-    draw.rectangle((left - 2, top - 1, right + 2, y), fill=BLACK)  # saturated pixels are as white as the text
-    draw.rectangle((x - 2, y - 2, x + long + 2, y + 4), fill=BLACK)
-    draw.rectangle((x, y, x + long, y + 2), fill=PAPER)
-    write(draw, x, y - 3, text, size, PAPER, anchor="ld")
+    draw.rectangle((left - 2, top - 1, right + 2, y), fill=NO_LIGHT)  # saturated pixels are as white as the text
+    draw.rectangle((x - 2, y - 2, x + long + 2, y + 4), fill=NO_LIGHT)
+    draw.rectangle((x, y, x + long, y + 2), fill=IMAGE_WHITE)
+    write(draw, x, y - 3, text, size, IMAGE_WHITE, anchor="ld")
 
 
 def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Window) -> None:
@@ -179,13 +177,15 @@ def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Wind
     longest = max(window.n_rows, window.n_cols)
     wide, high = side * window.n_cols / longest, side * window.n_rows / longest
     left = right - wide
-    draw.rectangle((left, top, right, top + high), fill=BLACK, outline=LINE)
+    draw.rectangle((left, top, right, top + high), fill=NO_LIGHT, outline=IMAGE_WHITE)
     scale = side / longest
     x, y = left + window.left * scale, top + window.top * scale
-    draw.rectangle((x, y, max(left + window.right * scale, x + 2), max(top + window.bottom * scale, y + 2)), fill=MARK)
+    draw.rectangle(
+        (x, y, max(left + window.right * scale, x + 2), max(top + window.bottom * scale, y + 2)), fill=IMAGE_MARK
+    )
 
 
-def _draw_bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name: str) -> None:
+def _draw_bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name: str, outline: str) -> None:
     """Draw a colour bar.
 
     Parameters
@@ -194,15 +194,18 @@ def _draw_bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name
     x, y : left upper corner [pixels].
     width, height : of the bar [pixels].
     name : of the colour ramp.
+    outline : its colour.
     """
     colours = ramp(name)
     for k in range(width):
         colour = tuple(int(v) for v in colours[k * 255 // (width - 1)])
         draw.line((x + k, y, x + k, y + height - 1), fill=colour)
-    draw.rectangle((x - 1, y - 1, x + width, y + height), outline=LINE)
+    draw.rectangle((x - 1, y - 1, x + width, y + height), outline=outline)
 
 
-def draw_legend(draw: ImageDraw, x: float, y: float, scale: Scale, width: int, size: int = 12) -> None:
+def draw_legend(
+    draw: ImageDraw, x: float, y: float, scale: Scale, width: int, size: int = 12, scheme: Scheme = LIGHT
+) -> None:
     """Draw the meaning of the colours in one row.
 
     Parameters
@@ -212,6 +215,7 @@ def draw_legend(draw: ImageDraw, x: float, y: float, scale: Scale, width: int, s
     scale : limits of the colours.
     width : most pixels that the row may take.
     size : of the letters [pixels].
+    scheme : colours of the words.
     """
     rows = ((scale.range_words, RANGE_RAMP), (scale.intensity_words, INTENSITY_RAMP))
     texts = [draw.textlength("".join(words), font=load_font(size)) for words, _ in rows]
@@ -220,9 +224,9 @@ def draw_legend(draw: ImageDraw, x: float, y: float, scale: Scale, width: int, s
     long = int(min(max(room // 2, 60), 200))
     here = x
     for (title, low, high), name in rows:
-        here = write(draw, here, y, title, size, INK) + 10
-        here = write(draw, here, y, low, size, QUIET) + 6
-        _draw_bar(draw, here, y + 2, long, size - 1, name)
-        here = write(draw, here + long + 6, y, high, size, QUIET) + 24
+        here = write(draw, here, y, title, size, scheme.ink) + 10
+        here = write(draw, here, y, low, size, scheme.quiet) + 6
+        _draw_bar(draw, here, y + 2, long, size - 1, name, scheme.rule)
+        here = write(draw, here + long + 6, y, high, size, scheme.quiet) + 24
     draw.rectangle((here, y + 1, here + size, y + 1 + size), fill=NO_RETURN)
-    write(draw, here + size + 6, y, "no return", size, INK)
+    write(draw, here + size + 6, y, "no return", size, scheme.ink)

@@ -9,8 +9,20 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture.selection.sequence import choose_target, format_start, pick
-from rso_lidar.picture.style.figures import draw_legend, format_thousands, new_figure, style_axes, widen_short_axis
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.figures import (
+    LINE_PT,
+    SMALL_PT,
+    THICK_PT,
+    THIN_PT,
+    WIDE_PT,
+    colour_axis,
+    draw_legend,
+    format_thousands,
+    new_figure,
+    style_axes,
+    widen_short_axis,
+)
+from rso_lidar.picture.style.palette import BLUE, GREEN, INK, ORANGE, PINK, QUIET, RED, RULE, SHADE
 from rso_lidar.records import Frame, PtuAngles, Truth
 from rso_lidar.records.viewing_geometry import (
     ViewingGeometry,
@@ -25,8 +37,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DRAWN = 600  # most frames of a recording read
-BLUE, ORANGE, GREEN, PINK, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[3], PARTS[5]
-SHADE = 0.93
 FINE_DEG = 1e-3  # least span of an axis
 HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
 SILL = 0.04  # of the height, below zero, so that a line at zero is visible
@@ -69,40 +79,38 @@ def angles_figure(
     ranges, directions, off, sun = rows
     for axes in rows:
         for begins_s, ends_s in dark_s:
-            axes.axvspan(begins_s, ends_s, color=str(SHADE), lw=0, zorder=0)
+            axes.axvspan(begins_s, ends_s, color=SHADE, lw=0, zorder=0)
 
-    ranges.plot(seen.time_s, seen.range_m, color=BLUE, lw=1.4)
+    ranges.plot(seen.time_s, seen.range_m, color=BLUE, lw=THICK_PT)
     style_axes(ranges, y="Range [m]")
-    ranges.yaxis.label.set_color(BLUE)
+    colour_axis(ranges, "left", BLUE)
     ranges.set_ylim(0.0, HEADROOM * float(seen.range_m.max()) or 1.0)
     format_thousands(ranges.yaxis)
     rate = ranges.twinx()
-    rate.plot(seen.time_s, seen.range_rate_m_s, color=ORANGE, lw=1.0)
+    rate.plot(seen.time_s, seen.range_rate_m_s, color=ORANGE, lw=LINE_PT)
     style_axes(rate, y="Range rate [m/s]")
     rate.grid(False)
-    rate.yaxis.label.set_color(ORANGE)
+    colour_axis(rate, "right", ORANGE)
 
     directions.plot(
-        seen.time_s, _break_at_jumps(seen.azimuth_rad) / DEG, color=BLUE, lw=2.8, label="azimuth, left positive"
+        seen.time_s, _break_at_jumps(seen.azimuth_rad) / DEG, color=BLUE, lw=THICK_PT, label="azimuth, left positive"
     )
-    directions.plot(seen.time_s, seen.elevation_rad / DEG, color=GREEN, lw=1.2, label="elevation, up positive")
+    directions.plot(seen.time_s, seen.elevation_rad / DEG, color=GREEN, lw=LINE_PT, label="elevation, up positive")
     style_axes(directions, y="To the target, in\nfollower axes [deg]")
     widen_short_axis(directions, 2.0 * FINE_DEG)
     draw_legend(directions)
 
-    off.plot(seen.time_s, seen.off_boresight_rad / DEG, color=RED, lw=1.2, label="target")
+    off.plot(seen.time_s, seen.off_boresight_rad / DEG, color=RED, lw=LINE_PT, label="target")
     if half_field_rad is not None:
-        off.axhline(
-            half_field_rad / DEG, color=hex_colour(QUIET), lw=0.9, ls=(0, (4, 3)), label="half the field's side"
-        )
+        off.axhline(half_field_rad / DEG, color=QUIET, lw=THIN_PT, ls=(0, (4, 3)), label="half the field's side")
     style_axes(off, y="Off the boresight\n[deg]")
     greatest_deg = max(float(np.nanmax(seen.off_boresight_rad)), half_field_rad or 0.0) / DEG
     top_deg = max(HEADROOM * greatest_deg, FINE_DEG)
     off.set_ylim(-SILL * top_deg, top_deg)
     draw_legend(off)
 
-    sun.plot(seen.time_s, seen.sun_off_boresight_rad / DEG, color=ORANGE, lw=1.2, label="Sun off the boresight")
-    sun.plot(seen.time_s, seen.phase_rad / DEG, color=PINK, lw=1.2, label="phase angle, Sun-target-lidar")
+    sun.plot(seen.time_s, seen.sun_off_boresight_rad / DEG, color=ORANGE, lw=LINE_PT, label="Sun off the boresight")
+    sun.plot(seen.time_s, seen.phase_rad / DEG, color=PINK, lw=LINE_PT, label="phase angle, Sun-target-lidar")
     style_axes(sun, x="Time [s]", y="Sun [deg]")
     sun.set_ylim(-SILL * 180, (1 + SILL) * 180)
     sun.set_yticks(range(0, 181, 45))
@@ -142,23 +150,23 @@ def ptu_figure(
     figure = new_figure(9.0, 9.0, title or heading or "Pan and tilt", note)
     pan, tilt, errors, rates = rows = figure.subplots(4, 1, sharex=True)
     for k, (axes, word) in enumerate(((pan, "Pan"), (tilt, "Tilt"))):
-        axes.plot(time_s, table["demand_rad"][:, k], color=hex_colour(LINE), lw=4.5, label="demanded")
-        axes.plot(time_s, table["actual_rad"][:, k], color=BLUE, lw=1.0, label="true", zorder=3)
+        axes.plot(time_s, table["demand_rad"][:, k], color=RULE, lw=WIDE_PT, label="demanded")
+        axes.plot(time_s, table["actual_rad"][:, k], color=BLUE, lw=LINE_PT, label="true", zorder=3)
         axes.plot(time_s, table["measured_rad"][:, k], ".", color=ORANGE, ms=4.0, label="measured")
         style_axes(axes, y=f"{word} [deg]")
         widen_short_axis(axes, 2.0 * FINE_DEG)
         _draw_limits(axes, () if travel_rad is None else [end / DEG for end in travel_rad[k]])
     pan.legend(
-        fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, labelcolor=hex_colour(QUIET),
+        fontsize=SMALL_PT, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, labelcolor=QUIET,
         borderaxespad=0.0,
     )  # fmt: skip
     for k, (word, colour) in enumerate((("pan", BLUE), ("tilt", GREEN))):
-        errors.plot(time_s, error_deg[:, k], color=colour, lw=1.1, label=f"{word}, true − demanded")
+        errors.plot(time_s, error_deg[:, k], color=colour, lw=LINE_PT, label=f"{word}, true − demanded")
         measured = table["measured_rad"][:, k] - table["actual_rad"][:, k]
         if np.abs(measured).max() > 1e-9:
             errors.plot(time_s, measured, ".", color=colour, ms=2.0, alpha=0.5, label=f"{word}, measured − true")
-        rates.plot(time_s, table["rate_rad_s"][:, k], color=colour, lw=1.1, label=word)
-    errors.axhline(0, color=hex_colour(LINE), lw=0.8, zorder=0)
+        rates.plot(time_s, table["rate_rad_s"][:, k], color=colour, lw=LINE_PT, label=word)
+    errors.axhline(0, color=RULE, lw=THIN_PT, zorder=0)
     style_axes(errors, y="Error [deg]")
     widen_short_axis(errors, 2.0 * FINE_DEG)
     draw_legend(errors, columns=2)
@@ -239,7 +247,7 @@ def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> N
         if not np.isfinite(end):
             continue
         if low - 0.6 * (high - low) <= end <= high + 0.6 * (high - low):
-            axes.axhline(end, color=hex_colour(INK), lw=0.9, ls=(0, (4, 3)))
+            axes.axhline(end, color=INK, lw=THIN_PT, ls=(0, (4, 3)))
         else:
             far.append(f"{end:g}")
     if far:
@@ -247,6 +255,6 @@ def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> N
         axes.set_title(
             f"limits off the scale: {words}°" + ("/s" if rates else ""),
             loc="right",
-            fontsize=8.5,
-            color=hex_colour(QUIET),
+            fontsize=SMALL_PT,
+            color=QUIET,
         )

@@ -8,14 +8,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import format_thousands, log_ticks, new_figure, style_axes
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.figures import (
+    LINE_PT,
+    SMALL_PT,
+    THICK_PT,
+    THIN_PT,
+    colour_of,
+    format_thousands,
+    log_ticks,
+    new_figure,
+    style_axes,
+)
+from rso_lidar.picture.style.palette import INK, QUIET, SHADE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STYLES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))  # of lines beyond as many as there are colours
 _PANEL_IN = 3.3  # height
 _LEGEND_IN = 2.1  # width
 _SHOWN = 0.02  # share of an axis beyond 0 and 1
@@ -39,11 +48,6 @@ class BinnedPanel:
     is_share: bool = True
     level: float | None = None
     mark: tuple[float, float, float] | None = None
-
-
-def colour_of(number: int) -> tuple[str, object]:
-    """Return the colour and the line style of a series by its number."""
-    return PARTS[number % len(PARTS)], STYLES[number // len(PARTS) % len(STYLES)]
 
 
 def binned_figure(panels: Sequence[BinnedPanel], title: str, note: str = "") -> Figure:
@@ -71,7 +75,7 @@ def _draw_panel(axes: Axes, panel: BinnedPanel) -> None:
     names = list(panel.series)
     for number, (name, values) in enumerate(panel.series.items()):
         is_first = number == 0
-        colour, style = (hex_colour(INK), "-") if is_first and len(names) > 1 else colour_of(number - (len(names) > 1))
+        colour, style = (INK, "-") if is_first and len(names) > 1 else colour_of(number - (len(names) > 1))
         value, lower, upper = values.T
         known = np.isfinite(value)
         if is_first:
@@ -79,12 +83,13 @@ def _draw_panel(axes: Axes, panel: BinnedPanel) -> None:
                 middle, np.where(known, lower, np.nan), np.where(known, upper, np.nan), color=colour, alpha=0.13, lw=0
             )
         axes.plot(
-            middle, np.where(known, value, np.nan), marker="o", ms=4.5 if is_first else 3, lw=2.2 if is_first else 1.1,
+            middle, np.where(known, value, np.nan), marker="o", ms=4.5 if is_first else 3,
+            lw=THICK_PT if is_first else LINE_PT,
             color=colour, ls=style, label=name, zorder=4 if is_first else 3,
         )  # fmt: skip
     _set_values(axes, panel)
     if panel.level is not None:
-        axes.axhline(panel.level, color=hex_colour(QUIET), lw=0.8, ls=(0, (4, 3)))
+        axes.axhline(panel.level, color=QUIET, lw=THIN_PT, ls=(0, (4, 3)))
     if panel.mark is not None and np.isfinite(panel.mark[0]):
         _draw_mark(axes, panel)
     if panel.is_log:
@@ -97,7 +102,7 @@ def _draw_panel(axes: Axes, panel: BinnedPanel) -> None:
     style_axes(axes, x=panel.x, y=panel.y)
     _write_counts(axes, middle, panel.frames)
     axes.legend(
-        fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0), labelcolor=hex_colour(QUIET),
+        fontsize=SMALL_PT, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0), labelcolor=QUIET,
         borderaxespad=0.0,
     )  # fmt: skip
 
@@ -122,13 +127,13 @@ def _draw_mark(axes: Axes, panel: BinnedPanel) -> None:
     assert panel.mark is not None
     at, low, high = panel.mark
     last = float(panel.edges[-1])
-    axes.axvspan(max(low, float(panel.edges[0])), min(high, last), color=hex_colour(LINE), alpha=0.45, lw=0, zorder=0)
-    axes.axvline(at, color=hex_colour(INK), lw=1.0, ls=(0, (4, 3)), zorder=1)
+    axes.axvspan(max(low, float(panel.edges[0])), min(high, last), color=SHADE, lw=0, zorder=0)
+    axes.axvline(at, color=INK, lw=LINE_PT, ls=(0, (4, 3)), zorder=1)
     upper = f"{high:,.0f}" if np.isfinite(high) else "never"
     between = f" ({low:,.0f} to {upper})" if np.isfinite(low) else ""
     axes.annotate(
         f"{panel.level:.0%} from {at:,.0f}{between}", (at, 0.04), xycoords=("data", "axes fraction"), xytext=(5, 0),
-        textcoords="offset points", fontsize=8.5, color=hex_colour(INK),
+        textcoords="offset points", fontsize=SMALL_PT, color=INK,
     )  # fmt: skip
 
 
@@ -144,9 +149,9 @@ def _write_counts(axes: Axes, middle: np.ndarray, frames: np.ndarray) -> None:
     for at, count in zip(middle.tolist(), frames.tolist(), strict=True):
         axes.annotate(
             f"{count:,}", (at, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points",
-            ha="center", fontsize=7, color=hex_colour(QUIET), annotation_clip=False,
+            ha="center", fontsize=SMALL_PT, color=QUIET, annotation_clip=False,
         )  # fmt: skip
     axes.annotate(
-        "frames", (1.01, 1.0), xycoords="axes fraction", xytext=(0, 3), textcoords="offset points", fontsize=7,
-        color=hex_colour(QUIET), annotation_clip=False,
+        "frames", (1.01, 1.0), xycoords="axes fraction", xytext=(0, 3), textcoords="offset points", fontsize=SMALL_PT,
+        color=QUIET, annotation_clip=False,
     )  # fmt: skip

@@ -10,14 +10,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.style.figures import LINE_IN, log_ticks, new_figure, style_axes
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.figures import (
+    LINE_IN,
+    LINE_PT,
+    SMALL_PT,
+    TEXT_PT,
+    THIN_PT,
+    log_ticks,
+    new_figure,
+    style_axes,
+)
+from rso_lidar.picture.style.palette import BLUE, GREEN, INK, ORANGE, PAPER, PINK, QUIET, RED, RULE, SKY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLOURS = (PARTS[0], PARTS[1], PARTS[2], PARTS[3], PARTS[5], PARTS[4])
+_COLOURS = (BLUE, ORANGE, GREEN, PINK, RED, SKY)
 _STYLES = ("-", (0, (5, 2)))
 _LOWEST_PHOTONS = 1.0
 
@@ -57,7 +66,7 @@ def budget_figure(
     figure = new_figure(11.0, 8.2, title, note, tuple(small_print))
     (light, found), (precision, pixels) = figure.subplots(2, 2, sharex=True)
     for number, line in enumerate(lines):
-        look = {"color": _COLOURS[number % len(_COLOURS)], "ls": _STYLES[number // len(_COLOURS) % 2], "lw": 1.5}
+        look = {"color": _COLOURS[number % len(_COLOURS)], "ls": _STYLES[number // len(_COLOURS) % 2], "lw": LINE_PT}
         ends = _ARMED if line.armed_limits else _FILLED if line.fill_limits else ""
         reach = ": never" if np.isnan(line.max_range_m) else f": {_format_length(line.max_range_m)}{ends}"
         shown = np.where(line.probability >= 0.01, line.range_precision_m / units.CM, np.nan)
@@ -79,8 +88,8 @@ def budget_figure(
     filled_to_m = min(line.filled_to_m for line in lines)
     if first < filled_to_m < last:
         for axes in (light, found, precision):
-            axes.axvline(filled_to_m, color=hex_colour(QUIET), lw=0.8, ls=(0, (2, 3)), zorder=0)
-    found.axhline(probability, color=hex_colour(LINE), lw=0.9, zorder=0)
+            axes.axvline(filled_to_m, color=QUIET, lw=THIN_PT, ls=(0, (2, 3)), zorder=0)
+    found.axhline(probability, color=RULE, lw=THIN_PT, zorder=0)
     _prepare_axes(light, "Photons on the pixel", "expected, after the optics")
     _prepare_axes(found, "Probability of detection", f"marked: P = {probability:g}")
     _prepare_axes(precision, "Range precision [cm]", "1 sigma of detected returns")
@@ -96,7 +105,7 @@ def budget_figure(
     for axes in (light, found, precision, pixels):
         log_ticks(axes.xaxis, *axes.get_xlim())
     for axes in (precision, pixels):
-        axes.set_xlabel("Range [m]", fontsize=9, color=hex_colour(QUIET))
+        axes.set_xlabel("Range [m]", fontsize=TEXT_PT, color=QUIET)
     figure.align_ylabels()
     _draw_legend(figure, light, probability, len(small_print))
     return figure
@@ -123,13 +132,13 @@ def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -
         loc="lower center",
         bbox_to_anchor=(0.5, foot_in / height_in),
         ncols=columns,
-        fontsize=8.5,
+        fontsize=SMALL_PT,
         frameon=False,
-        labelcolor=hex_colour(INK),
+        labelcolor=INK,
         borderaxespad=0.0,
     )
     legend.set_in_layout(False)
-    legend.get_title().set(fontsize=8.5, color=hex_colour(QUIET))
+    legend.get_title().set(fontsize=SMALL_PT, color=QUIET)
     room_in = float(legend.get_window_extent().height) / figure.dpi
     head_in = 0.66
     engine: Any = figure.get_layout_engine()
@@ -176,7 +185,7 @@ def _mark(axes: Axes, x: float, y: float, colour: str) -> None:
     x, y : of the point, in units of the axes.
     colour : of the mark.
     """
-    axes.plot([x], [y], "o", color=colour, ms=5, mec="white", mew=0.8, zorder=5)
+    axes.plot([x], [y], "o", color=colour, ms=5, mec=PAPER, mew=0.8, zorder=5)
 
 
 def _format_length(metres: float) -> str:

@@ -7,9 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.plots.binned import colour_of
-from rso_lidar.picture.style.figures import new_figure, shorten, style_axes
-from rso_lidar.picture.style.palette import INK, QUIET, hex_colour
+from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP
+from rso_lidar.picture.style.figures import (
+    SMALL_PT,
+    TEXT_PT,
+    THICK_PT,
+    THIN_PT,
+    colour_of,
+    new_figure,
+    shorten,
+    style_axes,
+)
+from rso_lidar.picture.style.palette import INK, QUIET, choose_ink
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -114,7 +123,7 @@ def _draw_traces(axes: Axes, number: int, runs: Sequence[Trace], label: str) -> 
     colour, style = colour_of(number)
     for run, (x, y) in enumerate(runs):
         alone = len(runs) == 1
-        axes.plot(x, y, color=colour, ls=style, lw=1.6 if alone else 0.9, alpha=1.0 if alone else 0.65,
+        axes.plot(x, y, color=colour, ls=style, lw=THICK_PT if alone else THIN_PT, alpha=1.0 if alone else 0.65,
                   label=label if run == 0 else None)  # fmt: skip
 
 
@@ -132,7 +141,7 @@ def _frame_unit_square(axes: Axes, x: str, y: str, inside: bool = False) -> None
     axes.set_aspect("equal")
     style_axes(axes, x=x, y=y)
     place = {"loc": "lower right"} if inside else {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0)}
-    axes.legend(fontsize=8.5, frameon=False, labelcolor=hex_colour(INK), borderaxespad=0.3, **place)
+    axes.legend(fontsize=SMALL_PT, frameon=False, labelcolor=INK, borderaxespad=0.3, **place)
 
 
 def _draw_matrix(axes: Axes, names: Sequence[str], words: str, counts: np.ndarray, is_large: bool) -> None:
@@ -146,27 +155,30 @@ def _draw_matrix(axes: Axes, names: Sequence[str], words: str, counts: np.ndarra
     counts : (true class, predicted class).
     is_large : whether names and numbers are written.
     """
+    import matplotlib
+
     if counts.shape[1] > len(names) and not counts[:, -1].any():
         counts = counts[:, :-1]
     called = [*names, "missing"][: counts.shape[1]]
     total = counts.sum(axis=1, keepdims=True)
     share = np.where(total > 0, counts / np.maximum(total, 1), np.nan)
-    axes.imshow(np.where(total > 0, share, 0.0), cmap="Blues", vmin=0.0, vmax=1.0)
+    colours = matplotlib.colormaps[AMOUNT_RAMP]
+    axes.imshow(np.where(total > 0, share, 0.0), cmap=colours, vmin=0.0, vmax=1.0)
     frames = int(counts.sum())
     style_axes(axes, words, note=f"{frames:,} frames" if is_large else "")
     axes.grid(False)
     letters = _NAME_LETTERS if is_large else _NAME_LETTERS // 2
     axes.set_xticks(range(len(called)), [shorten(name, letters) for name in called], rotation=45, ha="right")
     axes.set_yticks(range(len(names)), [shorten(name, letters) for name in names])
-    axes.tick_params(labelsize=8 if is_large else 6, length=0)
-    axes.set_xlabel("Predicted", fontsize=9 if is_large else 7, color=hex_colour(QUIET))
-    axes.set_ylabel("True", fontsize=9 if is_large else 7, color=hex_colour(QUIET))
+    axes.tick_params(labelsize=SMALL_PT, length=0)
+    axes.set_xlabel("Predicted", fontsize=TEXT_PT, color=QUIET)
+    axes.set_ylabel("True", fontsize=TEXT_PT, color=QUIET)
     if not is_large:
-        axes.title.set_fontsize(8.5)
-        axes.set_title(words, loc="left", fontsize=8.5, color=hex_colour(INK))
+        axes.title.set_fontsize(SMALL_PT)
+        axes.set_title(words, loc="left", fontsize=SMALL_PT, color=INK)
     for row, col in np.argwhere(np.nan_to_num(share) >= (0.005 if is_large else 0.05)).tolist():
         value = float(share[row, col])
         axes.text(
-            col, row, f"{100.0 * value:.0f}", ha="center", va="center", fontsize=8 if is_large else 5.5,
-            color="white" if value > 0.55 else hex_colour(INK),
+            col, row, f"{100.0 * value:.0f}", ha="center", va="center", fontsize=SMALL_PT,
+            color=choose_ink(colours(value)),
         )  # fmt: skip

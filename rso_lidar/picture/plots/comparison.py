@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import new_figure, style_axes
-from rso_lidar.picture.style.palette import INK, LINE, OTHER_PART, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.figures import HAIR_PT, SMALL_PT, THICK_PT, THIN_PT, new_figure, style_axes
+from rso_lidar.picture.style.palette import GREEN, GRID, INK, QUIET, RED, RULE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = {"better": PARTS[2], "worse": PARTS[5]}
+COLOURS = {"better": GREEN, "worse": RED}
 _ROW_IN = 0.36
 _SPAN = 4.0  # half-widths of an interval that the axis shows
 
@@ -48,7 +48,7 @@ def change_figure(rows: Sequence[ChangeRow], title: str, note: str = "") -> Figu
     """
     figure = new_figure(10.0, 1.5 + _ROW_IN * len(rows), title, note)
     axes = figure.subplots()
-    axes.axvline(0.0, color=hex_colour(INK), lw=0.9)
+    axes.axvline(0.0, color=INK, lw=THIN_PT)
     for place, row in enumerate(rows):
         half = 0.5 * (row.high - row.low)
         if not np.isfinite(half) or half <= 0:
@@ -56,19 +56,19 @@ def change_figure(rows: Sequence[ChangeRow], title: str, note: str = "") -> Figu
         else:
             centre, ends = row.gain / half, ((row.gain - row.low) / half, (row.high - row.gain) / half)
         centre = float(np.clip(centre, -_SPAN, _SPAN))
-        colour = COLOURS.get(row.verdict, OTHER_PART)
+        colour = COLOURS.get(row.verdict, RULE)
         axes.errorbar(
-            [centre], [place], xerr=[[max(ends[0], 0.0)], [max(ends[1], 0.0)]], fmt="o", ms=6, color=colour, lw=2.0,
+            [centre], [place], xerr=[[max(ends[0], 0.0)], [max(ends[1], 0.0)]], fmt="o", ms=6, color=colour, lw=THICK_PT,
             capsize=3,
         )  # fmt: skip
         axes.annotate(
-            f"{row.words}   {row.verdict}", (1.01, place), xycoords=("axes fraction", "data"), va="center", fontsize=8.5,
-            color=colour if row.verdict in COLOURS else hex_colour(QUIET), annotation_clip=False,
+            f"{row.words}   {row.verdict}", (1.01, place), xycoords=("axes fraction", "data"), va="center",
+            fontsize=SMALL_PT, color=INK if row.verdict in COLOURS else QUIET, annotation_clip=False,
         )  # fmt: skip
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlim(-_SPAN - 1.2, _SPAN + 1.2)
     style_axes(axes, x="worse   ←   gain, in half-widths of its interval   →   better")
     axes.set_yticks(range(len(rows)), [row.name for row in rows])
     axes.tick_params(axis="y", length=0)
-    axes.grid(axis="y", color=hex_colour(LINE), lw=0.4, alpha=0.3)
+    axes.grid(axis="y", color=GRID, lw=HAIR_PT)
     return figure

@@ -11,15 +11,24 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.picture.selection.sequence import format_start, on_target, pick, target_ranges_m
-from rso_lidar.picture.style.figures import draw_legend, format_thousands, log_ticks, new_figure, style_axes
-from rso_lidar.picture.style.palette import LINE, PARTS, hex_colour
+from rso_lidar.picture.style.figures import (
+    LINE_PT,
+    THIN_PT,
+    WIDE_PT,
+    colour_axis,
+    draw_legend,
+    format_thousands,
+    log_ticks,
+    new_figure,
+    style_axes,
+)
+from rso_lidar.picture.style.palette import BLUE, GREEN, ORANGE, RED, RULE
 from rso_lidar.records import Frame
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DRAWN = 600  # most frames read
-BLUE, ORANGE, GREEN, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
 NONE = float("nan")
 HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
 
@@ -94,7 +103,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     figure = new_figure(8.4, 9.2, title, f"{count}   ·   time since {start}")
     ranges, share, photons, errors = figure.subplots(4, 1, sharex=True)
 
-    ranges.plot(time_s, table["true_range_m"], color=hex_colour(LINE), lw=3.5, label="truth, to the target's origin")
+    ranges.plot(time_s, table["true_range_m"], color=RULE, lw=WIDE_PT, label="truth, to the target's origin")
     ranges.plot(time_s, table["measured_m"], ".", color=BLUE, ms=4, label="mean of the returns")
     style_axes(ranges, y="Range [m]")
     format_thousands(ranges.yaxis)
@@ -103,29 +112,31 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     draw_legend(ranges)
 
     lit = table["lit"]
-    share.plot(time_s, np.where(lit > 0, table["detected"] / np.maximum(lit, 1), NONE), ".-", color=GREEN, ms=4, lw=0.8)
+    share.plot(
+        time_s, np.where(lit > 0, table["detected"] / np.maximum(lit, 1), NONE), ".-", color=GREEN, ms=4, lw=THIN_PT
+    )
     share.set_ylim(-0.03, 1.03)
     style_axes(share, y="Detected share of\nthe target's pixels")
     pixels = share.twinx()
-    pixels.plot(time_s, table["lit"], color=ORANGE, lw=1.0, alpha=0.9)
+    pixels.plot(time_s, table["lit"], color=ORANGE, lw=LINE_PT, alpha=0.9)
     pixels.set_ylim(0.0, HEADROOM * float(lit.max()) or 1.0)
     style_axes(pixels, y="Pixels on the target")
     pixels.grid(False)
     format_thousands(pixels.yaxis)
-    pixels.yaxis.label.set_color(ORANGE)
-    share.yaxis.label.set_color(GREEN)
+    colour_axis(pixels, "right", ORANGE)
+    colour_axis(share, "left", GREEN)
 
     photons.fill_between(
         time_s, table["photons_10"], table["photons_90"], color=BLUE, alpha=0.18, lw=0, label="10 to 90 %"
     )
-    photons.plot(time_s, table["photons_50"], color=BLUE, lw=1.2, label="median")
+    photons.plot(time_s, table["photons_50"], color=BLUE, lw=LINE_PT, label="median")
     if np.nanmax(table["photons_50"], initial=0.0) > 0:
         photons.set_yscale("log")
     style_axes(photons, y="Expected photons\nper pixel on the target")
     draw_legend(photons)
 
     low_cm, middle_cm, high_cm = (table[f"error_{rank}_m"] / units.CM for rank in (16, 50, 84))
-    errors.axhline(0, color=hex_colour(LINE), lw=0.8)
+    errors.axhline(0, color=RULE, lw=THIN_PT)
     errors.fill_between(time_s, low_cm, high_cm, color=ORANGE, alpha=0.25, lw=0, label="16 to 84 %")
     errors.plot(time_s, middle_cm, ".", color=RED, ms=4, label="median, pixels of one cluster")
     style_axes(errors, x="Time [s]", y="Range minus truth [cm]")

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.style.figures import new_figure, style_axes
-from rso_lidar.picture.style.palette import INK, LINE, MARK, QUIET, RANGE_RAMP, hex_colour
+from rso_lidar.picture.style.colour_maps import RANGE_RAMP
+from rso_lidar.picture.style.figures import HAIR_PT, LINE_PT, SMALL_PT, new_figure, style_axes, style_bar
+from rso_lidar.picture.style.palette import INK, MARK, PAPER, QUIET, RULE
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -71,7 +72,7 @@ def encounter_figure(
     spread = bool(nearest_km * units.KM < 0.03 * within_m)
     lowest, highest = (float(speed.min()), float(speed.max())) if len(speed) else (0.0, 1.0)
     drawn = None
-    for lit, marker, rim in ((True, "o", "white"), (False, "s", hex_colour(INK))):
+    for lit, marker, rim in ((True, "o", PAPER), (False, "s", INK)):
         of = np.asarray(sunlit, dtype=bool) == lit
         drawn = axes.scatter(
             np.asarray(time_utc)[of],
@@ -82,13 +83,13 @@ def encounter_figure(
             vmax=max(highest, 1.02 * lowest, lowest + 1e-3),
             marker=marker,
             s=34 if len(speed) < 400 else 16,
-            lw=0.5 if lit else 1.1,
+            lw=HAIR_PT if lit else LINE_PT,
             edgecolors=rim,
             zorder=3,
         )
     busy: list[Artist] = []  # artists that names must not cover
     if reach_m is not None and reach_m < within_m:
-        line = axes.axhline(reach_m / units.KM, color=hex_colour(MARK), lw=1.1, ls="--", zorder=2)
+        line = axes.axhline(reach_m / units.KM, color=MARK, lw=LINE_PT, ls="--", zorder=2)
         label = axes.annotate(
             f"lidar sees 1 m² to {reach_m / units.KM:.3g} km",
             (1.0, reach_m / units.KM),
@@ -96,8 +97,9 @@ def encounter_figure(
             xytext=(-2, 4),
             textcoords="offset points",
             ha="right",
-            fontsize=8.5,
-            color=hex_colour(MARK),
+            fontsize=SMALL_PT,
+            color=INK,
+            bbox={"facecolor": PAPER, "lw": 0, "pad": 1.0, "alpha": 0.8},
         )
         busy += [line, label]
     if spread:
@@ -126,27 +128,25 @@ def encounter_figure(
             ls="",
             marker=marker,
             ms=6,
-            mfc=hex_colour(LINE),
-            mec=hex_colour(QUIET) if lit else hex_colour(INK),
+            mfc=RULE,
+            mec=QUIET if lit else INK,
             label=word,
         )
         for marker, rim, word in (("o", QUIET, "sunlit"), ("s", INK, "in the Earth's shadow"))
     ]
     axes.legend(
         handles=marks,
-        fontsize=8.5,
+        fontsize=SMALL_PT,
         frameon=False,
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
         ncols=2,
-        labelcolor=hex_colour(QUIET),
+        labelcolor=QUIET,
         borderaxespad=0.1,
     )
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=[axes], fraction=0.035, pad=0.015, aspect=30)
-        bar.set_label(f"Relative speed [{'m/s' if slow else 'km/s'}]", fontsize=9, color=hex_colour(QUIET))
-        bar.ax.tick_params(labelsize=8, color=hex_colour(LINE), labelcolor=hex_colour(QUIET))
-        bar.outline.set_visible(False)
+        style_bar(bar, f"Relative speed [{'m/s' if slow else 'km/s'}]")
     points = np.stack([date2num(np.asarray(time_utc)), range_km], axis=1)  # type: ignore[no-untyped-call]
     named: dict[str, int] = {}  # an object with several encounters is labelled once, at the nearest
     for k in np.argsort(range_km, kind="stable").tolist():
@@ -191,10 +191,10 @@ def _write_names(
                 textcoords="offset points",
                 ha={1: "left", 0: "center", -1: "right"}[x],
                 va={1: "bottom", 0: "center", -1: "top"}[y],
-                fontsize=8,
-                color=hex_colour(INK),
+                fontsize=SMALL_PT,
+                color=INK,
                 zorder=4,
-                arrowprops={"arrowstyle": "-", "lw": 0.5, "color": hex_colour(QUIET), "shrinkA": 0, "shrinkB": 3}
+                arrowprops={"arrowstyle": "-", "lw": HAIR_PT, "color": QUIET, "shrinkA": 0, "shrinkB": 3}
                 if far > 7
                 else None,
             )

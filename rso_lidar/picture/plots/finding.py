@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import log_ticks, new_figure, style_axes
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.figures import SMALL_PT, TEXT_PT, THICK_PT, THIN_PT, log_ticks, new_figure, style_axes
+from rso_lidar.picture.style.palette import BLUE, INK, ORANGE, PAPER, QUIET, RULE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,20 +40,20 @@ def finding_figure(
     """
     figure = new_figure(8.4, 4.8, title, note, tuple(small_print))
     axes = figure.subplots()
-    colour, other = PARTS[0], PARTS[1]
-    axes.plot(range_m, found, color=colour, lw=1.7, label="over all attitudes")
+    colour, other = BLUE, ORANGE
+    axes.plot(range_m, found, color=colour, lw=THICK_PT, label="over all attitudes")
     if worst is not None:
-        axes.plot(range_m, worst_found, color=other, lw=1.3, ls=(0, (5, 2)), label=f"worst attitude: {worst}")
-    axes.axhline(probability, color=hex_colour(LINE), lw=0.9, zorder=0)
+        axes.plot(range_m, worst_found, color=other, lw=THICK_PT, ls=(0, (5, 2)), label=f"worst attitude: {worst}")
+    axes.axhline(probability, color=RULE, lw=THIN_PT, zorder=0)
     if np.isfinite(max_range_m):
-        axes.plot([max_range_m], [probability], "o", color=colour, ms=6, mec="white", mew=0.8, zorder=5)
+        axes.plot([max_range_m], [probability], "o", color=colour, ms=6, mec=PAPER, mew=0.8, zorder=5)
         axes.annotate(
             f"{max_range_m:,.0f} m",
             (max_range_m, probability),
             xytext=(8, 6),
             textcoords="offset points",
-            fontsize=9,
-            color=hex_colour(INK),
+            fontsize=TEXT_PT,
+            color=INK,
         )
     axes.set_xscale("log")
     style_axes(axes, "Probability that the body is found", note=f"marked: P = {probability:g}")
@@ -63,6 +63,6 @@ def finding_figure(
         axes.set_xlim(range_m[first], range_m[last])
     axes.set_ylim(-0.02, 1.04)
     log_ticks(axes.xaxis, *axes.get_xlim())
-    axes.set_xlabel("Range [m]", fontsize=9, color=hex_colour(QUIET))
-    axes.legend(fontsize=8.5, frameon=False, labelcolor=hex_colour(INK), loc="upper right")
+    axes.set_xlabel("Range [m]", fontsize=TEXT_PT, color=QUIET)
+    axes.legend(fontsize=SMALL_PT, frameon=False, labelcolor=INK, loc="upper right")
     return figure

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import LINE_IN, new_figure
-from rso_lidar.picture.style.palette import INK, OTHER_PART, PAPER, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.figures import HEADING_PT, LINE_IN, SMALL_PT, TEXT_PT, THICK_PT, new_figure
+from rso_lidar.picture.style.palette import INK, OTHER_PART, PARTS, QUIET
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,7 +80,7 @@ def model_card_figure(
             for spine in axes.spines.values():
                 spine.set_visible(False)
             if row == 0:
-                axes.set_title(view.side, fontsize=10, color=hex_colour(INK))
+                axes.set_title(view.side, fontsize=HEADING_PT, color=INK)
     _draw_bar(grid[1, 0], views[0], tall_m)
     names = [first.part_names[part] for part in shown[: len(PARTS)]]
     others = len(shown) - len(names)
@@ -105,8 +105,8 @@ def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
         for column, cell in enumerate(cells):
             x = _TABLE_FROM if column == 0 else _TABLE_FROM + 0.10 + _CELL * column
             side: Any = "left" if column == 0 else "right"
-            ink = hex_colour(QUIET if row == 0 or column == 0 else INK)
-            figure.text(x, y, cell, fontsize=8.5, color=ink, ha=side, va="bottom", in_layout=False)
+            ink = QUIET if row == 0 or column == 0 else INK
+            figure.text(x, y, cell, fontsize=SMALL_PT, color=ink, ha=side, va="bottom", in_layout=False)
 
 
 def _by_area(views: Sequence[CardView], count: int) -> list[int]:
@@ -126,11 +126,11 @@ def _shade(index: np.ndarray, rgb: np.ndarray, cosine: np.ndarray) -> np.ndarray
 
     Returns
     -------
-    (row, col, 3) colours, 0 to 1.
+    (row, col, 4) colours, 0 to 1; the background is transparent.
     """
     light = (_DARKEST + (1.0 - _DARKEST) * cosine)[..., None]
-    paper = np.array(PAPER) / 255.0
-    return np.where((index >= 0)[..., None], rgb[np.maximum(index, 0)] * light, paper)
+    there = (index >= 0)[..., None]
+    return np.concatenate([rgb[np.maximum(index, 0)] * light, there.astype(float)], axis=-1)
 
 
 def _rgb(colour: str) -> tuple[float, float, float]:
@@ -163,9 +163,9 @@ def _draw_bar(axes: Any, view: CardView, tall_m: float) -> None:
     rounded = 10.0 ** np.floor(np.log10(half_m))
     length = float(next(step * rounded for step in (5.0, 2.0, 1.0) if step * rounded <= half_m))
     left, low = -0.97 * half_m, -tall_m + 0.03 * half_m
-    axes.plot([left, left + length], [low, low], color=hex_colour(INK), lw=2.0, solid_capstyle="butt")
+    axes.plot([left, left + length], [low, low], color=INK, lw=THICK_PT, solid_capstyle="butt")
     said = f"{length:g} m" if length >= 1.0 else f"{length * 100:g} cm"
-    axes.text(left, low + 0.03 * half_m, said, fontsize=9, color=hex_colour(INK), va="bottom")
+    axes.text(left, low + 0.03 * half_m, said, fontsize=TEXT_PT, color=INK, va="bottom")
 
 
 def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others: int) -> None:
@@ -182,11 +182,11 @@ def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others:
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(_MOST_NAMES + 1.0, 0.0)
-    axes.text(0.0, 0.4, title, fontsize=9, color=hex_colour(QUIET), va="center")
+    axes.text(0.0, 0.4, title, fontsize=TEXT_PT, color=QUIET, va="center")
     listed = list(names[:_MOST_NAMES])
     for row, (name, colour) in enumerate(zip(listed, rgb, strict=False), start=1):
-        axes.plot([0.03], [row + 0.3], "s", color=colour, ms=8, mec=hex_colour(QUIET), mew=0.3, clip_on=False)
-        axes.text(0.10, row + 0.3, name, fontsize=8.5, color=hex_colour(INK), va="center")
+        axes.plot([0.03], [row + 0.3], "s", color=colour, ms=8, mec=QUIET, mew=0.3, clip_on=False)
+        axes.text(0.10, row + 0.3, name, fontsize=SMALL_PT, color=INK, va="center")
     left = others + len(names) - len(listed)
     if left:
-        axes.text(0.10, len(listed) + 1.3, f"and {left} more", fontsize=8.5, color=hex_colour(QUIET), va="center")
+        axes.text(0.10, len(listed) + 1.3, f"and {left} more", fontsize=SMALL_PT, color=QUIET, va="center")

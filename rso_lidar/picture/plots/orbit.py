@@ -10,8 +10,31 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture.selection.sequence import even_indices
-from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
-from rso_lidar.picture.style.palette import INK, LINE, MARK, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.figures import (
+    HAIR_PT,
+    SMALL_PT,
+    TEXT_PT,
+    THICK_PT,
+    THIN_PT,
+    format_thousands,
+    new_figure,
+    style_axes,
+)
+from rso_lidar.picture.style.palette import (
+    BLUE,
+    DAY,
+    GREEN,
+    IMAGE_WHITE,
+    INK,
+    MARK,
+    NIGHT,
+    ORANGE,
+    PAPER,
+    PINK,
+    QUIET,
+    RED,
+    split_rgb,
+)
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.records.viewing_geometry import find_shadow_spans_s
 from rso_lidar.units import DEG, EARTH_GM_M3_S2, EARTH_RADIUS_M, KM
@@ -21,8 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DRAWN = 4000  # most points of a path
-COLOURS = (PARTS[5], PARTS[0], PARTS[2], PARTS[3], PARTS[1])
-NIGHT, DAY = np.array([104, 118, 144]) / 255.0, np.array([176, 208, 236]) / 255.0
+COLOURS = (RED, BLUE, GREEN, PINK, ORANGE)
 DISC = 240  # pixels across the Earth
 STEP = 2.0 * DEG  # between two points drawn
 WIDEST = 1.2  # greatest turn about the Earth between two instants [rad] that is interpolated
@@ -103,7 +125,7 @@ def inertial_figure(
     style_axes(pole, "From the orbit's pole, the Sun to the right", "[km]", "[km]")
     handles, words = oblique.get_legend_handles_labels()
     oblique.legend(
-        handles, words, fontsize=8.5, frameon=False, loc="lower left", labelcolor=hex_colour(QUIET), borderaxespad=0.0
+        handles, words, fontsize=SMALL_PT, frameon=False, loc="lower left", labelcolor=QUIET, borderaxespad=0.0
     )
     return figure
 
@@ -243,26 +265,26 @@ def _draw(axes: Axes, paths: Sequence[_OrbitPath], view: _View, sun: np.ndarray)
         colour = COLOURS[k % len(COLOURS)]
         wide = 3.6 if k == 0 and len(paths) > 1 else 1.6  # the second is visible on the first where they overlap
         path, whole = flown.position_m, flown.orbit_m
-        _draw_path(axes, view, whole, color=colour, lw=0.8, alpha=0.45)
+        _draw_path(axes, view, whole, color=colour, lw=THIN_PT, alpha=0.45)
         _draw_path(axes, view, path, color=colour, lw=wide, label=flown.name)
         for at, marker in ((0, "o"), (-1, "s")):
             right, up, depth = view.project(path[at])
             order = 6 if depth > 0 else 1.5
-            axes.plot(right / KM, up / KM, marker, ms=6 + wide, mfc="white", mec=colour, mew=1.3, zorder=order)
+            axes.plot(right / KM, up / KM, marker, ms=6 + wide, mfc=PAPER, mec=colour, mew=1.3, zorder=order)
         reach = max(reach, *(float(np.abs(v).max()) for v in view.project(np.vstack([path, whole]))[:2]))
     for flown in paths:  # above the colours of all paths, which often overlap
         dark = np.where(flown.dark[:, None], flown.position_m, np.nan)
-        _draw_path(axes, view, dark, color=hex_colour(INK), lw=1.6)
+        _draw_path(axes, view, dark, color=INK, lw=THICK_PT)
     x, y, _ = (float(v) for v in view.project(sun))
     along = np.hypot(x, y)
     if along > 0.05:
         tail, head = 1.12 * reach / KM, (1.12 + 0.22 * along) * reach / KM
         start, tip = (tail * x / along, tail * y / along), (head * x / along, head * y / along)
-        arrow = {"arrowstyle": "-|>", "color": hex_colour(MARK), "lw": 2.0, "shrinkA": 0, "shrinkB": 0}
+        arrow = {"arrowstyle": "-|>", "color": MARK, "lw": THICK_PT, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", xy=tip, xytext=start, arrowprops=arrow, zorder=7)
         axes.annotate(
             "Sun", tip, xytext=(12 * x / along, 12 * y / along), textcoords="offset points", ha="center", va="center",
-            fontsize=9, color=hex_colour(MARK), zorder=7,
+            fontsize=TEXT_PT, color=INK, zorder=7,
         )  # fmt: skip
     axes.set_aspect("equal", adjustable="box")
     edge = 1.55 * reach / KM
@@ -311,11 +333,12 @@ def _draw_earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
     normal = x[..., None] * view.right + y[..., None] * view.up + z[..., None] * view.eye
     height = np.einsum("...i,i->...", normal, sun)  # sine of the Sun's height
     day = np.clip(0.5 + height / 0.12, 0.0, 1.0) * (0.55 + 0.45 * np.clip(height, 0.0, 1.0))
-    colour = NIGHT + (DAY - NIGHT) * day[..., None]
+    night, lit = (np.array(split_rgb(colour)) / 255.0 for colour in (NIGHT, DAY))
+    colour = night + (lit - night) * day[..., None]
     image = np.concatenate([colour, inside[..., None].astype(float)], axis=-1)
     edge = EARTH_RADIUS_M / KM
     shown = axes.imshow(image, extent=(-edge, edge, -edge, edge), origin="lower", zorder=2, interpolation="bilinear")
-    disc = Circle((0, 0), edge, transform=axes.transData, fc="none", ec=hex_colour(QUIET), lw=0.7, zorder=4)
+    disc = Circle((0, 0), edge, transform=axes.transData, fc="none", ec=QUIET, lw=THIN_PT, zorder=4)
     axes.add_patch(disc)
     shown.set_clip_path(disc)
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -330,4 +353,4 @@ def _draw_earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
     for ring in rings:
         right, up, depth = view.project(ring)
         front = np.where(depth > 0, edge, np.nan)
-        axes.plot(right * front, up * front, color=hex_colour(LINE), lw=0.4, alpha=0.55, zorder=3)
+        axes.plot(right * front, up * front, color=IMAGE_WHITE, lw=HAIR_PT, alpha=0.55, zorder=3)

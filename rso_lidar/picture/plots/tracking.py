@@ -7,8 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import format_thousands, log_ticks, new_figure, style_axes
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.figures import (
+    LINE_PT,
+    SMALL_PT,
+    TEXT_PT,
+    THIN_PT,
+    WIDE_PT,
+    colour_axis,
+    format_thousands,
+    log_ticks,
+    new_figure,
+    style_axes,
+)
+from rso_lidar.picture.style.palette import BLUE, GREEN, INK, ORANGE, QUIET, RED, RULE, SHADE
 from rso_lidar.units import DEG
 
 if TYPE_CHECKING:
@@ -16,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BLUE, ORANGE, GREEN, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
 NAMES = {"cv": "constant velocity", "cw": "Clohessy-Wiltshire"}
 COLOURS = {"cv": ORANGE, "cw": BLUE}
 _NIS_95 = (0.2158, 9.3484)  # chi-square of three degrees of freedom, two-sided
@@ -63,7 +73,7 @@ def tracking_figure(
         style_axes(place, y="ICP, place [m]")
         for axes in (turn, place):
             _draw_legend(axes, *axes.get_legend_handles_labels())
-    rows[-1].set_xlabel("Time [s]", fontsize=9, color=hex_colour(QUIET))
+    rows[-1].set_xlabel("Time [s]", fontsize=TEXT_PT, color=QUIET)
     format_thousands(rows[-1].xaxis)
     rows[-1].set_xlim(time_s[0], time_s[-1] if time_s.size > 1 else time_s[0] + 1.0)
     for axes in rows:
@@ -82,8 +92,8 @@ def _draw_legend(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) ->
     handles, words : entries and their names.
     """
     axes.legend(
-        handles, words, fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(words),
-        labelcolor=hex_colour(QUIET), borderaxespad=0.0,
+        handles, words, fontsize=SMALL_PT, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(words),
+        labelcolor=QUIET, borderaxespad=0.0,
     )  # fmt: skip
 
 
@@ -102,18 +112,18 @@ def _set_few_ticks(axes: Axes) -> None:
 
 
 def _draw_range(axes: Axes, table: Mapping[str, np.ndarray]) -> None:
-    axes.plot(table["time_s"], table["true_range_m"], color=hex_colour(LINE), lw=3.5, label="true range")
+    axes.plot(table["time_s"], table["true_range_m"], color=RULE, lw=WIDE_PT, label="true range")
     axes.plot(table["time_s"], table["centroid_range_m"], ".", color=BLUE, ms=3, label="range of the centroid")
     style_axes(axes, y="Range [m]")
-    axes.yaxis.label.set_color(BLUE)
+    colour_axis(axes, "left", BLUE)
     format_thousands(axes.yaxis)
     points = axes.twinx()
-    points.plot(table["time_s"], table["points"], color=ORANGE, lw=1.0, label="points (right)")
+    points.plot(table["time_s"], table["points"], color=ORANGE, lw=LINE_PT, label="points (right)")
     style_axes(points, y="Points")
     points.grid(False)
     points.set_ylim(bottom=0.0)
     format_thousands(points.yaxis)
-    points.yaxis.label.set_color(ORANGE)
+    colour_axis(points, "right", ORANGE)
     entries = [one.get_legend_handles_labels() for one in (axes, points)]
     _draw_legend(axes, [*entries[0][0], *entries[1][0]], [*entries[0][1], *entries[1][1]])
 
@@ -129,11 +139,11 @@ def _draw_errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[st
     axis : name of the axis.
     """
     shown = [table[f"centroid_error_{axis}_m"]]
-    axes.axhline(0, color=hex_colour(LINE), lw=0.8)
-    axes.plot(table["time_s"], shown[0], ".", color=hex_colour(QUIET), ms=3, label="centroid")
+    axes.axhline(0, color=RULE, lw=THIN_PT)
+    axes.plot(table["time_s"], shown[0], ".", color=QUIET, ms=3, label="centroid")
     for kind in kinds:
         shown.append(table[f"{kind}_error_{axis}_m"])
-        axes.plot(table["time_s"], shown[-1], color=COLOURS[kind], lw=1.1, label=NAMES[kind])
+        axes.plot(table["time_s"], shown[-1], color=COLOURS[kind], lw=LINE_PT, label=NAMES[kind])
     style_axes(axes, y=f"Error {axis} [m]")
     values = np.concatenate(shown)
     values = values[np.isfinite(values)]
@@ -153,8 +163,8 @@ def _draw_nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str])
     kinds : filters in the table.
     """
     low, high = _NIS_95
-    axes.axhspan(low, high, color=hex_colour(LINE), alpha=0.45, lw=0, label="95 % bounds, chi-square", zorder=0)
-    axes.axhline(3.0, color=hex_colour(INK), lw=0.8, ls=(0, (4, 3)), label="expected mean")
+    axes.axhspan(low, high, color=SHADE, lw=0, label="95 % bounds, chi-square", zorder=0)
+    axes.axhline(3.0, color=INK, lw=THIN_PT, ls=(0, (4, 3)), label="expected mean")
     for kind in kinds:
         axes.plot(table["time_s"], table[f"{kind}_nis"], ".", color=COLOURS[kind], ms=3, label=NAMES[kind])
     style_axes(axes, y="NIS")
@@ -176,5 +186,5 @@ def _draw_on_log(
     scale : factor to the unit of the axis.
     """
     for name, word, colour in lines:
-        axes.plot(table["time_s"], table[name] * scale, ".-", color=colour, ms=3, lw=0.7, label=word)
+        axes.plot(table["time_s"], table[name] * scale, ".-", color=colour, ms=3, lw=THIN_PT, label=word)
     axes.set_yscale("log")

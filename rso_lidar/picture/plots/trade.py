@@ -11,8 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import new_figure, shorten, style_axes, use_minus_sign
-from rso_lidar.picture.style.palette import INK, LINE, NO_RETURN, PARTS, QUIET, hex_colour
+from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP
+from rso_lidar.picture.style.figures import (
+    HAIR_PT,
+    SMALL_PT,
+    TEXT_PT,
+    THICK_PT,
+    new_figure,
+    shorten,
+    style_axes,
+    style_bar,
+    use_minus_sign,
+)
+from rso_lidar.picture.style.palette import BLUE, INK, NO_RETURN, QUIET, SKY, choose_ink
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +35,7 @@ _BINS = 8  # most bins of an axis with many values
 _OF_A_BIN, _FEWEST_BINS = 5, 3  # fewest values in a bin, and fewest bins, for a line
 _MOST_LEVELS = 24  # most distinct values of an axis that are treated as levels
 _HEAD_IN = 0.75
-_HOLLOW: dict[str, Any] = {"mfc": "none", "mec": hex_colour(QUIET), "ms": 4.0, "mew": 0.7}
+_HOLLOW: dict[str, Any] = {"mfc": "none", "mec": QUIET, "ms": 4.0, "mew": 0.7}
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +99,7 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
     for axes in panels.flat[len(along) :]:
         axes.set_axis_off()
     for row in panels:
-        row[0].set_ylabel(merit.name, fontsize=9, color=hex_colour(QUIET))
+        row[0].set_ylabel(merit.name, fontsize=TEXT_PT, color=QUIET)
     return figure
 
 
@@ -107,9 +118,9 @@ def _draw_effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray
     place = axis.values if axis.numeric else which.astype(float)
     if held.any():
         axes.plot(place[held], merit.values[held], "o", **_HOLLOW)
-    axes.plot(place[known], merit.values[known], "o", color=PARTS[4], ms=4.5, alpha=0.6, mew=0)
+    axes.plot(place[known], merit.values[known], "o", color=SKY, ms=4.5, alpha=0.6, mew=0)
     if len(points):
-        axes.plot(*points.T, "o-", color=PARTS[0], lw=1.5, ms=4)
+        axes.plot(*points.T, "o-", color=BLUE, lw=THICK_PT, ms=4)
     style_axes(axes, x=_wrap(axis.name))
     _scale_axis(axes, axis, levels)
     if np.isfinite(merit.values).any():
@@ -219,9 +230,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     norm: Any = (
         LogNorm(low, high) if merit.log and high > low > 0.0 else Normalize(low, high if high > low else low + 1.0)
     )
-    colours = matplotlib.colormaps["viridis" if better == "more" else "viridis_r"].with_extremes(
-        bad=hex_colour(NO_RETURN)
-    )
+    colours = matplotlib.colormaps[AMOUNT_RAMP if better == "more" else f"{AMOUNT_RAMP}_r"].with_extremes(bad=NO_RETURN)
     drawn: Any = None
     for axes, (one, other), table in zip(panels.flat, pairs, tables, strict=False):
         drawn = axes.imshow(np.ma.masked_invalid(table), origin="lower", aspect="auto", norm=norm, cmap=colours)
@@ -235,8 +244,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     for axes in panels.flat[len(pairs) :]:
         axes.set_axis_off()
     bar = figure.colorbar(drawn, ax=panels, shrink=0.85, aspect=30, pad=0.015)
-    bar.ax.tick_params(labelsize=8, labelcolor=hex_colour(QUIET), color=hex_colour(LINE))
-    bar.outline.set_visible(False)
+    style_bar(bar)
     return figure
 
 
@@ -268,9 +276,8 @@ def _mark_cells(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
     """
     for (row, col), value in np.ndenumerate(table):
         if np.isfinite(value):
-            red, green, blue, _ = colours(norm(value))
-            ink = hex_colour(INK) if 0.3 * red + 0.59 * green + 0.11 * blue > 0.5 else "white"
-            axes.text(col, row, format_value(value, 3), ha="center", va="center", fontsize=8, color=ink)
+            ink = choose_ink(colours(norm(value))[:3])
+            axes.text(col, row, format_value(value, 3), ha="center", va="center", fontsize=SMALL_PT, color=ink)
 
 
 def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quantity, best: np.ndarray) -> Figure | None:
@@ -311,14 +318,14 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
             merits[0].values[ranked],
             other.values[ranked],
             c=shade[ranked],
-            cmap="plasma",
+            cmap=AMOUNT_RAMP,
             s=20,
-            lw=0,
-            alpha=0.85,
+            lw=HAIR_PT,
+            edgecolors=QUIET,
             vmin=shade.min(),
             vmax=shade.max(),
         )
-        axes.plot(merits[0].values[best], other.values[best], "o", mfc="none", mec=hex_colour(INK), ms=8, mew=0.9)
+        axes.plot(merits[0].values[best], other.values[best], "o", mfc="none", mec=INK, ms=8, mew=0.9)
         style_axes(axes, x=f"{merits[0].name} ({better[0]} is better)", y=f"{other.name}\n({word} is better)")
         if np.isfinite(other.values).any():
             _set_limits(axes, other)
@@ -334,8 +341,7 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
         bar.set_ticklabels([format_value(x) if by.numeric else _label_level(str(x)) for x in levels])
     elif by.log:
         bar.ax.yaxis.set_major_formatter(lambda value, _: format_value(10.0**value))
-    bar.ax.tick_params(labelsize=8, labelcolor=hex_colour(QUIET), color=hex_colour(LINE))
-    bar.outline.set_visible(False)
+    style_bar(bar)
     return figure
 
 

@@ -9,8 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.picture.selection.sequence import choose_target, pick
-from rso_lidar.picture.style.figures import format_thousands, new_figure, shorten, style_axes
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, RANGE_RAMP, hex_colour
+from rso_lidar.picture.style.colour_maps import RANGE_RAMP
+from rso_lidar.picture.style.figures import (
+    LINE_PT,
+    TEXT_PT,
+    THIN_PT,
+    format_thousands,
+    new_figure,
+    shorten,
+    style_axes,
+    style_bar,
+)
+from rso_lidar.picture.style.palette import INK, PAPER, PINK, QUIET, RED, RULE
 from rso_lidar.records import Frame, Truth
 from rso_lidar.ties import find_first_least
 
@@ -124,12 +134,12 @@ def orbit_figure(
             _draw_keep_out(axes, keep_out_m)
         if impulses:
             _draw_impulses(axes, path, impulses, right, up)
-    ranges.plot(path.time_s, range_m, color=hex_colour(QUIET), lw=1.0, zorder=1)
+    ranges.plot(path.time_s, range_m, color=QUIET, lw=LINE_PT, zorder=1)
     ranges.scatter(path.time_s, range_m, c=path.time_s, cmap=RANGE_RAMP, s=7, lw=0, zorder=2)
     for time_s, _ in impulses:
-        ranges.axvline(time_s, color=PARTS[3], lw=0.9, ls=(0, (2, 2)), zorder=0)
+        ranges.axvline(time_s, color=PINK, lw=THIN_PT, ls=(0, (2, 2)), zorder=0)
     if keep_out_m:
-        ranges.axhspan(0, keep_out_m, color=PARTS[5], alpha=0.12, lw=0, zorder=0)
+        ranges.axhspan(0, keep_out_m, color=RED, alpha=0.12, lw=0, zorder=0)
     ranges.set_ylim(0.0, HEADROOM * max(float(range_m.max()), keep_out_m or 0.0) or 1.0)
     format_thousands(ranges.xaxis, ranges.yaxis)
     style_axes(
@@ -140,10 +150,8 @@ def orbit_figure(
         "impulses dashed" if impulses else "",
     )
     bar = figure.colorbar(drawn, ax=[plane, across], location="bottom", fraction=0.03, pad=0.02, aspect=55)
-    bar.set_label("Time [s]", fontsize=9, color=hex_colour(QUIET))
+    style_bar(bar, "Time [s]")
     format_thousands(bar.ax.xaxis)
-    bar.ax.tick_params(labelsize=8, color=hex_colour(LINE), labelcolor=hex_colour(QUIET))
-    bar.outline.set_visible(False)
     figure.draw_without_rendering()  # settles limits and sizes
     for axes, words, flown in labels:
         _place_labels(axes, words, flown)
@@ -207,8 +215,8 @@ def _draw_keep_out(axes: Axes, radius_m: float) -> None:
     """Draw the outline of a keep-out sphere about the target."""
     from matplotlib.patches import Circle
 
-    axes.add_patch(Circle((0, 0), radius_m, fc=PARTS[5], ec="none", alpha=0.12, zorder=0))
-    axes.add_patch(Circle((0, 0), radius_m, fc="none", ec=PARTS[5], lw=1.0, ls=(0, (4, 3)), zorder=1))
+    axes.add_patch(Circle((0, 0), radius_m, fc=RED, ec="none", alpha=0.12, zorder=0))
+    axes.add_patch(Circle((0, 0), radius_m, fc="none", ec=RED, lw=LINE_PT, ls=(0, (4, 3)), zorder=1))
 
 
 def _draw_impulses(axes: Axes, path: RelativePath, impulses: Sequence[tuple[float, Any]], right: int, up: int) -> None:
@@ -224,10 +232,10 @@ def _draw_impulses(axes: Axes, path: RelativePath, impulses: Sequence[tuple[floa
     most = max(float(np.linalg.norm(delta_v)) for _, delta_v in impulses) or 1.0
     for time_s, delta_v in impulses:
         x, y = (float(np.interp(time_s, path.time_s, path.position_m[:, k])) for k in (right, up))
-        axes.plot(x, y, "^", ms=5, color=PARTS[3], zorder=3)
+        axes.plot(x, y, "^", ms=5, color=PINK, zorder=3)
         step = (ARROW * float(delta_v[right]) / most, ARROW * float(delta_v[up]) / most)
         if np.hypot(step[0], step[1]) > ARROW / 8:  # a shorter arrow is seen end on
-            arrow = {"arrowstyle": "<|-", "color": PARTS[3], "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
+            arrow = {"arrowstyle": "<|-", "color": PINK, "lw": LINE_PT, "shrinkA": 0, "shrinkB": 0}
             axes.annotate("", xy=(x, y), xytext=step, textcoords="offset points", arrowprops=arrow, zorder=3)
 
 
@@ -242,27 +250,27 @@ def _draw_plane(axes: Axes, path: RelativePath, right: int, up: int, title: str)
     title : of the panel.
     """
     x, y = path.position_m[:, right], path.position_m[:, up]
-    axes.axhline(0, color=hex_colour(LINE), lw=0.8, zorder=0)
-    axes.axvline(0, color=hex_colour(LINE), lw=0.8, zorder=0)
-    axes.plot(x, y, color=hex_colour(QUIET), lw=1.0, zorder=1)
+    axes.axhline(0, color=RULE, lw=THIN_PT, zorder=0)
+    axes.axvline(0, color=RULE, lw=THIN_PT, zorder=0)
+    axes.plot(x, y, color=QUIET, lw=LINE_PT, zorder=1)
     drawn = axes.scatter(x, y, c=path.time_s, cmap=RANGE_RAMP, s=11, lw=0, zorder=2)
     closed = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= CLOSED * np.hypot(np.ptp(x), np.ptp(y))
     ends = ((0, "o", "start and end"), (-1, "s", "")) if closed else ((0, "o", "start"), (-1, "s", "end"))
     labels = []
 
-    def label(word: str, x: float, y: float, colour: str) -> None:
+    def label(word: str, x: float, y: float) -> None:
         shown = axes.annotate(
-            word, (x, y), xytext=(NEAR, NEAR), textcoords="offset points", fontsize=9, color=colour, zorder=6
+            word, (x, y), xytext=(NEAR, NEAR), textcoords="offset points", fontsize=TEXT_PT, color=INK, zorder=6
         )
         shown.set_in_layout(False)
         labels.append(shown)
 
     for k, marker, word in ends:
-        axes.plot(x[k], y[k], marker, ms=7, mfc="white", mec=hex_colour(INK), mew=1.3, zorder=3)
+        axes.plot(x[k], y[k], marker, ms=7, mfc=PAPER, mec=INK, mew=1.3, zorder=3)
         if word:
-            label(word, x[k], y[k], hex_colour(INK))
-    axes.plot(0, 0, "P", ms=9, mfc=PARTS[5], mec="white", mew=0.8, zorder=5)
-    label(path.target, 0.0, 0.0, PARTS[5])
+            label(word, x[k], y[k])
+    axes.plot(0, 0, "P", ms=9, mfc=RED, mec=PAPER, mew=0.8, zorder=5)
+    label(path.target, 0.0, 0.0)
     wide, high = (max(float(np.max(v)), 0.0) - min(float(np.min(v)), 0.0) for v in (x, y))
     stretched = max(wide, high) > STRETCHED * min(wide, high) > 0
     axes.margins(0.12, 0.16)

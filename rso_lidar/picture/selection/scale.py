@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.picture.selection.sequence import Thumbnail
-from rso_lidar.picture.style.palette import BLACK, INTENSITY_RAMP, NO_RETURN, RANGE_RAMP, apply_ramp
+from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, apply_ramp
+from rso_lidar.picture.style.palette import NO_LIGHT, NO_RETURN
 
 RELATIVE_BELOW = 0.25  # ratio of a frame's span to the sequence's, below which colours are relative to each median
 LOG_ABOVE = 8.0  # ratio of brightest frame to faintest, or glints to median, above which the scale is logarithmic
@@ -90,7 +91,7 @@ class Scale:
 
     def intensity_rgb(self, counts: np.ndarray) -> np.ndarray:
         """Return the greys (…, rgb) of intensities [counts]; no return is black."""
-        return apply_ramp(self.intensity_fraction(counts), INTENSITY_RAMP, BLACK)
+        return apply_ramp(self.intensity_fraction(counts), INTENSITY_RAMP, NO_LIGHT)
 
     def intensity_fraction(self, counts: np.ndarray) -> np.ndarray:
         """Return intensities [counts] as fractions: 0 to 1 between the limits, NaN where nothing came back."""

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rso_lidar.picture.style.palette import INK, LINE, QUIET, hex_colour
+from rso_lidar.picture.style.palette import GRID, INK, LINES, QUIET, RULE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
+    from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
+
+# Sizes of text and widths of lines, in points of a figure at full size. A figure as wide as `PAGE_IN` is printed 190 mm wide
+# and one of `LANDSCAPE_IN` 240 mm wide, at about 78 % of full size. The smallest text is then 7 pt high.
+PAGE_IN = 9.6
+LANDSCAPE_IN = 12.0
+TITLE_PT = 14.0
+HEADING_PT = 11.0
+TEXT_PT = 9.5  # labels of axes, and words in a plot
+SMALL_PT = 9.0  # numbers on axes, legends and notes: nothing is smaller
+HAIR_PT, THIN_PT, LINE_PT, THICK_PT, WIDE_PT = 0.5, 0.8, 1.2, 1.8, 3.5
+SCREEN_DPI = 100
+FILE_DPI = 150
+PAGE_DPI = 120  # of figures in web pages
+
+STYLES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))  # of lines beyond as many as there are colours
 
 LINE_IN = 0.17  # height of a line of small print [inches]
 
@@ -34,15 +50,15 @@ def new_figure(
     head_in = 0.42 + (0.24 if note else 0.0)
     foot_in = 0.12 + LINE_IN * len(small_print) if small_print else 0.05
     rect = (0.0, foot_in / height_in, 1.0, 1.0 - (head_in + foot_in) / height_in)
-    figure = Figure(figsize=(width_in, height_in), dpi=100, layout=ConstrainedLayoutEngine(rect=rect))
+    figure = Figure(figsize=(width_in, height_in), dpi=SCREEN_DPI, layout=ConstrainedLayoutEngine(rect=rect))
     FigureCanvasAgg(figure)
-    title = shorten(title, int(width_in * 8.2))  # letters that fit
+    title = shorten(title, int((width_in - 0.24) * 8.2))  # letters that fit
     left, top = 0.12 / width_in, 1.0 - 0.13 / height_in
-    figure.text(left, top, title, fontsize=14, weight="bold", color=hex_colour(INK), va="top", in_layout=False)
-    figure.text(left, top - 0.31 / height_in, note, fontsize=9.5, color=hex_colour(QUIET), va="top", in_layout=False)
+    figure.text(left, top, title, fontsize=TITLE_PT, weight="bold", color=INK, va="top", in_layout=False)
+    figure.text(left, top - 0.31 / height_in, note, fontsize=TEXT_PT, color=QUIET, va="top", in_layout=False)
     for k, line in enumerate(reversed(small_print)):
         y = (0.07 + LINE_IN * k) / height_in
-        figure.text(left, y, line, fontsize=8.5, color=hex_colour(QUIET), va="bottom", in_layout=False)
+        figure.text(left, y, line, fontsize=SMALL_PT, color=QUIET, va="bottom", in_layout=False)
     return figure
 
 
@@ -56,20 +72,38 @@ def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str 
     x, y : labels of the axes.
     note : at the right, above.
     """
-    axes.set_title(title, loc="left", fontsize=11, color=hex_colour(INK))
-    axes.set_title(note, loc="right", fontsize=8.5, color=hex_colour(QUIET))
-    axes.set_xlabel(x, fontsize=9, color=hex_colour(QUIET))
-    axes.set_ylabel(y, fontsize=9, color=hex_colour(QUIET))
-    axes.tick_params(which="both", labelsize=8, color=hex_colour(LINE), labelcolor=hex_colour(QUIET))
-    axes.grid(color=hex_colour(LINE), lw=0.4, alpha=0.6)
+    axes.set_title(title, loc="left", fontsize=HEADING_PT, color=INK)
+    axes.set_title(note, loc="right", fontsize=SMALL_PT, color=QUIET)
+    axes.set_xlabel(x, fontsize=TEXT_PT, color=QUIET)
+    axes.set_ylabel(y, fontsize=TEXT_PT, color=QUIET)
+    axes.tick_params(which="both", labelsize=SMALL_PT, color=RULE, labelcolor=QUIET)
+    axes.grid(color=GRID, lw=HAIR_PT)
     for side, spine in axes.spines.items():
         spine.set_visible(side in ("left", "bottom"))
-        spine.set_color(hex_colour(LINE))
+        spine.set_color(RULE)
+
+
+def style_bar(bar: Colorbar, label: str = "") -> None:
+    """Give a colour bar its label and quiet numbers."""
+    bar.ax.tick_params(which="both", labelsize=SMALL_PT, color=RULE, labelcolor=QUIET)
+    bar.outline.set_edgecolor(RULE)
+    bar.set_label(label, fontsize=TEXT_PT, color=QUIET)
+
+
+def colour_axis(axes: Axes, side: Literal["left", "right"], colour: str) -> None:
+    """Draw the axis of values at a side in the colour of its curve, where two curves have an axis each."""
+    axes.spines[side].set(visible=True, color=colour, linewidth=THICK_PT)
+    axes.tick_params(axis="y", which="both", color=colour)
+
+
+def colour_of(number: int) -> tuple[str, Any]:
+    """Return the colour and the line style of a curve by its number."""
+    return LINES[number % len(LINES)], STYLES[number // len(LINES) % len(STYLES)]
 
 
 def draw_legend(axes: Axes, columns: int = 1) -> None:
     """Draw a frameless legend in quiet ink where it covers least."""
-    axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hex_colour(QUIET), ncols=columns)
+    axes.legend(fontsize=SMALL_PT, frameon=False, loc="best", labelcolor=QUIET, ncols=columns)
 
 
 def widen_short_axis(axes: Axes, least: float) -> None:

@@ -8,25 +8,28 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
+from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture.style.recolour import recolour
+
 _DOTS = 90  # of a picture [dots per inch]
 
-STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #1c1e22; background: #fff; max-width: 72rem;
-  margin: 2rem auto; padding: 0 1.2rem; }
+_STYLE = """
+
+body { font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: var(--ink); background: var(--paper);
+  max-width: 72rem; margin: 2rem auto; padding: 0 1.2rem; }
 h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
-h2 { font-size: 1.2rem; margin: 2.2rem 0 .5rem; border-bottom: 1px solid #ced1d6; }
+h2 { font-size: 1.2rem; margin: 2.2rem 0 .5rem; border-bottom: 1px solid var(--rule); }
 h3 { font-size: 1rem; margin: 1.4rem 0 .3rem; }
-p.quiet, figcaption { color: #70747c; font-size: .9rem; margin: .2rem 0; }
+p.quiet, figcaption { color: var(--quiet); font-size: .9rem; margin: .2rem 0; }
 table { border-collapse: collapse; font-size: .88rem; margin: .4rem 0; display: block; overflow-x: auto; }
-th, td { text-align: left; padding: .22rem .7rem .22rem 0; border-bottom: 1px solid #e6e8eb; vertical-align: top; }
-th { color: #70747c; font-weight: 600; vertical-align: bottom; max-width: 9rem; }
+th, td { text-align: left; padding: .22rem .7rem .22rem 0; border-bottom: 1px solid var(--grid); vertical-align: top; }
+th { color: var(--quiet); font-weight: 600; vertical-align: bottom; max-width: 9rem; }
 th code { white-space: nowrap; }
 td.n { white-space: nowrap; } td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
 img { max-width: 100%; height: auto; } figure { margin: 1rem 0; }
-pre { background: #f5f6f7; padding: .7rem .9rem; overflow-x: auto; font-size: .82rem; line-height: 1.35; }
+pre { background: var(--shade); padding: .7rem .9rem; overflow-x: auto; font-size: .82rem; line-height: 1.35; }
 code { font-size: .92em; } figcaption code { overflow-wrap: anywhere; } details { margin: .4rem 0; }
-summary { cursor: pointer; color: #70747c; }
+summary { cursor: pointer; color: var(--quiet); }
 @media print { details { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
 """
 
@@ -42,7 +45,7 @@ def write_table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]
     return f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
 
 
-def embed_figure(figure: Any, text: str, caption: str = "") -> str:
+def embed_figure(figure: Any, text: str, caption: str = "", scheme: Scheme = LIGHT) -> str:
     """Embed a figure as a picture.
 
     Parameters
@@ -50,7 +53,9 @@ def embed_figure(figure: Any, text: str, caption: str = "") -> str:
     figure : a matplotlib Figure.
     text : alternative text.
     caption : caption as HTML.
+    scheme : that of the page.
     """
+    recolour(figure, scheme)
     with io.BytesIO() as held:
         figure.savefig(held, format="png", dpi=_DOTS)
         coded = base64.b64encode(held.getvalue()).decode()
@@ -58,17 +63,21 @@ def embed_figure(figure: Any, text: str, caption: str = "") -> str:
     return f'<figure><img alt="{escape(text)}" src="data:image/png;base64,{coded}">{under}</figure>'
 
 
-def write_page(title: str, body: Iterable[str]) -> str:
+def write_page(title: str, body: Iterable[str], scheme: Scheme = LIGHT) -> str:
     """Write a page.
 
     Parameters
     ----------
     title : of the page.
     body : its elements as HTML.
+    scheme : `LIGHT` or `DARK`.
     """
+    roles = {name: getattr(scheme, name) for name in ("paper", "ink", "quiet", "rule", "grid", "shade")}
+    colours = "".join(f" --{name}: {colour};" for name, colour in roles.items())
+    root = f":root {{ color-scheme: {'light' if scheme == LIGHT else 'dark'};{colours} }}"
     head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
     return (
-        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n'
+        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{root}{_STYLE}</style></head>\n<body>\n'
         + "\n".join(body)
         + "\n</body></html>\n"
     )

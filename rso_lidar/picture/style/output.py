@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rso_lidar.files import check_writable, write_atomically, write_columns
+from rso_lidar.picture.style.figures import FILE_DPI, PAGE_DPI
+from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture.style.recolour import recolour
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+_LARGE_BYTES = 60_000  # of a PNG, above which its colours are reduced
 RESULT_SUFFIXES = (*FIGURE_SUFFIXES, ".csv")  # of results that are a figure and a table
 
 
-def save_figure(figure: Figure, path: str | Path, dpi: int = 150) -> Path:
+def save_figure(figure: Figure, path: str | Path, dpi: int = FILE_DPI, scheme: Scheme = LIGHT) -> Path:
     """Write a figure as PNG, PDF or SVG, by the suffix.
 
     Parameters
@@ -23,6 +28,7 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = 150) -> Path:
     figure : what to write.
     path : of the file; an existing one is replaced.
     dpi : dots per inch of a PNG.
+    scheme : `LIGHT` or `DARK`; the figure keeps the dark colours.
 
     Returns
     -------
@@ -30,12 +36,41 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = 150) -> Path:
     """
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
+    recolour(figure, scheme)
     with write_atomically(place) as draft:
         figure.savefig(draft, dpi=dpi, metadata=undated.get(place.suffix.lower()))
     return place
 
 
-def save_figure_or_table(path: str | Path, draw: Callable[[], Figure], table: Mapping[str, Any]) -> Path:
+def save_small_figure(figure: Figure, path: Path, scheme: Scheme = LIGHT) -> Path:
+    """Write a figure for a web page as a PNG; a large one gets 256 colours, which is about a third of the bytes.
+
+    Parameters
+    ----------
+    figure : what to write.
+    path : of the file; an existing one is replaced.
+    scheme : `LIGHT` or `DARK`; the figure keeps the dark colours.
+
+    Returns
+    -------
+    The path of the file.
+    """
+    from PIL import Image
+
+    recolour(figure, scheme)
+    with io.BytesIO() as held:
+        figure.savefig(held, format="png", dpi=PAGE_DPI)
+        picture = Image.open(held).convert("RGB")
+        if held.tell() > _LARGE_BYTES:
+            picture = picture.quantize(256, dither=Image.Dither.NONE, kmeans=2)
+    with write_atomically(path) as draft:
+        picture.save(draft, format="png", optimize=True)
+    return path
+
+
+def save_figure_or_table(
+    path: str | Path, draw: Callable[[], Figure], table: Mapping[str, Any], scheme: Scheme = LIGHT
+) -> Path:
     """Write a result as a figure or as a CSV table, by the suffix.
 
     Parameters
@@ -43,10 +78,13 @@ def save_figure_or_table(path: str | Path, draw: Callable[[], Figure], table: Ma
     path : of the file; an existing one is replaced.
     draw : makes the figure; called only where one is written.
     table : columns by name.
+    scheme : of a figure, `LIGHT` or `DARK`.
 
     Returns
     -------
     The path of the file.
     """
     place = check_writable(path, RESULT_SUFFIXES, overwrite=True)
-    return save_figure(draw(), place) if place.suffix.lower() in FIGURE_SUFFIXES else write_columns(place, table)
+    if place.suffix.lower() in FIGURE_SUFFIXES:
+        return save_figure(draw(), place, scheme=scheme)
+    return write_columns(place, table)

@@ -1,94 +1,96 @@
-"""Colours, stated once: the ramps of range and intensity, what no return looks like, and the colours of parts."""
+"""Colours of all pictures, stated once: two schemes, the colours of lines and parts, and marks on images.
+
+Everything is drawn in the colours of the light scheme; `rso_lidar.picture.style.recolour` exchanges them for the dark ones.
+Images keep their colours in both schemes.
+"""
 
 from __future__ import annotations
 
-from functools import cache
-
-import numpy as np
+from dataclasses import dataclass
 
 Rgb = tuple[int, int, int]
 
-PAPER: Rgb = (255, 255, 255)
-INK: Rgb = (28, 30, 34)
-QUIET: Rgb = (112, 116, 124)
-LINE: Rgb = (206, 209, 214)
-NO_RETURN: Rgb = (46, 48, 54)  # dark grey, off the viridis ramp
-BLACK: Rgb = (0, 0, 0)
-MARK: Rgb = (255, 122, 24)  # crop in the locator, now in a time line
-FALSE: Rgb = (236, 40, 200)  # a return from nothing
-MISSED: Rgb = (104, 110, 122)  # a target that sent no return
 
-RANGE_RAMP = "viridis"
-INTENSITY_RAMP = "gray"
-FAINTEST = 36  # grey level of the faintest return
-ERROR_RAMP = "RdBu_r"
-
-# Okabe and Ito (2008), colours that the colour-blind tell apart, and four lighter ones of the same hues.
-PARTS = (
-    "#0072B2",
-    "#E69F00",
-    "#009E73",
-    "#CC79A7",
-    "#56B4E9",
-    "#D55E00",
-    "#F0E442",
-    "#8FC3E8",
-    "#F6CF7A",
-    "#7FD6BC",
-)
-OTHER_PART = "#B9BCC2"
-
-
-def hex_colour(colour: Rgb) -> str:
-    """Format a colour as matplotlib reads it.
-
-    >>> hex_colour((255, 122, 24))
-    '#ff7a18'
-    """
-    return "#{:02x}{:02x}{:02x}".format(*colour)
-
-
-@cache
-def ramp(name: str) -> np.ndarray:
-    """Return a ramp of 256 colours (step, rgb), as bytes, from matplotlib's maps.
-
-    The greys of intensity begin above black, so that the faintest return stands out from none.
-    """
-    import matplotlib
-
-    start = FAINTEST if name == INTENSITY_RAMP else 0
-    steps = np.linspace(start, 255, 256).round().astype(int)
-    colours: np.ndarray = matplotlib.colormaps[name](steps, bytes=True)[:, :3].copy()
-    colours.flags.writeable = False
-    return colours
-
-
-def apply_ramp(fraction: np.ndarray, name: str, empty: Rgb) -> np.ndarray:
-    """Return the colours (…, rgb), as bytes, of fractions along a ramp.
+@dataclass(frozen=True)
+class Scheme:
+    """Colours of a figure that depend on its background.
 
     Parameters
     ----------
-    fraction : (…) values, clipped to 0 to 1.
-    name : of the ramp.
-    empty : colour of NaN.
+    paper : background.
+    ink : titles, and lines that are neither measured nor simulated.
+    quiet : labels, numbers and notes; at least 4.5 : 1 against the background (WCAG 2.2, 1.4.3).
+    rule : axes, and lines that mark a level; at least 3 : 1 (WCAG 2.2, 1.4.11).
+    grid : lines of the grid, fainter on purpose.
+    shade, alarm_shade : a span of time behind curves, such as a shadow, and one that is out of bounds.
+    mark : what the reader is to look at, such as the present instant.
+    lines : blue, orange, green, pink, sky blue and red of curves and categories; at least 3 : 1.
     """
-    known = np.isfinite(fraction)
-    step = np.clip(np.where(known, fraction, 0.0) * 255 + 0.5, 0, 255).astype(np.uint8)
-    colours = ramp(name)[step]
-    colours[~known] = empty
-    return colours
+
+    paper: str
+    ink: str
+    quiet: str
+    rule: str
+    grid: str
+    shade: str
+    alarm_shade: str
+    mark: str
+    lines: tuple[str, str, str, str, str, str]
+
+    @property
+    def all(self) -> tuple[str, ...]:
+        """All colours in order, those of lines last."""
+        roles = (self.paper, self.ink, self.quiet, self.rule, self.grid, self.shade, self.alarm_shade, self.mark)
+        return (*roles, *self.lines)
 
 
-@cache
-def fixed_palette() -> tuple[int, ...]:
-    """Return 256 colours, flat, for animations: 128 of the range ramp, 110 greys, and the marks.
+# Hues of Okabe and Ito (2008), "Color Universal Design", which people with colour blindness tell apart. On a dark page
+# the colours are theirs. On white, orange and sky blue would have less than 3 : 1, so all but pink are darkened.
+OKABE_ITO = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00")
+LIGHT = Scheme(
+    paper="#ffffff", ink="#1c1e22", quiet="#5f636b", rule="#868a92", grid="#dcdee2", shade="#ececee",
+    alarm_shade="#f7dbd6", mark="#d95300", lines=("#004f86", "#b88000", "#00815e", "#c66fa0", "#3d99d2", "#a83200"),
+)  # fmt: skip
+DARK = Scheme(
+    paper="#14181e", ink="#e6e8ec", quiet="#aeb3bc", rule="#7a808a", grid="#343a43", shade="#272d36",
+    alarm_shade="#4a2724", mark="#ff7a18", lines=OKABE_ITO,
+)  # fmt: skip
 
-    One palette for all pictures of an animation: nothing flickers, and a file holds it once.
+PAPER, INK, QUIET, RULE, GRID, SHADE, ALARM_SHADE, MARK = LIGHT.all[:8]
+BLUE, ORANGE, GREEN, PINK, SKY, RED = LINES = LIGHT.lines
+
+# On images, which look the same in both schemes.
+IMAGE_BLACK = "#010101"  # off matplotlib's black, which a scheme exchanges
+IMAGE_WHITE = "#fefefe"
+IMAGE_MARK = "#ff7a18"  # the part of the field that a panel shows
+IMAGE_GREY = "#5b5e66"  # grid of a dark panel
+IMAGE_EDGE = "#5f86b3"  # edges of a true mesh, in no colour map
+NO_RETURN = "#2e3036"  # NaN: dark grey, off the maps of range and of amounts
+NO_LIGHT = "#000000"  # no intensity; the map of intensity begins above it
+FALSE = "#ec28c8"  # a return from nothing
+MISSED = "#687a7a"  # a target that sent no return
+NIGHT, DAY = "#687690", "#b0d0ec"  # the two sides of the Earth
+# Parts and classes as areas of an image: Okabe and Ito's, their yellow, and three lighter ones of the same hues.
+PARTS = (*OKABE_ITO, "#f0e442", "#8fc3e8", "#f6cf7a", "#7fd6bc")
+OTHER_PART = "#b9bcc2"
+
+
+def split_rgb(colour: str) -> Rgb:
+    """Return red, green and blue of a colour as bytes.
+
+    >>> split_rgb("#ff7a18")
+    (255, 122, 24)
     """
-    colours = [tuple(int(v) for v in ramp(RANGE_RAMP)[k]) for k in np.linspace(0, 255, 128).round().astype(int)]
-    colours += [(int(v), int(v), int(v)) for v in np.linspace(0, 246, 110).round()]
-    colours += [PAPER, INK, QUIET, LINE, NO_RETURN, MARK]
-    faint = [tuple(round(m + (255 - m) * share) for m in MARK) for share in (0.25, 0.5, 0.75)]
-    colours += faint  # edges of the mark on white paper
-    colours += [BLACK] * (256 - len(colours))
-    return tuple(value for colour in colours for value in colour)
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def choose_ink(area: str | tuple[float, ...]) -> str:
+    """Return black or white, whichever can be read better on an area of a colour.
+
+    Parameters
+    ----------
+    area : colour, as text or as shares of red, green and blue.
+    """
+    red, green, blue = (value / 255 for value in split_rgb(area)) if isinstance(area, str) else area[:3]
+    light = 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2  # relative luminance, about (WCAG 2.2)
+    return IMAGE_BLACK if light > 0.18 else IMAGE_WHITE

@@ -18,18 +18,11 @@ from rso_lidar.picture.frames.frame import draw_intensity, draw_range, range_lim
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, even_indices, find_target_pixels, on_target
 from rso_lidar.picture.selection.window import bounding_window, crop
+from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, apply_ramp
+from rso_lidar.picture.style.figures import HAIR_PT, HEADING_PT, SCREEN_DPI, SMALL_PT, TEXT_PT, TITLE_PT
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
-from rso_lidar.picture.style.palette import (
-    INK,
-    INTENSITY_RAMP,
-    LINE,
-    MARK,
-    NO_RETURN,
-    QUIET,
-    RANGE_RAMP,
-    apply_ramp,
-    hex_colour,
-)
+from rso_lidar.picture.style.palette import IMAGE_EDGE, IMAGE_GREY, INK, LIGHT, MARK, NO_RETURN, QUIET, Scheme
+from rso_lidar.picture.style.recolour import recolour
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.records import Frame
 
@@ -45,7 +38,6 @@ _STEPS = {"left": -1, "right": 1, "pageup": -FAR, "pagedown": FAR}
 _OURS = ("keymap.back", "keymap.forward", "keymap.home")  # key bindings of matplotlib that the player replaces
 _LOOKED_AT = 12
 _MANY = 600  # number of points above which they are drawn small
-_TRUTH = "#5f86b3"  # colour of the edges, in neither ramp
 _HINT = "left, right: frame    space: play    c: colour    drag the cloud to turn it"
 
 
@@ -61,6 +53,7 @@ class Player:
         figure: Figure | None = None,
         first: int = 0,
         controls: bool = True,
+        scheme: Scheme = LIGHT,
     ) -> None:
         """Draw one frame into a figure.
 
@@ -72,6 +65,7 @@ class Player:
         figure : where to draw (None: a new figure on an Agg canvas).
         first : index of the frame shown first.
         controls : whether there is a slider, and the help on keys.
+        scheme : `LIGHT` or `DARK`.
         """
         from matplotlib.widgets import Slider
 
@@ -79,26 +73,26 @@ class Player:
             raise RecordingError("nothing to draw: the recording has no frames")
         self.frames, self.shapes, self.colour = frames, tuple(shapes), colour
         self.figure = figure or _figure(SIZE_IN if controls else STILL_IN)
-        self.playing = False
+        self.playing, self.scheme = False, scheme
         self.shown = first
-        left, wide = 0.045, 0.245
+        left, wide = 0.04, 0.235
         low, high, under, over = (0.17, 0.66, 0.13, 0.74) if controls else (0.09, 0.73, 0.05, 0.82)
         self._range = self.figure.add_axes((left, low, wide, high))
-        self._intensity = self.figure.add_axes((left + 0.325, low, wide, high))
+        self._intensity = self.figure.add_axes((left + 0.328, low, wide, high))
         space: Any = self.figure.add_axes((0.675, under, 0.31, over), projection="3d", computed_zorder=False)
         space.view_init(elev=14, azim=-72)
         self._space = space
-        self._title = self.figure.text(0.01, 0.975, "", fontsize=14, weight="bold", color=hex_colour(INK), va="top")
-        self._note = self.figure.text(0.01, 0.918, "", fontsize=9.5, color=hex_colour(QUIET), va="top")
+        self._title = self.figure.text(0.01, 0.975, "", fontsize=TITLE_PT, weight="bold", color=INK, va="top")
+        self._note = self.figure.text(0.01, 0.918, "", fontsize=TEXT_PT, color=QUIET, va="top")
         if controls:
-            self.figure.text(0.99, 0.975, _HINT, fontsize=8.5, color=hex_colour(QUIET), va="top", ha="right")
+            self.figure.text(0.99, 0.975, _HINT, fontsize=SMALL_PT, color=QUIET, va="top", ha="right")
         self.slider = None
         if controls and len(frames) > 1:
             place = self.figure.add_axes((0.09, 0.03, 0.78, 0.035))
-            self.slider = Slider(place, "frame", 0, len(frames) - 1, valinit=first, valstep=1, color=hex_colour(MARK))
+            self.slider = Slider(place, "frame", 0, len(frames) - 1, valinit=first, valstep=1, color=MARK)
             self.slider.drawon = False  # the new frame is drawn anyway
-            self.slider.label.set_color(hex_colour(QUIET))
-            self.slider.valtext.set_color(hex_colour(QUIET))
+            self.slider.label.set_color(QUIET)
+            self.slider.valtext.set_color(QUIET)
             self.slider.on_changed(lambda place: self._show(round(place)))
         self.figure.canvas.mpl_connect("key_press_event", self._on_key)
         self.figure.canvas.mpl_connect("close_event", lambda event: self._play(on=False))
@@ -150,14 +144,15 @@ class Player:
         for axes, draw in ((self._range, draw_range), (self._intensity, draw_intensity)):
             axes.clear()
             draw(axes, frame, window)
-            axes.tick_params(labelsize=8, colors=hex_colour(QUIET))
+            axes.tick_params(labelsize=SMALL_PT, colors=QUIET)
             for spine in axes.spines.values():
-                spine.set_color(hex_colour(QUIET))
+                spine.set_color(QUIET)
         self._draw_space(frame)
         self._title.set_text(frame.source.title)
         self._note.set_text(summarise(frame))
         if self.slider is not None:
             self.slider.valtext.set_text(f"{frame.index}, {place + 1} of {len(self.frames)}")
+        recolour(self.figure, self.scheme)
         self.figure.canvas.draw_idle()
 
     def _draw_space(self, frame: Frame) -> None:
@@ -171,7 +166,9 @@ class Player:
         middle, half_m = _bounds(frame, self.shapes, edges_m)
         near = (np.abs(points_m - middle) <= half_m).all(axis=-1)
         for lines in edges_m:
-            axes.add_collection3d(Line3DCollection(_plot_axes(lines), colors=[_TRUTH], linewidths=0.5, zorder=1))
+            axes.add_collection3d(
+                Line3DCollection(_plot_axes(lines), colors=[IMAGE_EDGE], linewidths=HAIR_PT, zorder=1)
+            )
         x, y, z = _plot_axes(points_m[near]).T
         size = 5.0 if len(x) > _MANY else 14.0
         axes.scatter(x, y, z, c=colours[near] / 255.0, s=size, depthshade=False, lw=0, zorder=2)
@@ -179,20 +176,24 @@ class Player:
             set_limits(low - half_m, low + half_m)
         axes.set_box_aspect((1, 1, 1), zoom=1.08)
         for axis, name in ((axes.xaxis, "right"), (axes.yaxis, "ahead"), (axes.zaxis, "up")):
-            axis.set_pane_color(hex_colour(NO_RETURN))
-            axis._axinfo["grid"].update({"color": "#5b5e66", "linewidth": 0.4})
-            axis.set_label_text(f"{name} [m]", fontsize=8.5, color=hex_colour(QUIET))
-            axis.set_tick_params(labelsize=7.5, colors=hex_colour(QUIET))
+            axis.set_pane_color(NO_RETURN)
+            axis._axinfo["grid"].update({"color": IMAGE_GREY, "linewidth": HAIR_PT})
+            axis.set_label_text(f"{name} [m]", fontsize=SMALL_PT, color=QUIET)
+            axis.set_tick_params(labelsize=SMALL_PT, colors=QUIET)
             axis.set_major_locator(_few_ticks())
             axis.get_major_formatter().set_useOffset(False)
         beyond = int((~near).sum())
         note = f", {beyond:,} return{'s' * (beyond > 1)} elsewhere" if beyond else ""
         truth = "; edges: truth" if edges_m else ""
-        axes.set_title(f"Cloud, colour: {self.colour}{truth}{note}", fontsize=10, color=hex_colour(INK), y=1.02, pad=0)
+        axes.set_title(f"Cloud, colour: {self.colour}{truth}{note}", fontsize=HEADING_PT, color=INK, y=1.02, pad=0)
 
 
 def save_view(
-    frames: Sequence[Frame], path: str | Path, shapes: Iterable[Shape] = (), colour: Colour = "range"
+    frames: Sequence[Frame],
+    path: str | Path,
+    shapes: Iterable[Shape] = (),
+    colour: Colour = "range",
+    scheme: Scheme = LIGHT,
 ) -> Path:
     """Write a picture of what the window shows, of the frame with most returns among a dozen.
 
@@ -202,6 +203,7 @@ def save_view(
     path : of the picture; PNG, PDF or SVG by the suffix.
     shapes : true meshes whose edges are drawn.
     colour : what the colour of the cloud means.
+    scheme : `LIGHT` or `DARK`.
 
     Returns
     -------
@@ -210,7 +212,8 @@ def save_view(
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     if not len(frames):
         raise RecordingError("nothing to draw: the recording has no frames")
-    return save_figure(Player(frames, shapes, colour, first=find_fullest_frame(frames), controls=False).figure, place)
+    first = find_fullest_frame(frames)
+    return save_figure(Player(frames, shapes, colour, first=first, controls=False, scheme=scheme).figure, place)
 
 
 def find_fullest_frame(frames: Sequence[Frame]) -> int:
@@ -218,7 +221,9 @@ def find_fullest_frame(frames: Sequence[Frame]) -> int:
     return max(even_indices(len(frames), _LOOKED_AT), key=lambda k: int(on_target(frames[k]).sum()))
 
 
-def play(frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour = "range") -> Player:
+def play(
+    frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour = "range", scheme: Scheme = LIGHT
+) -> Player:
     """Show the player in a window, and return it when the window is closed; a notebook does not wait.
 
     Parameters
@@ -226,13 +231,14 @@ def play(frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour =
     frames : a recording, or some of its frames.
     shapes : true meshes whose edges are drawn.
     colour : what the colour of the cloud means.
+    scheme : `LIGHT` or `DARK`.
     """
     import matplotlib
     from matplotlib import pyplot
 
     free: dict[Any, Any] = {name: [] for name in _OURS}
     with matplotlib.rc_context(free):
-        player = Player(frames, shapes, colour, figure=pyplot.figure(figsize=SIZE_IN))
+        player = Player(frames, shapes, colour, figure=pyplot.figure(figsize=SIZE_IN), scheme=scheme)
         pyplot.show()
     return player
 
@@ -255,7 +261,7 @@ def _figure(size_in: tuple[float, float]) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size_in, dpi=100)
+    figure = Figure(figsize=size_in, dpi=SCREEN_DPI)
     FigureCanvasAgg(figure)
     return figure
 
@@ -285,7 +291,7 @@ def _cloud(frame: Frame, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
         return frame.points_m[valid], apply_ramp((frame.range_m[valid] - low) / (high - low), RANGE_RAMP, NO_RETURN)
     scale = Scale.of([Thumbnail.of(frame)])
     return frame.points_m[valid], apply_ramp(
-        scale.intensity_fraction(frame.intensity_counts[valid]), INTENSITY_RAMP, LINE
+        scale.intensity_fraction(frame.intensity_counts[valid]), INTENSITY_RAMP, QUIET
     )
 
 

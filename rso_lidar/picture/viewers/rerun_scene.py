@@ -23,7 +23,7 @@ from rso_lidar.files import write_atomically
 from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, on_target, pick
-from rso_lidar.picture.style.palette import NO_RETURN
+from rso_lidar.picture.style.palette import DARK, NO_RETURN, OTHER_PART, split_rgb
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.pose import ROOT, PoseTree, quaternion_xyzw
 from rso_lidar.records import Frame
@@ -35,9 +35,7 @@ RANGE, INTENSITY = "images/range", "images/intensity"
 _COVER = "no_return"
 _SHOWN_S = 20.0  # playing time of a recording longer than a minute
 _LOOKED_AT = 24  # frames that the colour limits are computed from
-_GREY = (168, 172, 180)  # colour of a true mesh
 _POINT = 2.5  # size of a point on the screen
-_PAPER = (24, 26, 30)
 _CONFIG = "XDG_CONFIG_HOME"
 _HERE = "127.0.0.1"
 _NOWHERE = f"http://{_HERE}:9"  # the discard port: analytics go nowhere
@@ -231,11 +229,11 @@ class RerunScene:
                 rr.Mesh3D(
                     vertex_positions=shape.corners_m.reshape(-1, 3).astype(np.float32),
                     vertex_normals=np.repeat(shape.normals, 3, axis=0).astype(np.float32),
-                    albedo_factor=_GREY,
+                    albedo_factor=split_rgb(OTHER_PART),
                 ),
                 static=True,
             )
-        covered = [rr.AnnotationInfo(0, color=(0, 0, 0, 0)), rr.AnnotationInfo(1, "no return", NO_RETURN)]
+        covered = [rr.AnnotationInfo(0, color=(0, 0, 0, 0)), rr.AnnotationInfo(1, "no return", split_rgb(NO_RETURN))]
         stream.log(f"{RANGE}/{_COVER}", rr.AnnotationContext(covered), static=True)
         source = self.first.source
         stream.log(
@@ -307,7 +305,7 @@ class RerunScene:
         space = layout.Spatial3DView(
             origin=self.world,
             name="in space",
-            background=_PAPER,
+            background=split_rgb(DARK.paper),
             line_grid=False,
             eye_controls=layout.EyeControls3D(position=eye, look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, 1.0)),
         )

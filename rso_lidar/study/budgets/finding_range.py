@@ -13,6 +13,7 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.picture.plots.finding import finding_figure
 from rso_lidar.picture.style.output import save_figure_or_table
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.scenario import Finding, Lidar, Scenario
 from rso_lidar.scenario.preview.orientations import describe_facing
@@ -129,12 +130,13 @@ class FoundRange:
             small_print=self.notes,
         )
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
         """Write the curve as a table or a picture; an existing file is replaced.
 
         Parameters
         ----------
         path : of the output, .csv, .png, .pdf or .svg.
+        scheme : of a picture, `LIGHT` or `DARK`.
 
         Returns
         -------
@@ -146,7 +148,7 @@ class FoundRange:
             For another suffix, or a path that cannot be written.
         """
         columns = ("range_m", "found_probability", "worst_probability")
-        return save_figure_or_table(path, self.figure, {name: getattr(self, name) for name in columns})
+        return save_figure_or_table(path, self.figure, {name: getattr(self, name) for name in columns}, scheme)
 
     def _best_range_m(self) -> float:
         return float(self.range_m[int(self.found_probability.argmax())])

@@ -18,6 +18,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable, write_text
 from rso_lidar.picture.plots.budget import Line, budget_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scene import Material
 from rso_lidar.study.budgets.inputs import (
@@ -120,13 +121,14 @@ class Budget:
         ]
         return budget_figure(lines, f"Link budget of {self.camera}", self.about(), self.probability, self.notes)
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+    def save(self, path: str | Path, *, overwrite: bool = False, scheme: Scheme = LIGHT) -> Path:
         """Write the budget as a table or a picture.
 
         Parameters
         ----------
         path : of the output, .csv, .png, .pdf or .svg.
         overwrite : whether an existing file may be replaced.
+        scheme : of a picture, `LIGHT` or `DARK`.
 
         Returns
         -------
@@ -139,7 +141,7 @@ class Budget:
         """
         place = check_writable(path, SUFFIXES, overwrite=overwrite)
         if place.suffix.lower() != ".csv":
-            return save_figure(self.figure(), place)
+            return save_figure(self.figure(), place, scheme=scheme)
         return write_text(place, self.csv_text(), overwrite=overwrite)
 
     def names(self) -> list[str]:

@@ -14,6 +14,7 @@ from rso_lidar.export import Frames, Recording
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.picture.viewers.player import Colour, find_fullest_frame, play, save_view, window_backend
 from rso_lidar.picture.viewers.rerun_scene import has_rerun, import_rerun, open_rerun, write_rerun
 from rso_lidar.picture.viewers.shape import Shape
@@ -124,6 +125,7 @@ def show(
     colour: Colour = "range",
     folder: Path | None = None,
     each: Iterable[Frame] | None = None,
+    scheme: Scheme = LIGHT,
 ) -> tuple[str, ...]:
     """Show frames in the chosen way, and describe the frames that each file shows.
 
@@ -134,6 +136,7 @@ def show(
     colour : of the points.
     folder : folder of the mesh files that the scenario names.
     each : iterator over the same frames that reports progress while a scene is written (None: `frames`).
+    scheme : of pictures and of the window, `LIGHT` or `DARK`.
     """
     if colour not in COLOURS:
         raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, COLOURS)} (known: {', '.join(COLOURS)})")
@@ -143,7 +146,7 @@ def show(
     needless = bool(suffixes) and suffixes <= {*_FILMS}  # animations show no mesh
     shapes = [] if needless else load_true_shapes(frames[0].source, folder)
     if chosen.tool == "window":
-        play(frames, shapes, colour)
+        play(frames, shapes, colour, scheme)
         return ()
     if _SCENE in suffixes:
         write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
@@ -152,7 +155,7 @@ def show(
         with make_temporary_folder() as place:
             open_rerun(write_rerun(frames, Path(place, "recording.rrd"), shapes, colour=colour, each=each))
         return ()
-    return tuple(_write_pictures(chosen.paths, frames, shapes, colour))
+    return tuple(_write_pictures(chosen.paths, frames, shapes, colour, scheme))
 
 
 def _count_frames(count: int) -> str:
@@ -160,7 +163,7 @@ def _count_frames(count: int) -> str:
 
 
 def _write_pictures(
-    paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour
+    paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour, scheme: Scheme
 ) -> list[str]:
     """Write pictures by the suffix of their names, and describe the frames that each shows.
 
@@ -170,18 +173,19 @@ def _write_pictures(
     frames : a recording, or a part of one.
     shapes : meshes to draw.
     colour : of the points.
+    scheme : of the pictures.
     """
     count, contents = len(frames), []
     for path in paths:
         if path.suffix.lower() in _FILMS:
-            picture.animate(frames, path)
+            picture.animate(frames, path, scheme=scheme)
             contents.append(_count_frames(count))
         elif len(paths) > 1 and path.name.endswith(_SHEET):
-            picture.contact_sheet(frames, path)
+            picture.contact_sheet(frames, path, scheme=scheme)
             contents.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _count_frames(count))
         else:
             best = frames[find_fullest_frame(frames)]
-            save_view([best], path, shapes, colour)
+            save_view([best], path, shapes, colour, scheme)
             contents.append(f"frame {best.index}" + f" alone, of {count}, for its many returns" * (count > 1))
     return contents
 

@@ -17,6 +17,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.picture.plots.timeline import timeline_figure
 from rso_lidar.picture.style.output import save_figure_or_table
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.pose import ROOT, cross, dot, rotate_vectors
 from rso_lidar.records import PtuAngles, Truth
 from rso_lidar.records.viewing_geometry import compute_viewing_geometry
@@ -62,12 +63,13 @@ class Timeline:
             shadow_s=self.shadow_s,
         )
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
         """Write the table or the picture; an existing file is replaced.
 
         Parameters
         ----------
         path : of the output, .csv, .png, .pdf or .svg.
+        scheme : of a picture, `LIGHT` or `DARK`.
 
         Returns
         -------
@@ -78,7 +80,7 @@ class Timeline:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        return save_figure_or_table(path, self.figure, self.table)
+        return save_figure_or_table(path, self.figure, self.table, scheme)
 
 
 def timeline(

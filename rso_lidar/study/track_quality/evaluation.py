@@ -18,6 +18,7 @@ from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.picture.plots.tracking import tracking_figure
 from rso_lidar.picture.style.output import save_figure_or_table
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
@@ -64,12 +65,13 @@ class Tracking:
         note = f"range noise {self.range_noise_m:.3g} m, process noise {self.acceleration_m_s2_sqrt_hz:g} m/s²/√Hz"
         return tracking_figure(self.table, tuple(self.tracks), self.target, self.title, note)
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
         """Write the table or the picture; an existing file is replaced.
 
         Parameters
         ----------
         path : of the output, .csv, .png, .pdf or .svg.
+        scheme : of a picture, `LIGHT` or `DARK`.
 
         Returns
         -------
@@ -80,7 +82,7 @@ class Tracking:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        return save_figure_or_table(path, self.figure, self.table)
+        return save_figure_or_table(path, self.figure, self.table, scheme)
 
 
 def tracking(

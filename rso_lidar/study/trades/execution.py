@@ -17,6 +17,7 @@ import numpy as np
 
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.files import advise_on_write, hold_lock
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene.library.model_index import own_models
@@ -146,12 +147,13 @@ def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None)
 class Trade(TradeTable):
     """A finished trade study, which writes its table and its report."""
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
         """Write the table or the report.
 
         Parameters
         ----------
         path : of the output, .csv, .parquet or .html.
+        scheme : of a report, `LIGHT` or `DARK`.
 
         Returns
         -------
@@ -162,7 +164,7 @@ class Trade(TradeTable):
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        return save_trade(self, Path(path))
+        return save_trade(self, Path(path), scheme)
 
 
 def trade(

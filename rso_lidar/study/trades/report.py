@@ -18,6 +18,7 @@ from rso_lidar.picture.frames.frame import frame_figure
 from rso_lidar.picture.frames.part_colours import parts_in_order
 from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 from rso_lidar.picture.style.html_page import embed_figure, write_page, write_table
+from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.records import Frame
 from rso_lidar.simulation.run import simulate
 from rso_lidar.study.trades.definition import Axis, Grid, write_toml_value
@@ -40,7 +41,7 @@ _MOST_ERRORS = 10
 _DECADES = 30.0  # greatest over least value from which the scale of a figure of merit is logarithmic
 
 
-def save_trade(trade: TradeTable, place: Path) -> Path:
+def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
     """Write a trade's table or report, by the suffix, and return the path."""
     suffix = place.suffix.lower()
     if suffix == ".csv":
@@ -50,7 +51,7 @@ def save_trade(trade: TradeTable, place: Path) -> Path:
             place, trade.table, {"study": trade.study.model_dump_json(), "scenario": trade.base.dumps()}
         )
     if suffix == ".html":
-        text = write_report(trade)
+        text = write_report(trade, scheme)
         with write_atomically(place) as draft:
             draft.write_text(text, encoding="utf-8")
         return place
@@ -65,7 +66,7 @@ def check_formats(places: Sequence[Path]) -> None:
             check_parquet(place)
 
 
-def write_report(trade: TradeTable) -> str:
+def write_report(trade: TradeTable, scheme: Scheme = LIGHT) -> str:
     """Return the report as HTML with embedded pictures.
 
     It is the same for the same study, scenario, versions and working folder.
@@ -84,13 +85,13 @@ def write_report(trade: TradeTable) -> str:
         "<h2>Best points</h2>",
         *_write_best(trade),
         "<h2>Along each axis</h2>",
-        *_draw_plots(trade),
-        *_draw_frames(trade),
+        *_draw_plots(trade, scheme),
+        *_draw_frames(trade, scheme),
         *_tabulate_failures(trade, failed),
         "<h2>How to get this again</h2>",
         *_write_origin(trade),
     ]
-    return write_page(study.name, body)
+    return write_page(study.name, body, scheme)
 
 
 # --------------------------------------------------------------------------------------------------------- the parts
@@ -223,7 +224,7 @@ def _format_cells(trade: TradeTable, point: int) -> Iterable[str]:
         yield format_value(mean) + (f" ± {format_value(spread, 2)}" if math.isfinite(spread) else "")
 
 
-def _draw_plots(trade: TradeTable) -> list[str]:
+def _draw_plots(trade: TradeTable, scheme: Scheme) -> list[str]:
     """Draw main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
     axes = [_build_quantity(trade, axis) for axis in trade.study.axis]
     made, shown = [], []
@@ -236,19 +237,21 @@ def _draw_plots(trade: TradeTable) -> list[str]:
         elif math.isfinite(alike):
             made.append(f"<p>{escape(name_merit(merit))} is {format_value(alike)} at all points.</p>")
     for value, merit in shown:
-        made.append(embed_figure(effects_figure(value, axes, merit.better), f"{value.name} along each axis"))
+        figure = effects_figure(value, axes, merit.better)
+        made.append(embed_figure(figure, f"{value.name} along each axis", scheme=scheme))
     if isinstance(trade.study.sampling, Grid):
         maps = [(maps_figure(value, axes, merit.better), value.name) for value, merit in shown]
-        drawn = [embed_figure(figure, f"{name} over pairs of axes") for figure, name in maps if figure is not None]
+        drawn = [embed_figure(f, f"{name} over pairs of axes", scheme=scheme) for f, name in maps if f is not None]
         made += ["<h2>Over pairs of axes</h2>", *drawn] if drawn else []
     means = [
         Quantity(value.name, trade.of_points(merit.name)[0], value.log, unranked=~trade.ranked(merit.name))
         for value, merit in shown
     ]
     by = Quantity(axes[0].name, axes[0].values[:: trade.study.seeds], axes[0].log)
-    figure = against_figure(means, [merit.better for _, merit in shown], by, find_pareto_front(trade))
-    if figure is not None:
-        made += ["<h2>Against each other</h2>", embed_figure(figure, "Figures of merit against each other")]
+    against = against_figure(means, [merit.better for _, merit in shown], by, find_pareto_front(trade))
+    if against is not None:
+        words = "Figures of merit against each other"
+        made += ["<h2>Against each other</h2>", embed_figure(against, words, scheme=scheme)]
     return made
 
 
@@ -319,7 +322,7 @@ def _write_study(trade: TradeTable) -> str:
 # ------------------------------------------------------------------------------------------------------- the pictures
 
 
-def _draw_frames(trade: TradeTable) -> list[str]:
+def _draw_frames(trade: TradeTable, scheme: Scheme) -> list[str]:
     made = []
     frames = {point: _try_frame(trade, point * trade.study.seeds) for point, _ in choose_pictured(trade)}
     parts = parts_in_order([frame for frame in frames.values() if isinstance(frame, Frame)])
@@ -336,7 +339,7 @@ def _draw_frames(trade: TradeTable) -> list[str]:
             )
             command = escape(_write_command(trade, row, frame.index))
             caption = f"{escape(merits)}, over the whole run.<br><code>{command}</code>"
-            made.append(embed_figure(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption))
+            made.append(embed_figure(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption, scheme))
     return ["<h2>Frames</h2>", *made] if made else []
 
 

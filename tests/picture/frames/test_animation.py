@@ -7,7 +7,7 @@ from PIL import Image
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture import animate
 from rso_lidar.picture.frames.animation import HEAD, HEIGHT, MARGIN, SIDE, WIDTH
-from rso_lidar.picture.style.palette import MARK, PAPER
+from rso_lidar.picture.style.palette import MARK, PAPER, split_rgb
 
 
 def test_a_gif_has_a_picture_for_each_frame(coming, tmp_path):
@@ -21,9 +21,9 @@ def test_a_gif_has_a_picture_for_each_frame(coming, tmp_path):
         for k in range(12):
             film.seek(k)
             drawn = np.asarray(film.convert("RGB")).astype(int)
-            assert np.abs(drawn[2, 2] - PAPER).max() <= 2
+            assert np.abs(drawn[2, 2] - split_rgb(PAPER)).max() <= 2
             strip = drawn[HEAD + SIDE :]
-            marks.append(np.nonzero(np.abs(strip - MARK).max(axis=-1) <= 8)[1].mean())
+            marks.append(np.nonzero(np.abs(strip - split_rgb(MARK)).max(axis=-1) <= 8)[1].mean())
             assert drawn[HEAD : HEAD + SIDE, MARGIN : MARGIN + SIDE].std() > 1
     assert (np.diff(marks) > 10).all()  # the mark in the time line goes from left to right
     assert marks[-1] - marks[0] > 0.7 * WIDTH

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 
 from rso_lidar.picture import frame_figure, save_frame
 from rso_lidar.picture.frames.frame import _describe_geometry, _free_corner, summarise
 from rso_lidar.picture.frames.part_colours import parts_in_order
+from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE
 from rso_lidar.records import Reading
 
 
@@ -194,9 +196,9 @@ def test_the_scale_bar_is_seen_on_saturated_pixels(handmade):
     frame = dataclasses.replace(frame, observation=dataclasses.replace(frame.observation, reading=reading))
     axes = panels(frame_figure(frame))["Intensity"]
     under, bar = axes.lines
-    assert (under.get_color(), bar.get_color()) == ("black", "white")
+    assert (under.get_color(), bar.get_color()) == (IMAGE_BLACK, IMAGE_WHITE)
     assert under.get_linewidth() > bar.get_linewidth() + 2
-    assert axes.texts[0].get_bbox_patch().get_facecolor() == (0.0, 0.0, 0.0, 1.0)
+    assert axes.texts[0].get_bbox_patch().get_facecolor() == to_rgba(IMAGE_BLACK)
 
 
 def test_one_glint_turns_nothing_black(handmade):

@@ -9,7 +9,7 @@ from rso_lidar.picture.frames.sheet import CAPTION, HEAD, MARGIN, SIDE, SPACE, _
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail
 from rso_lidar.picture.selection.window import crop
-from rso_lidar.picture.style.palette import BLACK, MARK, NO_RETURN
+from rso_lidar.picture.style.palette import IMAGE_MARK, NO_LIGHT, NO_RETURN, split_rgb
 
 
 def pixels(picture):
@@ -18,7 +18,7 @@ def pixels(picture):
 
 def test_each_pixel_of_a_panel_has_its_own_sharp_square(handmade):
     colours = np.random.default_rng(1).integers(0, 255, (24, 24, 3), dtype=np.uint8)
-    drawn = pixels(draw_panel(colours, 192, BLACK))
+    drawn = pixels(draw_panel(colours, 192, NO_LIGHT))
     assert drawn.shape == (192, 192, 3)
     np.testing.assert_array_equal(drawn, np.repeat(np.repeat(colours, 8, axis=0), 8, axis=1))
 
@@ -26,7 +26,7 @@ def test_each_pixel_of_a_panel_has_its_own_sharp_square(handmade):
 @pytest.mark.parametrize("shape", [(128, 128), (64, 128), (128, 64), (300, 300), (1, 5)])
 def test_a_panel_keeps_shape_and_mean_colour(shape):
     colours = np.full((*shape, 3), (10, 200, 30), dtype=np.uint8)
-    drawn = pixels(draw_panel(colours, 192, BLACK))
+    drawn = pixels(draw_panel(colours, 192, NO_LIGHT))
     assert drawn.shape == (192, 192, 3)
     share = (drawn == (10, 200, 30)).all(axis=-1).mean()
     assert share == pytest.approx(min(shape) / max(shape), abs=0.02)
@@ -45,7 +45,7 @@ def test_a_pair_shows_the_crop_in_range_and_intensity(handmade):
         expected = scale.intensity_rgb(window.cut(frame.intensity_counts))[row, col]
         assert tuple(drawn[y, 192 + GAP + x]) == tuple(expected)
     # The mark of the locator stands where the crop is in the field: about the middle of the small square.
-    rows, cols = np.nonzero((drawn[:, :192] == MARK).all(axis=-1))
+    rows, cols = np.nonzero((drawn[:, :192] == split_rgb(IMAGE_MARK)).all(axis=-1))
     side = max(26, 192 // 7)
     middle = (window.left + window.right) / 2 / 128
     assert cols.mean() == pytest.approx(192 - 4 - side + middle * side, abs=1.0)
@@ -56,7 +56,11 @@ def test_the_whole_field_has_no_locator(handmade):
     thumbnail = Thumbnail.of(handmade.make_frame(0.0, 60.0, 64))
     window = crop(thumbnail.bounds)
     assert window.whole
-    assert not (pixels(draw_pair(thumbnail, Scale.of([thumbnail]), window, 192)) == MARK).all(axis=-1).any()
+    assert (
+        not (pixels(draw_pair(thumbnail, Scale.of([thumbnail]), window, 192)) == split_rgb(IMAGE_MARK))
+        .all(axis=-1)
+        .any()
+    )
 
 
 def test_a_sheet_holds_every_cell(coming, tmp_path):
@@ -67,7 +71,7 @@ def test_a_sheet_holds_every_cell(coming, tmp_path):
         x = MARGIN + (k % 4) * (2 * SIDE + GAP + SPACE)
         y = HEAD + (k // 4) * (SIDE + CAPTION + SPACE // 2)
         cell = drawn[y : y + SIDE, x : x + SIDE]
-        dark = (cell == NO_RETURN).all(axis=-1).mean()
+        dark = (cell == split_rgb(NO_RETURN)).all(axis=-1).mean()
         green = (cell[..., 1] > cell[..., 0] + 30).mean()
         assert 0.1 < dark < 0.99
         assert green > 0.01  # something of the range ramp in each cell, whatever the range

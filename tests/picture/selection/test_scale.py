@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 
 from rso_lidar.picture.selection.scale import Scale, nice_down, nice_up
 from rso_lidar.picture.selection.sequence import Thumbnail
-from rso_lidar.picture.style.palette import FAINTEST, NO_RETURN, apply_ramp, fixed_palette, ramp
+from rso_lidar.picture.style.colour_maps import FAINTEST, apply_ramp, fixed_palette, ramp
+from rso_lidar.picture.style.palette import NO_RETURN, split_rgb
 
 
 @given(st.floats(1e-6, 1e9))
@@ -23,9 +24,9 @@ def test_paint_clips_and_marks_what_is_missing():
     assert (colours[0] == colours[1]).all()
     assert (colours[3] == colours[4]).all()
     assert (colours[3] == ramp("viridis")[255]).all()
-    assert tuple(colours[5]) == NO_RETURN
+    assert tuple(colours[5]) == split_rgb(NO_RETURN)
     # A missing return cannot be taken for a range: its grey is well off every colour of the ramp.
-    assert np.abs(ramp("viridis").astype(int) - NO_RETURN).max(axis=1).min() > 25
+    assert np.abs(ramp("viridis").astype(int) - split_rgb(NO_RETURN)).max(axis=1).min() > 25
 
 
 def test_greys_of_intensity_begin_above_black():
@@ -65,7 +66,7 @@ def test_a_look_from_one_place_is_drawn_by_range_itself(handmade):
 def test_nothing_seen_still_has_a_scale(handmade):
     dark = handmade.make_frame(0.0, 500.0, 32, photons_at_km=0.0, false_returns=0)
     scale = Scale.of([Thumbnail.of(dark)])
-    assert (scale.range_rgb(dark.range_m, float("nan")) == NO_RETURN).all()
+    assert (scale.range_rgb(dark.range_m, float("nan")) == split_rgb(NO_RETURN)).all()
     assert (scale.intensity_rgb(dark.intensity_counts) == 0).all()
 
 

@@ -1,0 +1,24 @@
+"""Sizes of text at printed width, and the page of a figure."""
+
+from rso_lidar.picture.style.figures import LANDSCAPE_IN, PAGE_IN, SMALL_PT, TEXT_PT, colour_of, new_figure
+from rso_lidar.picture.style.palette import LINES
+
+MM_PER_IN = 25.4
+
+
+def test_no_text_is_under_seven_points_when_printed():
+    """A page of A4 with margins of 10 mm is 190 mm wide, and a landscape one with margins of 28 mm 240 mm."""
+    for width_in, printed_mm in ((PAGE_IN, 190.0), (LANDSCAPE_IN, 240.0)):
+        assert min(SMALL_PT, TEXT_PT) * printed_mm / (width_in * MM_PER_IN) >= 7.0
+
+
+def test_a_heading_too_long_for_its_figure_is_shortened():
+    (title, *_) = new_figure(4.0, 2.0, "word " * 40).texts
+    assert title.get_text().endswith("…")
+    assert title.get_window_extent().width <= 400
+
+
+def test_curves_differ_in_colour_first_and_then_in_style():
+    looks = [colour_of(k) for k in range(3 * len(LINES))]
+    assert [colour for colour, _ in looks[: len(LINES)]] == list(LINES)
+    assert len({(colour, str(style)) for colour, style in looks}) == 3 * len(LINES)
