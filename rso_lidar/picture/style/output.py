@@ -61,7 +61,7 @@ def save_small_figure(figure: Figure, path: Path, scheme: Scheme = LIGHT) -> Pat
     with io.BytesIO() as held:
         figure.savefig(held, format="png", dpi=PAGE_DPI)
         picture = Image.open(held).convert("RGB")
-        if held.tell() > _LARGE_BYTES:
+        if held.getbuffer().nbytes > _LARGE_BYTES:
             picture = picture.quantize(256, dither=Image.Dither.NONE, kmeans=2)
     with write_atomically(path) as draft:
         picture.save(draft, format="png", optimize=True)
