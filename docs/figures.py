@@ -332,7 +332,7 @@ def strong_returns() -> Any:
     heights.set(xscale="log", yscale="log")
     format_thousands(bias.yaxis, heights.yaxis)
     style_axes(bias, "Range walk over 1 : 250,000", x="Photons on the pixel", y="Range minus truth [cm]")
-    style_axes(heights, "Intensity", x="Photons on the pixel", y="intensity_counts")
+    style_axes(heights, "Intensity", x="Photons on the pixel", y="Intensity [counts]")
     key(bias, "lower left")
     key(heights)
     return figure
@@ -798,12 +798,12 @@ def _shape(name: str) -> tuple[np.ndarray, float]:
     shade = 0.33 + 0.20 * view.cosine + 0.60 * np.clip(facing, 0.0, 1.0)
     colours = np.array([known[entry.parts[part]]["display_rgb"] for part in surface.mesh.part_names])
     rgb = np.clip(colours[surface.part[view.facet]] ** 0.8 * shade[..., None], 0.0, 1.0)
-    image = np.where(view.covered[..., None], 255.0 * rgb, 255.0).astype(np.uint8)
+    image = (255.0 * np.concatenate([rgb, view.covered[..., None]], axis=-1)).astype(np.uint8)  # clear where nothing is
     rows, cols = (np.flatnonzero(view.covered.any(axis=axis)) for axis in (1, 0))
     wide, high = SHAPE_PIXELS
     times = 1.06 * max((cols[-1] - cols[0] + 1) / wide, (rows[-1] - rows[0] + 1) / high)  # cells to a pixel
     left, top = 0.5 * (cols[0] + cols[-1] - times * wide), 0.5 * (rows[0] + rows[-1] - times * high)
-    padded = Image.fromarray(np.pad(image, ((1200, 1200), (1200, 1200), (0, 0)), constant_values=255))
+    padded = Image.fromarray(np.pad(image, ((1200, 1200), (1200, 1200), (0, 0)), constant_values=0), mode="RGBA")
     window = (1200 + left, 1200 + top, 1200 + left + times * wide, 1200 + top + times * high)
     small = np.asarray(padded.resize(SHAPE_PIXELS, Image.Resampling.BOX, box=window))
     return small // 8 * 8 + small // 32, times * wide * view.cell_m  # fewer colours, a smaller file
@@ -884,9 +884,9 @@ def published() -> Any:
         reach.plot(measured_m, place, "o", color=BLUE, mfc=face, ms=6, label=label)
     names = [f"{zones}, {target}, {'5 klux' if lit else 'dark'}" for zones, target, lit in known.VL53_REACH_M]
     reach.set_yticks(range(len(names)), names, fontsize=SMALL_PT)
-    reach.set(xlim=(0.0, 3.3), ylim=(len(names) - 0.5, -0.5))
+    reach.set(xlim=(0.0, 3.3), ylim=(len(names) + 2.2, -0.5))  # room for the legend
     style_axes(reach, "VL53L5CX: reach", x="Range of 90 % detection [m]")
-    key(reach, "center right", bbox_to_anchor=(1.0, 0.7))
+    key(reach, "lower left")
     return figure
 
 
