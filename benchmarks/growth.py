@@ -169,7 +169,7 @@ def drawn(found: Sequence[Axis]) -> Any:
         decades = np.floor(np.log10(axis.cost.min())), np.ceil(np.log10(axis.cost.max()))
         panel.set_ylim(*np.power(10.0, decades))
         style_axes(
-            panel, axis.name, axis.note, axis.unit, f"exponent {axis.exponent:.2f}, at the end {axis.at_the_end:.2f}"
+            panel, axis.name, axis.note, axis.unit, f"exponent {axis.exponent:.2f}, end {axis.at_the_end:.2f}"
         )
         format_thousands(panel.xaxis, panel.yaxis)
         panel.minorticks_off()

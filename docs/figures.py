@@ -628,7 +628,7 @@ def operations() -> Any:
     figure = new_figure(
         11.0, 10.2, "Proximity operations by name",
         "about a body on a circle 400 km high. Line: as planned, thick where thrust holds it; dot: start; "
-        "triangles: impulses; dashes: a revolution of drift after the worst failure",
+        "triangles: impulses; dashes: drift after the worst failure",
     )  # fmt: skip
     station = _low_orbit()
     for axes, (name, (part, plane)) in zip(figure.subplots(4, 3).flat, _operations().items(), strict=True):
