@@ -168,9 +168,7 @@ def drawn(found: Sequence[Axis]) -> Any:
         panel.loglog(axis.size, axis.cost[-1] * axis.size / axis.size[-1], ":", color=RULE, lw=LINE_PT)
         decades = np.floor(np.log10(axis.cost.min())), np.ceil(np.log10(axis.cost.max()))
         panel.set_ylim(*np.power(10.0, decades))
-        style_axes(
-            panel, axis.name, axis.note, axis.unit, f"exponent {axis.exponent:.2f}, end {axis.at_the_end:.2f}"
-        )
+        style_axes(panel, axis.name, axis.note, axis.unit, f"exponent {axis.exponent:.2f}, end {axis.at_the_end:.2f}")
         format_thousands(panel.xaxis, panel.yaxis)
         panel.minorticks_off()
     return figure
