@@ -25,6 +25,8 @@ HOME = {"README.md": "index", "docs/README.md": "index"}  # pages of the reposit
 # Folders of scripts that the site runs, and of what it makes.
 SCRIPTS = {"docs/tutorial": "auto_tutorial", "docs/gallery": "auto_gallery"}
 MADE = ("docs/api", "docs/files", "docs/auto_tutorial", "docs/auto_gallery")
+# Pages of the repository that the contents of the site list.
+LISTED_PAGES = ("ARCHITECTURE.md", "CHANGELOG.md", "CODE_OF_CONDUCT.md", "CONTRIBUTING.md", "SECURITY.md")
 LISTED = 200  # files of a folder that its page lists
 
 
@@ -112,6 +114,8 @@ def write_files(app):
     files = Files(docs)
     for page in pages_of(docs):
         files.rewrite(page.read_text(encoding="utf-8"), page.parent, page.relative_to(docs).as_posix())
+    for name in LISTED_PAGES:
+        files.add(docs.parent / name)
     for name, text in files.pages.items():
         file = docs / f"{name}.md"
         file.parent.mkdir(parents=True, exist_ok=True)
