@@ -65,6 +65,7 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "write_computation_times": False,  # its table would load a script from another host
     "min_reported_time": 10,
+    "default_thumb_file": str(DOCS / "pictures" / "tdrs_approach.png"),
     "plot_gallery": "True",
     "subsection_order": [
         *(
