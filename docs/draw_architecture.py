@@ -18,8 +18,21 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from rso_lidar.picture.style.figures import (
+    HEADING_PT,
+    SCREEN_DPI,
+    SMALL_PT,
+    TEXT_PT,
+    THICK_PT,
+    THIN_PT,
+    TITLE_PT,
+    WIDE_PT,
+)
+from rso_lidar.picture.style.output import save_small_figure
+from rso_lidar.picture.style.palette import BLUE, DARK, INK, LIGHT, PAPER, QUIET, RULE, SHADE, Scheme
+
 ROOT = Path(__file__).resolve().parents[1]
-PICTURES = {"architecture": False, "architecture_dark": True}  # by name: whether it is for a dark page
+PICTURES = {"architecture": LIGHT, "architecture_dark": DARK}  # schemes by name
 WALK = (
     "scenario",
     "motion",
@@ -35,25 +48,7 @@ COLUMNS = {  # where each room stands on its floor, so that few arrows cross
     "sampling": 1.7, "sensors": 0.3, "motion": 0.0, "optics": 1.0, "scene": 2.0, "detector": 3.0, "shapes": 4.0,
     "export": 5.0, "picture": 6.0, "rpo": 0.0, "fmi": 1.2, "orbit": 0.0,
 }  # fmt: skip
-THEMES: dict[bool, dict[str, str]] = {
-    False: {
-        "paper": "#ffffff",
-        "ink": "#1c1e22",
-        "quiet": "#5d626b",
-        "box": "#f1f3f5",
-        "edge": "#9aa0a8",
-        "walk": "#0072b2",
-    },
-    True: {
-        "paper": "#14181e",
-        "ink": "#e8eaed",
-        "quiet": "#a9b0ba",
-        "box": "#232a33",
-        "edge": "#6b7480",
-        "walk": "#56b4e9",
-    },
-}
-WIDTH_IN, ROW_IN, BOX_IN = 13.6, 1.08, 0.66  # of the picture, from floor to floor, and height of a box
+WIDTH_IN, ROW_IN, BOX_IN = 13.6, 1.16, 0.76  # of the picture, from floor to floor, and height of a box
 PITCH_IN = (WIDTH_IN - 0.4) / 7.0  # from column to column
 
 
@@ -131,80 +126,79 @@ def read_idea(room: str) -> str:
     return textwrap.shorten(idea, 72, placeholder=" ...")
 
 
-def draw(graph: dict[str, Any], path: Path, *, is_dark: bool) -> None:
+def draw(graph: dict[str, Any], path: Path, scheme: Scheme) -> None:
     """Draw the picture and write it as PNG.
 
     Parameters
     ----------
     graph : as `describe_graph` returns it.
     path : of the PNG.
-    is_dark : whether it is for a dark page.
+    scheme : `LIGHT` or `DARK`.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
-    theme = THEMES[is_dark]
     floors = graph["floors"]
     foot_in, head_in = 1.75, 0.75
     height_in = head_in + foot_in + ROW_IN * len(floors)
-    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=100, facecolor=theme["paper"])
+    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=SCREEN_DPI, facecolor=PAPER)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(0.0, WIDTH_IN), ylim=(0.0, height_in))
     axes.axis("off")
 
-    def write(x: float, y: float, text: str, size: float = 9.0, colour: str = "ink", **more: Any) -> None:
-        axes.text(x, y, text, fontsize=size, color=theme[colour], **{"ha": "center", "va": "center", **more})
+    def write(x: float, y: float, text: str, size: float = SMALL_PT, colour: str = INK, **more: Any) -> None:
+        axes.text(x, y, text, fontsize=size, color=colour, **{"ha": "center", "va": "center", **more})
 
     def box(x: float, y: float, width: float, height: float, edge: str, line: float) -> None:
         style = "round,pad=0,rounding_size=0.06"
-        axes.add_patch(FancyBboxPatch((x, y), width, height, style, fc=theme["box"], ec=theme[edge], lw=line, zorder=3))
+        axes.add_patch(FancyBboxPatch((x, y), width, height, style, fc=SHADE, ec=edge, lw=line, zorder=3))
 
     places, breadth_in = place_rooms(floors), PITCH_IN - 0.16
     for room, (x, floor) in places.items():
         y = foot_in + ROW_IN * (len(floors) - 1 - floor)
         step = WALK.index(room) + 1 if room in WALK else 0
-        box(x - breadth_in / 2, y, breadth_in, BOX_IN, "walk" if step else "edge", 2.0 if step else 1.0)
+        box(x - breadth_in / 2, y, breadth_in, BOX_IN, BLUE if step else RULE, THICK_PT if step else THIN_PT)
         write(
             x,
             y + BOX_IN - 0.14,
             f"{step}  {room}" if step else room,
-            10.5,
-            "walk" if step else "ink",
+            HEADING_PT,
+            INK,
             weight="bold",
             zorder=4,
         )
         lines = textwrap.wrap(graph["ideas"][room], 26)[:3]
-        write(x, y + (BOX_IN - 0.2) / 2, "\n".join(lines), 7.6, "quiet", zorder=4, linespacing=1.15)
+        write(x, y + (BOX_IN - 0.2) / 2, "\n".join(lines), SMALL_PT, QUIET, zorder=4, linespacing=1.15)
     ends = place_ends(places, graph["arrows"], breadth_in)
     for start, end, breadth in graph["arrows"]:
         (x0, x1) = ends[start, end]
         y0 = foot_in + ROW_IN * (len(floors) - 1 - places[start][1])
         y1 = foot_in + ROW_IN * (len(floors) - 1 - places[end][1]) + BOX_IN
         head = f"-|>,head_length={3 + breadth},head_width={1.5 + breadth / 2}"
-        line = (0.8, 1.6, 3.0)[breadth - 1]
+        line = (THIN_PT, THICK_PT, WIDE_PT)[breadth - 1]
         arrow = FancyArrowPatch((x0, y0), (x1, y1), arrowstyle=head, lw=line, shrinkA=0, shrinkB=0, zorder=1)
-        arrow.set_color(theme["edge"])
+        arrow.set_color(RULE)
         axes.add_patch(arrow)
     below = [name for floor in graph["slab"] for name in floor]
-    box(0.2, 0.95, WIDTH_IN - 0.4, 0.55, "edge", 1.0)
-    write(WIDTH_IN / 2, 1.34, "what every room stands on", 10.5, weight="bold", zorder=4)
-    write(WIDTH_IN / 2, 1.1, ", ".join(below), 9.0, "quiet", zorder=4)
-    write(0.2, height_in - 0.25, "The rooms of rso_lidar, from their imports", 14, ha="left", weight="bold")
+    box(0.2, 0.95, WIDTH_IN - 0.4, 0.55, RULE, THIN_PT)
+    write(WIDTH_IN / 2, 1.34, "what every room stands on", HEADING_PT, weight="bold", zorder=4)
+    write(WIDTH_IN / 2, 1.1, ", ".join(below), SMALL_PT, QUIET, zorder=4)
+    write(0.2, height_in - 0.25, "The rooms of rso_lidar, from their imports", TITLE_PT, ha="left", weight="bold")
     write(
         0.2, height_in - 0.52,
         "A room imports only from rooms below it. Blue, 1 to 6: the way of the light from the scenario to the file.",
-        10, "quiet", ha="left",
+        TEXT_PT, QUIET, ha="left",
     )  # fmt: skip
     write(
         0.2, 0.55,
         f"An arrow points from a room to one that it imports: thin up to {BROAD - 1} imports between modules, broad from "
         f"{BROADEST}. An arrow is left out where others already lead\nthere, and so are all arrows to the slab. The order "
         "of floors is a contract in pyproject.toml, which a test checks.",
-        9, "quiet", ha="left", linespacing=1.4,
+        SMALL_PT, QUIET, ha="left", linespacing=1.4,
     )  # fmt: skip
-    figure.savefig(path, metadata={"Software": None, "Description": digest_graph(graph)}, facecolor=theme["paper"])
+    save_small_figure(figure, path, scheme, {"Description": digest_graph(graph)})
 
 
 def place_rooms(floors: list[list[str]]) -> dict[str, tuple[float, int]]:
@@ -231,8 +225,8 @@ def place_ends(
 def main() -> None:
     """Draw both pictures."""
     graph = describe_graph()
-    for name, is_dark in PICTURES.items():
-        draw(graph, ROOT / "docs" / "pictures" / f"{name}.png", is_dark=is_dark)
+    for name, scheme in PICTURES.items():
+        draw(graph, ROOT / "docs" / "pictures" / f"{name}.png", scheme)
 
 
 if __name__ == "__main__":

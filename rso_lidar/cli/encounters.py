@@ -194,6 +194,14 @@ def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
 
 
 def _draw(table: Encounters, place: Path, scheme: Scheme) -> Path:
+    """Draw the encounters of a table, write the figure and return its path.
+
+    Parameters
+    ----------
+    table : what is drawn; docked pairs are left out.
+    place : path of the figure.
+    scheme : of the figure, light or dark.
+    """
     rows = [row for row in table.rows if not row.docked]
     start = np.datetime64(table.start_utc.astimezone(datetime.UTC).replace(tzinfo=None), "ms")
     figure = encounter_figure(

@@ -126,7 +126,14 @@ def _make_folder(folder: Path) -> None:
 
 
 def _write(made: Trade, places: list[Path], scheme: Scheme) -> None:
-    """Write all outputs under temporary names, and rename them when the last is complete."""
+    """Write all outputs under temporary names, and rename them when the last is complete.
+
+    Parameters
+    ----------
+    made : the trade.
+    places : paths of the outputs.
+    scheme : of figures and pages, light or dark.
+    """
     with ExitStack() as drafts:
         for place in places:
             made.save(drafts.enter_context(write_atomically(place)), scheme)

@@ -49,7 +49,7 @@ def test_an_arrow_is_left_out_where_others_lead_there(drawing):
 
 def test_the_picture_is_the_same_each_time(drawing, graph, tmp_path):
     for name in ("one.png", "two.png"):
-        drawing["draw"](graph, tmp_path / name, is_dark=False)
+        drawing["draw"](graph, tmp_path / name, drawing["PICTURES"]["architecture"])
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
     less = {**graph, "arrows": graph["arrows"][1:]}
     assert drawing["digest_graph"](less) != drawing["digest_graph"](graph)

@@ -6,10 +6,8 @@ import re
 from tests.house.sources import ROOT
 
 STYLE = ROOT / "rso_lidar" / "picture" / "style"
-# Pages that a reader downloads write plain matplotlib; the picture of the imports has colours of its own.
-OUTSIDE = tuple(
-    ROOT / "docs" / name for name in ("gallery", "tutorial", "auto_gallery", "auto_tutorial", "draw_architecture.py")
-)
+# Pages that a reader downloads write plain matplotlib.
+OUTSIDE = tuple(ROOT / "docs" / name for name in ("gallery", "tutorial", "auto_gallery", "auto_tutorial"))
 PLACES = ("rso_lidar", "docs", "benchmarks", "examples")
 # Arguments of matplotlib and Pillow that the style decides.
 STYLED = {

@@ -127,7 +127,14 @@ def _draw_one(
 
 
 def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail], scheme: Scheme) -> list[tuple[float, float]]:
-    """Draw the line of range over time, and return the position of each thumbnail on it [pixels]."""
+    """Draw the line of range over time, and return the position of each thumbnail on it [pixels].
+
+    Parameters
+    ----------
+    page : the picture to draw on.
+    thumbnails : of all frames shown, in the order of time.
+    scheme : colours of the page.
+    """
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(page)

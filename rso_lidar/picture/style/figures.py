@@ -91,7 +91,14 @@ def style_bar(bar: Colorbar, label: str = "") -> None:
 
 
 def colour_axis(axes: Axes, side: Literal["left", "right"], colour: str) -> None:
-    """Draw the axis of values at a side in the colour of its curve, where two curves have an axis each."""
+    """Draw the axis of values at a side in the colour of its curve, where two curves have an axis each.
+
+    Parameters
+    ----------
+    axes : the plot.
+    side : of the axis.
+    colour : of the curve.
+    """
     axes.spines[side].set(visible=True, color=colour, linewidth=THICK_PT)
     axes.tick_params(axis="y", which="both", color=colour)
 

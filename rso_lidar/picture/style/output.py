@@ -42,7 +42,9 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = FILE_DPI, scheme: S
     return place
 
 
-def save_small_figure(figure: Figure, path: Path, scheme: Scheme = LIGHT) -> Path:
+def save_small_figure(
+    figure: Figure, path: Path, scheme: Scheme = LIGHT, metadata: Mapping[str, str] | None = None
+) -> Path:
     """Write a figure for a web page as a PNG; a large one gets 256 colours, which is about a third of the bytes.
 
     Parameters
@@ -50,12 +52,14 @@ def save_small_figure(figure: Figure, path: Path, scheme: Scheme = LIGHT) -> Pat
     figure : what to write.
     path : of the file; an existing one is replaced.
     scheme : `LIGHT` or `DARK`; the figure keeps the dark colours.
+    metadata : texts of the PNG by keyword, such as ``{"Description": "…"}``.
 
     Returns
     -------
     The path of the file.
     """
     from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
 
     recolour(figure, scheme)
     with io.BytesIO() as held:
@@ -63,8 +67,11 @@ def save_small_figure(figure: Figure, path: Path, scheme: Scheme = LIGHT) -> Pat
         picture = Image.open(held).convert("RGB")
         if held.getbuffer().nbytes > _LARGE_BYTES:
             picture = picture.quantize(256, dither=Image.Dither.NONE, kmeans=2)
+    texts = PngInfo()
+    for keyword, text in (metadata or {}).items():
+        texts.add_text(keyword, text)
     with write_atomically(path) as draft:
-        picture.save(draft, format="png", optimize=True)
+        picture.save(draft, format="png", optimize=True, pnginfo=texts)
     return path
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable
-from rso_lidar.picture.frames.frame import draw_intensity, draw_range, range_limits_m, summarise
+from rso_lidar.picture.frames.frame import summarise
+from rso_lidar.picture.frames.panels import draw_intensity, draw_range, range_limits_m
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, even_indices, find_target_pixels, on_target
 from rso_lidar.picture.selection.window import bounding_window, crop

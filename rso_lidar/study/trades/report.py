@@ -42,7 +42,14 @@ _DECADES = 30.0  # greatest over least value from which the scale of a figure of
 
 
 def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
-    """Write a trade's table or report, by the suffix, and return the path."""
+    """Write a trade's table or report, by the suffix, and return the path.
+
+    Parameters
+    ----------
+    trade : what is written.
+    place : path of the file, ending in .csv, .parquet or .html.
+    scheme : colours of the report, `LIGHT` or `DARK`.
+    """
     suffix = place.suffix.lower()
     if suffix == ".csv":
         return write_columns(place, trade.table)

@@ -8,7 +8,8 @@ import pytest
 from matplotlib.colors import to_rgba
 
 from rso_lidar.picture import frame_figure, save_frame
-from rso_lidar.picture.frames.frame import _describe_geometry, _free_corner, summarise
+from rso_lidar.picture.frames.frame import _describe_geometry, summarise
+from rso_lidar.picture.frames.panels import _free_corner
 from rso_lidar.picture.frames.part_colours import parts_in_order
 from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE
 from rso_lidar.records import Reading
