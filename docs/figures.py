@@ -1098,6 +1098,71 @@ def allan() -> Any:
     return figure
 
 
+def _arrow(
+    axes: Any, end: tuple[float, float], name: str, colour: str = INK, start: tuple[float, float] = (0.0, 0.0)
+) -> None:
+    """Draw an axis or a direction with its name at the tip."""
+    axes.annotate(
+        "", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": LINE_PT, "shrinkA": 0, "shrinkB": 0}
+    )
+    tip = np.asarray(end) + 0.13 * (np.asarray(end) - start) / np.hypot(*(np.asarray(end) - start))
+    axes.text(*tip, name, ha="center", va="center", color=colour, fontsize=TEXT_PT)
+
+
+def _plain(axes: Any, title: str, x: tuple[float, float], y: tuple[float, float]) -> None:
+    """Prepare a drawing to scale, without numbers."""
+    style_axes(axes, title)
+    axes.set(xlim=x, ylim=y, aspect="equal", xticks=[], yticks=[])
+    axes.grid(visible=False)
+    for side in axes.spines.values():
+        side.set_visible(False)
+
+
+def axes_chain() -> Any:
+    """Axes of a target's orbit, of the pan-tilt unit and of the lidar, as docs/axes.md describes them."""
+    figure = new_figure(PAGE_IN, 3.9, "From the orbit to the pixel", "axes by name; drawings are not to scale")
+    rtn, ptu, lidar = figure.subplots(1, 3)
+
+    _plain(rtn, "rtn of the target, seen from orbit north", (-1.75, 1.45), (-1.5, 1.7))
+    around = np.linspace(0.32, 1.1, 60) * np.pi
+    rtn.plot(2.6 * np.cos(around), 2.6 * np.sin(around) - 2.6, color=RULE, lw=THIN_PT)
+    rtn.text(0.0, -1.2, "Earth, far below", ha="center", va="center", color=QUIET, fontsize=SMALL_PT)
+    _arrow(rtn, (0.0, 1.1), "x, radial", BLUE)
+    _arrow(rtn, (-1.1, 0.0), "y", GREEN)
+    rtn.text(-1.1, 0.2, "along-track", ha="center", va="center", color=GREEN, fontsize=SMALL_PT)
+    rtn.plot(0.0, 0.0, "o", mfc=PAPER, mec=RED, mew=LINE_PT, ms=10)
+    rtn.plot(0.0, 0.0, ".", color=RED)
+    rtn.text(0.15, 0.22, "z, to the reader", ha="left", color=RED, fontsize=TEXT_PT)
+    rtn.plot(1.05, -0.2, "s", color=INK, ms=7)
+    rtn.text(1.05, -0.48, "follower", ha="center", color=INK, fontsize=TEXT_PT)
+    rtn.text(0.0, -0.35, "target", ha="center", color=INK, fontsize=TEXT_PT)
+
+    _plain(ptu, "PTU on the follower, seen from above", (-1.0, 2.2), (-1.6, 1.6))
+    ptu.fill([-0.45, 0.25, 0.25, -0.45], [-0.35, -0.35, 0.35, 0.35], color=OTHER_PART)
+    _arrow(ptu, (1.5, 0.0), "x", QUIET)
+    _arrow(ptu, (0.0, 1.3), "y", QUIET)
+    pan = np.linspace(0.0, 35.0 * units.DEG, 30)
+    _arrow(ptu, (1.7 * math.cos(pan[-1]), 1.7 * math.sin(pan[-1])), "boresight", BLUE)
+    ptu.plot(np.cos(pan), np.sin(pan), color=ORANGE, lw=LINE_PT)
+    ptu.text(1.12, 0.36, "pan > 0: left", color=ORANGE, fontsize=TEXT_PT, va="center")
+    ptu.text(0.6, -0.85, "z is up, to the reader;", ha="center", color=QUIET, fontsize=SMALL_PT)
+    ptu.text(0.6, -1.15, "tilt > 0 looks up", ha="center", color=ORANGE, fontsize=TEXT_PT)
+
+    _plain(lidar, "lidar, as it looks at the scene", (-1.9, 1.9), (1.9, -1.9))
+    for line in np.linspace(-1.2, 1.2, 9):
+        lidar.plot([line, line], [-1.2, 1.2], color=RULE, lw=HAIR_PT)
+        lidar.plot([-1.2, 1.2], [line, line], color=RULE, lw=HAIR_PT)
+    _arrow(lidar, (1.45, 0.0), "x", BLUE)
+    _arrow(lidar, (0.0, 1.45), "y", GREEN)
+    lidar.plot(0.0, 0.0, "o", mfc=PAPER, mec=RED, mew=LINE_PT, ms=10)
+    lidar.plot(0.0, 0.0, "x", color=RED, ms=6)
+    paper = {"facecolor": PAPER, "edgecolor": "none", "pad": 1.5}
+    lidar.text(-0.2, -0.3, "z, boresight,\naway", ha="right", color=RED, fontsize=TEXT_PT, bbox=paper)
+    lidar.text(-1.2, -1.38, "pixel (row 0, col 0)", ha="left", color=QUIET, fontsize=SMALL_PT)
+    lidar.text(1.2, 1.5, "row, col grow", ha="right", color=QUIET, fontsize=SMALL_PT)
+    return figure
+
+
 def palette() -> Any:
     """The style of all pictures: colours of lines, sizes of text, colours of parts, and colour maps."""
     figure = new_figure(
@@ -1149,6 +1214,7 @@ def palette() -> Any:
 
 FIGURES: dict[str, Callable[[], Any]] = {
     "palette": palette,
+    "axes_chain": axes_chain,
     "counts": counts,
     "detection": detection,
     "false_alarms": false_alarms,

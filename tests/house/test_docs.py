@@ -193,6 +193,7 @@ def test_every_picture_is_shown_and_every_figure_drawn():
             "models.md",
             "calibration.md",
             "sensors.md",
+            "axes.md",
             "pictures.md",
         )
     )
