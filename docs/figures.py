@@ -1120,7 +1120,7 @@ def _plain(axes: Any, title: str, x: tuple[float, float], y: tuple[float, float]
 
 def axes_chain() -> Any:
     """Axes of a target's orbit, of the pan-tilt unit and of the lidar, as docs/axes.md describes them."""
-    figure = new_figure(PAGE_IN, 3.9, "From the orbit to the pixel", "axes by name; drawings are not to scale")
+    figure = new_figure(PAGE_IN, 4.3, "From the orbit to the pixel", "axes by name; drawings are not to scale")
     rtn, ptu, lidar = figure.subplots(1, 3)
 
     _plain(rtn, "rtn of the target, seen from orbit north", (-1.75, 1.45), (-1.5, 1.7))
