@@ -1,5 +1,7 @@
 """A writer killed at any moment leaves a complete file, or only a temporary one whose frames are whole."""
 
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -19,39 +21,62 @@ FULL = (
     '"sensors": {"gyro": (1, 5, 6, 5), "wheels": (0, 0, 2, 2), "own sensor": (0, 1, 0, 1)}}'
 )
 
-# Writes frames, going on where an earlier run was killed, and tells of each.
+# Imports once, then forks a child for each line that it reads. A child writes frames, going on where an earlier one was
+# killed, and tells of each through a pipe with a name. This process says which child began, and when it has ended.
 FLY = f"""
-import sys
+import os, sys
 sys.path.insert(0, {str(Path(__file__).parents[1])!r})
 from frames_for_tests import SOURCE, make_frame
 from rso_lidar import export
 import h5py
-print("ready", flush=True)
-how = eval(sys.argv[2])
-with export.Recorder(sys.argv[1], SOURCE, run_id="1a2b3c4d", resume=True, changing_lens="zoom" in how) as recorder:
-    for k in range(recorder.written, {COUNT}):
-        recorder.write(make_frame(k, shape={SHAPE}, **how))
-        print(k, flush=True)
+for line in sys.stdin:
+    output, pipe, kind = line.rstrip("\\n").split("\\t")
+    child = os.fork()
+    if child:
+        print(child, flush=True)
+        print(os.WTERMSIG(os.waitpid(child, 0)[1]), flush=True)
+        continue
+    how = eval(kind)
+    with open(pipe, "w") as told:
+        print("ready", file=told, flush=True)
+        with export.Recorder(output, SOURCE, run_id="1a2b3c4d", resume=True, changing_lens="zoom" in how) as recorder:
+            for k in range(recorder.written, {COUNT}):
+                recorder.write(make_frame(k, shape={SHAPE}, **how))
+                print(k, file=told, flush=True)
+    os._exit(0)
 """
+
+
+@pytest.fixture(scope="module")
+def writers():
+    """Return a process that starts writers."""
+    command = [sys.executable, "-c", FLY]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1) as process:
+        yield process
+        process.stdin.close()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
 @pytest.mark.parametrize("kind", [PLAIN, FULL], ids=["plain", "kept, lens and sensors"])
-def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path, kind):
+def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path, tmp_path_factory, writers, kind):
     how = eval(kind)
     rng = np.random.default_rng(1807)
     output, left = tmp_path / "run.h5", tmp_path / "run.h5.tmp-1a2b3c4d"
+    pipe = tmp_path_factory.mktemp("pipes") / "told"
+    os.mkfifo(pipe)
     told = -1
     middles = 0
     for _ in range(KILLS):
-        child = subprocess.Popen([sys.executable, "-c", FLY, str(output), kind], stdout=subprocess.PIPE, text=True)
-        assert child.stdout.readline() == "ready\n"
-        for _ in range(rng.integers(0, 4)):  # let some frames pass (with 0: kill while it starts or copies) ...
-            told = max(told, int(child.stdout.readline()))
-        time.sleep(rng.uniform(0, 0.01))  # ... and strike anywhere within the next few
-        child.kill()
-        rest, _ = child.communicate()
-        told = max([told, *(int(line) for line in rest.splitlines(keepends=True) if line.endswith("\n"))])
+        writers.stdin.write(f"{output}\t{pipe}\t{kind}\n")
+        child = int(writers.stdout.readline())
+        with pipe.open() as lines:
+            assert lines.readline() == "ready\n"
+            for _ in range(rng.integers(0, 4)):  # let some frames pass (with 0: kill while it starts or copies) ...
+                told = max(told, int(lines.readline()))
+            time.sleep(rng.uniform(0, 0.01))  # ... and strike anywhere within the next few
+            os.kill(child, signal.SIGKILL)
+            told = max([told, *(int(line) for line in lines if line.endswith("\n"))])
+        assert int(writers.stdout.readline()) == signal.SIGKILL
         assert not output.exists()
         if not left.exists():
             assert told == -1  # killed before the first frame
