@@ -10,6 +10,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from _pytest.doctest import DoctestModule
 
 from tests import limits
 
@@ -41,6 +42,12 @@ def pytest_configure(config):
 def pytest_collection_finish():
     """Let the garbage collector skip what collection made: it lives until the end, and each full search visits it."""
     gc.freeze()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path):
+    """Search tests for no doctests, which only the package has: each test process would search 500 modules."""
+    return [found for found in (yield) if not isinstance(found, DoctestModule)]
 
 
 class SharedPath(type(Path())):

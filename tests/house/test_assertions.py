@@ -1,6 +1,7 @@
 """Every test can fail by itself: it asserts, or uses a function or a fixture that does."""
 
 import ast
+import re
 from functools import cache
 from pathlib import PurePosixPath
 
@@ -73,6 +74,22 @@ def idle_tests(trees):
         own = [word for word in functions_of(trees[name]) if word.startswith("test_")]
         idle += [f"{name}::{word}" for word in own if word not in checks]
     return idle
+
+
+def test_tests_hold_no_doctest():
+    """pytest searches them in the package only."""
+    assert not [name for name, tree in parse("tests").items() if has_doctest(tree)]
+
+
+def has_doctest(tree):
+    """Return whether a docstring of a module has an example with a prompt."""
+    documented = [node for node in ast.walk(tree) if isinstance(node, (ast.Module, ast.ClassDef, *FUNCTIONS))]
+    return any(re.search(r"^\s*>>> ", ast.get_docstring(node) or "", re.MULTILINE) for node in documented)
+
+
+def test_a_doctest_is_seen():
+    assert has_doctest(ast.parse('def add():\n    """Add.\n\n    >>> 1 + 1\n    2\n    """'))
+    assert not has_doctest(ast.parse('def add():\n    """Add x >>> y."""'))
 
 
 def test_every_test_asserts():
