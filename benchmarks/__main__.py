@@ -52,6 +52,12 @@ def main() -> None:
         "--frames", type=int, metavar="N", help=f"so many in growth ({growth.FRAMES:,}) and orbit ({orbit.FRAMES:,})"
     )
     chosen = parser.parse_args()
+    if chosen.write and not chosen.write.is_file():  # before minutes of measuring
+        parser.error(
+            f"--write {chosen.write}: there is no such page; give one with markers, such as docs/performance.md"
+        )
+    if chosen.frames is not None and chosen.frames < 1:
+        parser.error(f"--frames {chosen.frames}: give 1 or more")
     pictures = chosen.write.parent / "pictures" if chosen.write else None
     runs: dict[str, Callable[[], Findings]] = {
         "stages": lambda: stages.run(quick=chosen.quick),

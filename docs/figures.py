@@ -1242,7 +1242,9 @@ FIGURES: dict[str, Callable[[], Any]] = {
 def main(names: Sequence[str] = ()) -> None:
     """Draw the figures of these names, or all."""
     if unknown := set(names) - set(FIGURES):
-        raise SystemExit(f"figures: nothing is called {', '.join(sorted(unknown))} (known: {', '.join(FIGURES)})")
+        known = ", ".join(FIGURES)
+        sys.stderr.write(f"figures: {', '.join(sorted(unknown))}: no figure of this name; give some of {known}\n")
+        sys.exit(2)
     for name in names or FIGURES:
         figure = FIGURES[name]()
         for scheme, ending in ((picture.LIGHT, ""), (picture.DARK, "_dark")):

@@ -103,7 +103,7 @@ def pages(*names: str) -> dict[Path, str]:
         },
     }
     if unknown := sorted(set(names) - set(makers)):
-        raise SystemExit(f"generate.py: {unknown[0]}: no page of this name is generated; give {', '.join(makers)}")
+        raise ValueError(f"'{unknown[0]}': no page of this name is generated; give {', '.join(makers)}")
     wanted = {name: makers[name] for name in names or makers}
     return {
         DOCS / name: _filled(DOCS / name, {block: make() for block, make in blocks.items()})
@@ -737,7 +737,12 @@ def _is_a_value(field: Any) -> bool:
 
 def main() -> None:
     """Write the pages that the arguments name anew, or all."""
-    for page, text in pages(*sys.argv[1:]).items():
+    try:
+        made = pages(*sys.argv[1:])
+    except ValueError as error:
+        sys.stderr.write(f"generate.py: {error}\n")
+        sys.exit(2)
+    for page, text in made.items():
         page.write_text(text, encoding="utf-8")
 
 

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+_FOLDERS = ("tle", "models", "examples")
+
 
 def shipped(name: str = "") -> Path:
     """Return the path of shipped data, such as ``shipped("tle/tdrs.tle")``.
@@ -17,11 +19,18 @@ def find(path: str | Path, folder: Path | None = None) -> Path | None:
     """Find the file that a user means by `path`; None if there is none.
 
     An absolute path is used as it is. A relative path is looked up in `folder` (by default the working folder), then among
-    the shipped data.
+    the shipped data: not in the package's other folders, nor by `..` beside it.
+
+    Parameters
+    ----------
+    path : as the user states it.
+    folder : start of relative paths (None: the working folder).
     """
     try:
         wanted = Path(path).expanduser()
-        places = [wanted] if wanted.is_absolute() else [(folder or Path()) / wanted, shipped(str(wanted))]
+        places = [wanted if wanted.is_absolute() else (folder or Path()) / wanted]
+        if wanted.parts and wanted.parts[0] in _FOLDERS and ".." not in wanted.parts:
+            places.append(shipped(str(wanted)))
         return next((place for place in places if place.exists()), None)
     except (OSError, RuntimeError, ValueError):  # no such user, a name too long: there is no such file
         return None

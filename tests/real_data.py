@@ -249,6 +249,8 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 def main(arguments):
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="backslashreplace")  # a name may hold letters that the terminal has not
     parser = OneLineParser(prog="python -m tests.real_data", description=__doc__.partition("\n\n")[0])
     parser.add_argument("folder", nargs="?", help="folder with what you downloaded, unpacked; subfolders are searched")
     parser.add_argument("--to", default=os.environ.get("RSO_LIDAR_SHARED") or DEFAULT, help="where tests look")
@@ -267,10 +269,18 @@ def main(arguments):
         if place.exists() and not place.is_dir():
             raise DataError(f"{place}: is not a folder; name another with --to")
         lines, found = bring(folder, place)
+    except OSError as error:  # a name too long, or a folder that may not be entered
+        print(f"real data: {error.filename}: cannot be used ({error.strerror}); name another folder", file=sys.stderr)
+        return 2
     except (RsoLidarError, ValueError) as error:  # ValueError: a path with a null character
         print(f"real data: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    print(*lines, sep="\n")
+    try:
+        print(*lines, sep="\n", flush=True)
+    except OSError as error:  # a closed pipe or a full disk
+        sys.stdout = Path(os.devnull).open("w")  # Python flushes it once more at its end
+        print(f"real data: the report cannot be written ({error.strerror}); the files are in {place}", file=sys.stderr)
+        return 2
     whole = sum(line.startswith(("there", "placed")) for line in lines)
     print(f"{whole} of {len(list_files())} files are in {place}")
     if any(line.startswith("damaged") for line in lines):

@@ -78,3 +78,13 @@ def test_scenarios_and_studies_are_found_among_the_shipped_data(tmp_path, monkey
     assert rso_lidar.Scenario.load("examples/bench_plate.toml").name == "mine"  # the working folder comes first
     with pytest.raises(rso_lidar.ScenarioError, match="no such file"):
         rso_lidar.Scenario.load("examples/bench.toml")
+
+
+def test_nothing_is_found_beside_the_shipped_data(tmp_path, monkeypatch):
+    """What a scenario names as code would run, so that a name must not lead to any file of the installation."""
+    monkeypatch.chdir(tmp_path)
+    home = shipped()
+    for name in ("rso_lidar/units.py", f"../{home.name}/examples/bench_plate.toml", "examples/../tle/index.toml"):
+        assert (home / name).is_file()
+        assert find(name) is None, name
+    assert find("tle/index.toml") == home / "tle" / "index.toml"

@@ -149,6 +149,8 @@ def test_many_unknown_files_are_counted(downloads, tmp_path, capsys):
         (["{tmp}/none"], "{tmp}/none: there is no such folder; name the one with what you downloaded"),
         (["{tmp}/file"], "{tmp}/file: is a file; unpack it, and name the folder"),
         ([""], "FOLDER: is empty; name the folder with what you downloaded"),
+        (["x" * 300], "cannot be used"),
+        (["{tmp}/downloads", "--to", "{tmp}/" + "x" * 300], "; "),
         (["a\0b\nc"], "b c: there is no such folder"),
         (["{tmp}/downloads", "more"], "unrecognized arguments: more; usage: python -m tests.real_data"),
         (["--form", "x"], "unrecognized arguments"),
