@@ -278,7 +278,7 @@ def main(arguments):
     try:
         print(*lines, sep="\n", flush=True)
     except OSError as error:  # a closed pipe or a full disk
-        sys.stdout = Path(os.devnull).open("w")  # Python flushes it once more at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes once more at its end
         print(f"real data: the report cannot be written ({error.strerror}); the files are in {place}", file=sys.stderr)
         return 2
     whole = sum(line.startswith(("there", "placed")) for line in lines)
