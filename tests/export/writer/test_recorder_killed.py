@@ -47,9 +47,9 @@ for line in sys.stdin:
 """
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def writers():
-    """Return a process that starts writers."""
+    """Return a process that starts writers, one for each test: what a failed test left unread is not the next one's."""
     command = [sys.executable, "-c", FLY]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1) as process:
         yield process
@@ -69,6 +69,7 @@ def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path
     for _ in range(KILLS):
         writers.stdin.write(f"{output}\t{pipe}\t{kind}\n")
         child = int(writers.stdout.readline())
+        assert child > 1  # os.kill takes 0 for the group of this process
         with pipe.open() as lines:
             assert lines.readline() == "ready\n"
             for _ in range(rng.integers(0, 4)):  # let some frames pass (with 0: kill while it starts or copies) ...
