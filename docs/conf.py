@@ -75,7 +75,11 @@ sphinx_gallery_conf = {
         "*",
     ],
     "image_scrapers": ("matplotlib", "extensions.figure_scraper.scrape_last_value"),
-    "reset_modules": ("matplotlib", "extensions.figure_scraper.use_temporary_folder"),
+    "reset_modules": (
+        "matplotlib",
+        "extensions.figure_scraper.use_style",
+        "extensions.figure_scraper.use_temporary_folder",
+    ),
     "capture_repr": ("_repr_html_",),  # the values of other cells are printed
     "first_notebook_cell": "%matplotlib inline\n# %pip install rso-lidar",
     "copyfile_regex": r".*\.(toml|csv)$",

@@ -13,9 +13,12 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 from matplotlib.figure import Figure
 from PIL import Image
 from sphinx_gallery.scrapers import figure_rst
+
+from rso_lidar.picture.style.defaults import make_rc_params
 
 DPI = 110  # of figures, which are some 10 in wide
 
@@ -60,6 +63,17 @@ def _save(picture: Figure | Image.Image, path: Path) -> Path:
     else:
         picture.save(path)
     return path
+
+
+def use_style(gallery_conf: dict[str, Any], script: str) -> None:
+    """Draw the plots of the next script in the style of the package.
+
+    Parameters
+    ----------
+    gallery_conf : settings of sphinx-gallery.
+    script : name of the script that comes next.
+    """
+    mpl.rcParams.update(make_rc_params())
 
 
 def use_temporary_folder(gallery_conf: dict[str, Any], script: str) -> None:

@@ -152,11 +152,11 @@ left.set_xlabel("column")
 left.set_ylabel("row")
 edge = seen & (frame.labels.cluster_count > 1)
 bins = np.linspace(-0.5, 0.5, 81)
-right.hist(error_m[seen & ~edge], bins, label="one surface in the pixel", color="#0072B2")
-right.hist(error_m[edge], bins, label="two or more surfaces", color="#E69F00")
+right.hist(error_m[seen & ~edge], bins, label="one surface in the pixel")
+right.hist(error_m[edge], bins, label="two or more surfaces")
 right.set_xlabel("range error [m]")
 right.set_ylabel("pixels")
-right.legend(frameon=False)
+right.legend()
 figure
 
 # %%

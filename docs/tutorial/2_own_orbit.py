@@ -113,11 +113,11 @@ for name, velocity_m_s in starts.items():
     x, y, z = place(fly(rl.Hill(relative_to="stage", position_m=(0, -200, 0), velocity_m_s=velocity_m_s))).T
     axes.plot(y, x, ".", ms=12 if name == "at rest" else 4, label=name)
     print(f"{name:20s} ends at x {x[-1]:+7.1f} m, y {y[-1]:+7.1f} m")
-axes.plot(0, 0, "k+", ms=12)
+axes.plot(0, 0, "+", color="C5", ms=12)
 axes.set_xlabel("along-track y [m]")
 axes.set_ylabel("radial x [m]")
 axes.set_aspect("equal")
-axes.legend(frameon=False)
+axes.legend()
 figure
 
 # %%

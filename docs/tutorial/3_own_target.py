@@ -157,10 +157,10 @@ parts = scenario.source.targets[0].parts
 for column, k in zip(grid.T, (0, 4, 8, 12), strict=True):
     frame = frames[k]
     depth_m = frame.range_m - np.linalg.norm(frame.truth.pose("lidar", "craft").translation)
-    column[0].imshow(np.where(frame.labels.target >= 0, depth_m, np.nan), cmap="viridis", vmin=-0.8, vmax=0.8)
+    column[0].imshow(np.where(frame.labels.target >= 0, depth_m, np.nan), vmin=-0.8, vmax=0.8)
     column[1].imshow(np.log10(np.maximum(frame.intensity_counts, 1)), cmap="gray", vmin=1.0, vmax=2.7)
-    column[2].imshow(np.ma.masked_less(frame.labels.part, 0), cmap="Set2", vmin=0, vmax=7)
-    column[0].set_title(f"array at {-45 + 1.5 * frame.time_s:+.0f}°", fontsize=10)
+    column[2].imshow(np.ma.masked_less(frame.labels.part, 0), cmap="tab10", vmin=0, vmax=9)
+    column[0].set_title(f"array at {-45 + 1.5 * frame.time_s:+.0f}°")
     for axes in column:
         axes.set_xticks([])
         axes.set_yticks([])
@@ -199,12 +199,12 @@ time_s, true_deg, measured_deg, count = np.array(angles).T
 
 figure = Figure(figsize=(8, 5), layout="constrained")
 above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-above.plot(time_s, true_deg, "-", color="#B9BCC2", lw=3, label="hinge (truth)")
-above.plot(time_s, measured_deg, "o", color="#0072B2", label="plane through the points")
+above.plot(time_s, true_deg, label="hinge (truth)")
+above.plot(time_s, measured_deg, "o", label="plane through the points")
 above.set_ylabel("angle [deg]")
-above.legend(frameon=False)
-below.plot(time_s, measured_deg - true_deg, "o", color="#D55E00")
-below.axhline(0.0, color="#B9BCC2")
+above.legend()
+below.plot(time_s, measured_deg - true_deg, "o", color="C1")
+below.axhline(0.0)
 below.set_xlabel("time [s]")
 below.set_ylabel("error [deg]")
 figure

@@ -127,12 +127,12 @@ for range_m in (1400.0, 1700.0, 1850.0, 2000.0, 2150.0, 2400.0, 2700.0):
 
 figure = Figure(figsize=(8, 4.2), layout="constrained")
 axes = figure.subplots()
-axes.plot(curve.range_m, curve.detection_probability, color="#0072B2", label="link budget, closed form")
+axes.plot(curve.range_m, curve.detection_probability, label="link budget, closed form")
 ranges_m, hits, sigma, _ = np.array(measured).T
-axes.errorbar(ranges_m, hits, 2 * sigma, fmt="o", color="#D55E00", label="simulated flashes, 2 sigma")
+axes.errorbar(ranges_m, hits, 2 * sigma, fmt="o", label="simulated flashes, 2 sigma")
 axes.set_xlabel("range [m]")
 axes.set_ylabel("probability of detection")
-axes.legend(frameon=False)
+axes.legend()
 figure
 
 # %%
@@ -213,7 +213,7 @@ print(f"{frame.valid.sum()} returns at {np.nanmedian(frame.range_m):.2f} m")
 
 figure = Figure(figsize=(9.5, 4), layout="constrained")
 left, right = figure.subplots(1, 2)
-for name, detector, colour in (("signal chain", bench, "#0072B2"), ("photon counter", counting, "#D55E00")):
+for name, detector in (("signal chain", bench), ("photon counter", counting)):
     light, share, spread_cm = [], [], []
     for range_m in (500.0, 1000.0, 1500.0, 2000.0, 3000.0, 4000.0):
         plate = detector.target[0].replace(motion=rl.Fixed(position_m=(range_m, 0, 0)))
@@ -223,13 +223,13 @@ for name, detector, colour in (("signal chain", bench, "#0072B2"), ("photon coun
         light.append(np.median(frames[0].labels.photons[on]))
         share.append(np.isfinite(error_m).mean())
         spread_cm.append(100 * np.nanstd(error_m) if share[-1] > 0.2 else np.nan)
-    left.semilogx(light, share, "o-", color=colour, label=name)
-    right.loglog(light, spread_cm, "o-", color=colour, label=name)
+    left.semilogx(light, share, "o-", label=name)
+    right.loglog(light, spread_cm, "o-", label=name)
 left.set_ylabel("share of pixels that report")
 right.set_ylabel("spread of range [cm]")
 for axes in (left, right):
     axes.set_xlabel("photons on a pixel")
-left.legend(frameon=False)
+left.legend()
 figure
 
 # %%

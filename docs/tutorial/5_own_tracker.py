@@ -126,20 +126,16 @@ reference = list(rl.simulate(scenario, rl.track.Pointing(gate_m=20.0, lead_s=0.1
 
 figure = Figure(figsize=(8, 4.2), layout="constrained")
 axes = figure.subplots()
-runs = (
-    ("open loop", open_loop, "#B9BCC2"),
-    ("own tracker", own, "#D55E00"),
-    ("rl.track.Pointing", reference, "#0072B2"),
-)
-for name, frames, colour in runs:
+runs = {"open loop": open_loop, "own tracker": own, "rl.track.Pointing": reference}
+for name, frames in runs.items():
     offset_deg = [measure_offset_deg(frame) for frame in frames]
-    axes.semilogy([frame.time_s for frame in frames], offset_deg, color=colour, label=name)
-axes.axhline(1.5, color="k", lw=0.8, ls="--")
+    axes.semilogy([frame.time_s for frame in frames], offset_deg, label=name)
+axes.axhline(1.5, ls="--")
 axes.text(60, 1.6, "edge of the field", ha="right", va="bottom")
 axes.set_xlabel("time [s]")
 axes.set_ylabel("stage off the boresight [deg]")
 axes.set_ylim(0.005, 30)
-axes.legend(frameon=False, loc="center right")
+axes.legend(loc="center right")
 figure
 
 # %%
@@ -183,13 +179,13 @@ own_error_m = fix_range_m - np.array([true_m[round(t, 3)] for t in fix_time_s])
 table = rl.study.tracking(some, poses=False).table
 figure = Figure(figsize=(8, 4), layout="constrained")
 axes = figure.subplots()
-axes.plot(fix_time_s, own_error_m, "o-", color="#D55E00", ms=4, label="own: median range of the slice")
-axes.plot(table["time_s"], table["centroid_error_ahead_m"], color="#E69F00", label="centroid")
-axes.plot(table["time_s"], table["cw_error_ahead_m"], color="#0072B2", label="Clohessy-Wiltshire filter")
-axes.axhline(0, color="#B9BCC2")
+axes.plot(fix_time_s, own_error_m, "o-", label="own: median range of the slice")
+axes.plot(table["time_s"], table["centroid_error_ahead_m"], label="centroid")
+axes.plot(table["time_s"], table["cw_error_ahead_m"], label="Clohessy-Wiltshire filter")
+axes.axhline(0)
 axes.set_xlabel("time [s]")
 axes.set_ylabel("error along range [m]")
-axes.legend(frameon=False)
+axes.legend()
 figure
 
 # %%

@@ -2,6 +2,7 @@
 
 import datetime
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +26,7 @@ Threads = Annotated[int | None, typer.Option("--threads", min=1, max=256, help="
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")]
 Dark = Annotated[bool, typer.Option("--dark", help="Draw on a dark background.")]
 
+_TABLES = (".csv", ".json", ".toml", ".oem", ".aem", ".czml")  # outputs without pictures
 _LENGTHS_M = {"m": 1.0, "km": units.KM}
 
 
@@ -33,8 +35,13 @@ def join_settings(settings: list[str] | None, seed: int | None) -> tuple[str, ..
     return (*(settings or ()), *(() if seed is None else (f"seed={seed}",)))
 
 
-def choose_scheme(dark: bool) -> Scheme:
-    """Return the colours of pictures for the option ``--dark``."""
+def choose_scheme(dark: bool, outputs: Iterable[Path | None] | None = None) -> Scheme:
+    """Return the colours of pictures for the option ``--dark``; where none of the outputs is a picture, it is an error.
+
+    A report (.html) and a folder (no suffix) hold pictures. None: the command always draws.
+    """
+    if dark and outputs is not None and not any(place and place.suffix.lower() not in _TABLES for place in outputs):
+        raise ScenarioError("--dark: is for pictures; end the output with .png, or leave --dark out")
     return DARK if dark else LIGHT
 
 

@@ -82,6 +82,7 @@ def budget(
     """
     if output is not None:
         output = check_writable(output, SUFFIXES, overwrite=overwrite)
+    scheme = choose_scheme(dark, [output])
     of_pixel = {
         "--material": material,
         "--tilt-deg": tilt_deg,
@@ -104,7 +105,7 @@ def budget(
             flashes=flashes,
             attitudes=attitudes,
             output=output,
-            scheme=choose_scheme(dark),
+            scheme=scheme,
         )
         return
     made = worked_out(
@@ -120,7 +121,7 @@ def budget(
     if settings and camera in load_presets():
         made = replace(made, camera=f"{camera} with {', '.join(settings)}")  # it is not the camera of that name
     if output is not None:
-        made.save(output, overwrite=overwrite, scheme=choose_scheme(dark))
+        made.save(output, overwrite=overwrite, scheme=scheme)
     echo(made.table())
     if output is not None:
         echo(f"{output}")

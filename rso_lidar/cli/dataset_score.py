@@ -76,6 +76,7 @@ def score(
     if margins and not against:
         raise DatasetError("--margin: compares with nothing; give --against OLD, or leave it out")
     places = [check_output(place, overwrite=overwrite) for place in output or ()]
+    scheme = choose_scheme(dark, places)
     opened = Dataset(dataset)
     options = {"min_lit_pixels": min_lit_pixels, "replicates": replicates, "confidence": confidence}
     card = score_files(predictions, opened, split, **options)  # type: ignore[arg-type]
@@ -89,7 +90,7 @@ def score(
         for line in format_comparison(comparison):
             echo(line)
     for place in places:
-        for path in save_report(card, place, comparison, choose_scheme(dark)):
+        for path in save_report(card, place, comparison, scheme):
             echo(path)
     if comparison is not None and comparison.is_worse:
         raise typer.Exit(1)

@@ -99,6 +99,7 @@ def encounters(
         elif suffix != ".toml":
             check_suffix(output, (".csv", *FIGURE_SUFFIXES, ".toml"))
             raise ScenarioError(f"-o {output}: --{'csv' if suffix == '.csv' else 'plot'} names another; leave one out")
+    scheme = choose_scheme(dark, [plot])
     if (scenario is None) != (output is None):
         raise ScenarioError("--scenario and -o go together: give the row's number and the file to write")
     if sort not in _ORDERS:
@@ -134,7 +135,7 @@ def encounters(
     if csv is not None:
         echo(f"{table.csv(csv, overwrite=overwrite)}")
     if plot is not None and not all(row.docked for row in table.rows):
-        echo(f"{_draw(table, plot, choose_scheme(dark))}")
+        echo(f"{_draw(table, plot, scheme)}")
     elif plot is not None:
         echo("no picture written: no encounter to draw", err=True)
     if text is not None and output is not None:

@@ -37,10 +37,9 @@ def show(
     """Describe a model: its size, its parts, and the light it returns from 1 km; draw it from four sides."""
     if output is not None:
         output = check_writable(output, FIGURE_SUFFIXES, overwrite=overwrite)
+    scheme = choose_scheme(dark, [output])
     card = make_model_card(name)
-    drawn = (
-        card.save(output, choose_scheme(dark)) if output is not None else None
-    )  # before a reader of the text may go away
+    drawn = card.save(output, scheme) if output is not None else None  # before a reader of the text may go away
     console = make_console()
     for line in (card.what, *card.lines):
         console.print(line)

@@ -41,9 +41,10 @@ def timeline(
     Columns: range, rates, Sun, PTU, field, pixels, photons and detection.
     """
     output = check_writable(output or Path(f"{file.stem}_timeline.png"), RESULT_SUFFIXES, overwrite=overwrite)
+    scheme = choose_scheme(dark, [output])
     scenario = Scenario.load(file, tuple(settings or ()), trust_fmu=trust_fmu)
     made = timeline_of(scenario, target, every_s=every_s)
-    made.save(output, choose_scheme(dark))
+    made.save(output, scheme)
     mirrored = any(
         one.is_retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials
     )

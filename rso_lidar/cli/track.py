@@ -48,6 +48,7 @@ def track(
     """Track the target of a recording and compare with the truth. Trackers: centroid, Kalman filters and ICP."""
     if output is not None:
         output = check_writable(output, RESULT_SUFFIXES, overwrite=overwrite)
+    scheme = choose_scheme(dark, [output])
     if range_noise_m is not None and not 0.0 < range_noise_m < np.inf:
         raise RecordingError(f"--range-noise {range_noise_m:g}: needs metres above 0")
     if not 0.0 <= acceleration < np.inf:
@@ -67,7 +68,7 @@ def track(
     for line in summarise(made, icp=icp):
         echo(line)
     if output is not None:
-        made.save(output, choose_scheme(dark))
+        made.save(output, scheme)
         echo(f"{output}")
 
 

@@ -76,11 +76,12 @@ def truth(
     output = check_writable(output, SUFFIXES, overwrite=overwrite)
     suffix = output.suffix.lower()
     kind = _choose_kind(figure, suffix)
+    scheme = choose_scheme(dark, [output])
     scenario = Scenario.load(file, tuple(settings or ()), trust_fmu=trust_fmu)
     frames = np.arange(0, scenario.time.n_frames, _compute_stride(every_s, scenario))
     frames = np.union1d(frames, scenario.time.n_frames - 1)  # the last frame too, so that a table covers the whole run
     if suffix in FIGURE_SUFFIXES:
-        picture.save_figure(_draw_figure(scenario, kind, body, frames), output, scheme=choose_scheme(dark))
+        picture.save_figure(_draw_figure(scenario, kind, body, frames), output, scheme=scheme)
     elif suffix == ".csv":
         table = tabulate_run(scenario, *fly_open_loop(scenario, frames))
         write_columns(output, table)

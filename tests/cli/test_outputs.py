@@ -124,3 +124,25 @@ def test_an_unknown_suffix_is_told_before_anything_is_read(rso_lidar, tmp_path, 
         status, _, (error,) = rso_lidar(*arguments)
         assert status == 2
         assert "suffix" in error and "known: " in error and "did you mean" not in error
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("truth", "{bench}", "-o", "{out}.csv"),
+        ("truth", "{bench}", "-o", "{out}.czml"),
+        ("timeline", "{bench}", "-o", "{out}.csv"),
+        ("budget", "{bench}", "-o", "{out}.csv"),
+        ("budget", "{bench}"),
+        ("track", "{recorded}", "-o", "{out}.csv"),
+        ("track", "{recorded}"),
+        ("models", "show", "cubesat_3u"),
+    ],
+)
+def test_a_dark_background_without_a_picture_is_refused(rso_lidar, bench, recorded, tmp_path, arguments):
+    before = sorted(tmp_path.iterdir())
+    names = {"bench": bench, "recorded": recorded, "out": tmp_path / "out"}
+    status, said, errors = rso_lidar(*(argument.format(**names) for argument in arguments), "--dark")
+    assert (status, said) == (2, "")
+    assert errors == ["error: --dark: is for pictures; end the output with .png, or leave --dark out"]
+    assert sorted(tmp_path.iterdir()) == before

@@ -40,9 +40,9 @@ print(client.stdout[:160] + "...")
 # What the client saw: the number of returns of the stage, and the angle of their mean direction off the boresight.
 figure = Figure(figsize=(8, 3.5), layout="constrained")
 axes = figure.subplots()
-axes.plot([row[0] for row in rows], [row[2] for row in rows], ".-", color="C0")
+axes.plot([row[0] for row in rows], [row[2] for row in rows], ".-")
 axes.set(xlabel="time [s]", ylabel="off the boresight [deg]", title="Pointing by a client in another process")
-axes.grid(alpha=0.3)
+axes.grid()
 figure
 
 # %%

@@ -28,7 +28,7 @@ axes = figure.subplots()
 axes.loglog(photons, counts, "o", label="bench")
 axes.loglog(photons, gain * np.array(photons), "-", label=f"{gain:.4f} counts per photon")
 axes.set(xlabel="expected photons", ylabel="intensity [counts]", title="Calibration on a plate")
-axes.grid(alpha=0.3, which="both")
+axes.grid()
 axes.legend()
 figure
 

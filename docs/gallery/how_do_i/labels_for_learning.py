@@ -25,10 +25,8 @@ panels = {
     "log10 photons": np.log10(np.where(frame.labels.photons > 1, frame.labels.photons, np.nan)),
 }
 figure = Figure(figsize=(10, 8), layout="constrained")
-for axes, (title, values), colours in zip(
-    figure.subplots(2, 2).flat, panels.items(), ("tab20", "viridis", "cividis", "magma"), strict=True
-):
-    shown = axes.imshow(values, cmap=colours, interpolation="nearest")
+for axes, (title, values) in zip(figure.subplots(2, 2).flat, panels.items(), strict=True):
+    shown = axes.imshow(values, cmap="tab20" if title == "part" else None, interpolation="nearest")
     axes.set(title=title, xticks=[], yticks=[])
     figure.colorbar(shown, ax=axes, shrink=0.85)
 figure

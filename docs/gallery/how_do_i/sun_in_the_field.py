@@ -20,9 +20,9 @@ off_deg = np.array(table["sun_off_boresight_rad"]) / rl.units.DEG
 figure = Figure(figsize=(8, 3.5), layout="constrained")
 axes = figure.subplots()
 axes.plot(table["time_s"], off_deg, ".-")
-axes.axhline(2.5, color="0.5", ls="--", label="half of the field")
+axes.axhline(2.5, ls="--", label="half of the field")
 axes.set(xlabel="time [s]", ylabel="Sun off the boresight [deg]", title="The Sun passes behind the satellite")
-axes.grid(alpha=0.3)
+axes.grid()
 axes.legend()
 figure
 

@@ -23,9 +23,9 @@ counts = np.concatenate([frame.intensity_counts[on] for frame in frames])
 error_m = np.concatenate([(frame.range_m - frame.labels.range_m)[on] for frame in frames])
 figure = Figure(figsize=(9, 3.6), layout="constrained")
 left, right = figure.subplots(1, 2)
-left.hist(counts, bins=np.arange(counts.max() + 2) - 0.5, color="C0")
+left.hist(counts, bins=np.arange(counts.max() + 2) - 0.5)
 left.set(xlabel="counts in the peak", ylabel="pixels", title="Intensity")
-right.hist(error_m[np.isfinite(error_m)] * 100, bins=40, color="C1")
+right.hist(error_m[np.isfinite(error_m)] * 100, bins=40)
 right.set(xlabel="range error [cm]", title="Range less truth")
 figure
 

@@ -35,7 +35,7 @@ for axes, values, title in zip(
     ("one bounce", "added by the second"),
     strict=True,
 ):
-    shown = axes.imshow(np.log10(np.maximum(values, 1.0)), cmap="magma", vmin=0, vmax=5)
+    shown = axes.imshow(np.log10(np.maximum(values, 1.0)), vmin=0, vmax=5)
     axes.set(title=title, xlabel="col", ylabel="row")
 figure.colorbar(shown, label="expected photons, power of ten")
 figure

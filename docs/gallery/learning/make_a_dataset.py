@@ -38,7 +38,7 @@ for axes, item in zip(figure.subplots(2, 4).flat, items, strict=True):
     seen = np.argwhere(item["target"] >= 0) if (item["target"] >= 0).any() else np.array([[64, 64]])
     row, col = np.median(seen, axis=0).astype(int)
     cut = (slice(max(row - 20, 0), row + 20), slice(max(col - 20, 0), col + 20))
-    axes.imshow(range_m[cut] - np.nanmedian(range_m[cut]), cmap="cividis", vmin=-1, vmax=1)
+    axes.imshow(range_m[cut] - np.nanmedian(range_m[cut]), vmin=-1, vmax=1)
     axes.set(title=data.classes[int(item["class_id"])], xticks=[], yticks=[])
 figure
 

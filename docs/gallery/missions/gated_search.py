@@ -33,9 +33,9 @@ brightest = waveforms.samples_counts.max(axis=1).argmax()
 samples = waveforms.samples_counts[brightest]
 figure = Figure(figsize=(8, 3.5), layout="constrained")
 axes = figure.subplots()
-axes.plot(samples, drawstyle="steps-mid", lw=1.5)
+axes.plot(samples, drawstyle="steps-mid")
 axes.set(xlabel="sample", ylabel="ADC counts", title="What one pixel stored at 6 km")
-axes.grid(alpha=0.3)
+axes.grid()
 figure
 
 # %%

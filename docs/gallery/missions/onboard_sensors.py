@@ -30,15 +30,15 @@ gyro, gnss = recording.sensors["gyro"], recording.sensors["gnss"]
 
 figure = Figure(figsize=(9, 6), layout="constrained")
 upper, lower = figure.subplots(2, sharex=True)
-upper.plot(gyro.time_s, gyro.angular_velocity_rad_s / rl.units.DEG, lw=0.8, label=["x", "y", "z"])
+upper.plot(gyro.time_s, gyro.angular_velocity_rad_s / rl.units.DEG, label=["x", "y", "z"])
 upper.set(ylabel="rate [deg/s]", title="Gyro, in its own axes")
 upper.legend(ncols=3, loc="upper right")
 there = gnss.valid & np.isin(gnss.time_s, recording.time_s)
 true_m = np.array([frame.truth.states["follower"].position_m for frame in recording])
 error_m = gnss.position_m[there] - true_m[np.searchsorted(recording.time_s, gnss.time_s[there])]
-lower.plot(gnss.time_s[there], error_m, ".", ms=5, label=["x", "y", "z"])
-lower.axvspan(30, 40, color="0.9")
-lower.set(xlabel="time [s]", ylabel="error [m]", title="GNSS less truth, inertial axes; grey: outage")
+lower.plot(gnss.time_s[there], error_m, ".", label=["x", "y", "z"])
+lower.axvspan(30, 40, alpha=0.15)
+lower.set(xlabel="time [s]", ylabel="error [m]", title="GNSS less truth, inertial axes; shaded: outage")
 lower.legend(ncols=3)
 figure
 

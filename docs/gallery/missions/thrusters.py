@@ -44,10 +44,10 @@ figure = Figure(figsize=(8, 4.5), layout="constrained")
 axes = figure.subplots()
 for name, frames in flights.items():
     path = [frame.truth.pose("stage.rtn", "follower").translation for frame in frames]
-    axes.plot([p[1] for p in path], [p[0] for p in path], label=name, lw=2)
-axes.plot(0, 0, "k*", ms=12, label="stage")
+    axes.plot([p[1] for p in path], [p[0] for p in path], label=name)
+axes.plot(0, 0, "*", color="C2", ms=12, label="stage")
 axes.set(xlabel="along-track [m]", ylabel="radial [m]", title="The follower in the rtn axes of the stage")
-axes.grid(alpha=0.3)
+axes.grid()
 axes.legend()
 figure
 

@@ -51,7 +51,7 @@ for frame in frames:
     above_deg.append(-np.arctan2(down, ahead) / rl.units.DEG)
 axes.plot([frame.time_s for frame in frames], above_deg, "o-")
 axes.set(xlabel="time [s]", ylabel="stage above the boresight [deg]", title="One nod in two minutes")
-axes.grid(alpha=0.3)
+axes.grid()
 figure
 
 # %%

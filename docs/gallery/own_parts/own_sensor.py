@@ -52,10 +52,10 @@ sun = np.concatenate([one.sun_direction for one in samples])
 
 figure = Figure(figsize=(8, 3.5), layout="constrained")
 axes = figure.subplots()
-axes.plot(time_s, sun, ".-", ms=5, lw=0.8, label=["x", "y", "z"])
+axes.plot(time_s, sun, ".-", label=["x", "y", "z"])
 axes.set(xlabel="time [s]", ylabel="direction to the Sun, body axes", title="Samples of the Sun sensor")
 axes.legend(ncols=3)
-axes.grid(alpha=0.3)
+axes.grid()
 figure
 
 # %%

@@ -42,10 +42,10 @@ for name, controller in controllers.items():
     places = np.array([frame.truth.pose("lidar", "stage").translation for frame in frames])
     off_deg = np.arctan2(np.hypot(places[:, 0], places[:, 1]), places[:, 2]) / rl.units.DEG
     axes.plot([frame.time_s for frame in frames], off_deg, label=name)
-axes.axhline(1.5, color="0.6", ls="--", label="edge of the field")
+axes.axhline(1.5, ls="--", label="edge of the field")
 axes.set(xlabel="time [s]", ylabel="stage off the boresight [deg]", title="Two trackers on one pass")
 axes.legend()
-axes.grid(alpha=0.3)
+axes.grid()
 figure
 
 # %%

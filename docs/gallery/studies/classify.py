@@ -32,12 +32,12 @@ figure = Figure(figsize=(8, 3.4), layout="constrained")
 axes = figure.subplots()
 for place, row in enumerate(rows):
     axes.plot([row["worst_m"], row["best_m"]], [place, place], lw=6, alpha=0.4, color="C0")
-    axes.plot(row["mean_m"], place, "o", color="C0", ms=9)
-    axes.plot(row["box_range_m"], place, "x", color="C3", ms=9)
+    axes.plot(row["mean_m"], place, "o", color="C0")
+    axes.plot(row["box_range_m"], place, "x", color="C1")
 axes.set_yticks(range(len(rows)), [row["craft"] for row in rows])
 axes.set(xlabel="range of 100 pixels [m]", title="Bar: attitudes; dot: mean; cross: estimate from the bounding box")
 axes.set_ylim(-0.6, len(rows) - 0.4)
-axes.grid(alpha=0.3, axis="x")
+axes.grid(axis="x")
 figure
 
 # %%

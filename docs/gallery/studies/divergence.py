@@ -27,14 +27,14 @@ lidar = divergence.camera(105.0, divergence.TRIGGER)
 for name, facet_m2 in (("fills a pixel", None), ("1 m²", 1.0)):
     reach_km = [divergence.reach_m(lidar, beam_deg, facet_m2) / 1e3 for beam_deg in beams_deg]
     axes.loglog(beams_deg, reach_km, "o-", label=name)
-axes.axhline(10.0, color="0.6", ls="--")
+axes.axhline(10.0, ls="--")
 axes.set(
     xlabel="full divergence [deg]",
     ylabel="range of 95 % [km]",
     title="50 mJ, 105 mm, a facing facet of reflectance 0.30",
 )
 axes.set_xticks(beams_deg, [f"{beam_deg:g}" for beam_deg in beams_deg])
-axes.grid(alpha=0.3, which="both")
+axes.grid()
 axes.legend()
 figure
 

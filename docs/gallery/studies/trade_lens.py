@@ -27,9 +27,9 @@ f_number, energy_mj = table["lidar.receiver.f_number"], table["lidar.laser.energ
 for value in np.unique(f_number):
     rows = f_number == value
     axes.semilogx(energy_mj[rows], table["detection_fraction"][rows], "o-", label=f"f/{value:g}")
-axes.axhline(small.min_detection_fraction, color="0.6", ls="--", label="ranked above")
+axes.axhline(small.min_detection_fraction, ls="--", label="ranked above")
 axes.set(xlabel="pulse energy [mJ]", ylabel="detection fraction", title="TDRS at 3 km, beam of 2.5 degrees")
-axes.grid(alpha=0.3)
+axes.grid()
 axes.legend()
 figure
 

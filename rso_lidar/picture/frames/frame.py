@@ -73,7 +73,7 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
         axes.set_ylabel("row", fontsize=TEXT_PT, color=QUIET)
         axes.tick_params(labelsize=SMALL_PT, colors=QUIET)
         for spine in axes.spines.values():
-            spine.set_color(QUIET)
+            spine.set(visible=True, color=QUIET)
     return figure
 
 

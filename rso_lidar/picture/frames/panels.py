@@ -148,8 +148,7 @@ def _draw_locator(axes: Axes, window: Window) -> None:
     small.set(xlim=(0, window.n_cols), ylim=(window.n_rows, 0), xticks=[], yticks=[], facecolor=IMAGE_BLACK)
     small.add_patch(Rectangle((window.left, window.top), window.width, window.height, color=IMAGE_MARK, lw=0))
     for spine in small.spines.values():
-        spine.set_color(IMAGE_WHITE)
-        spine.set_linewidth(THIN_PT)
+        spine.set(visible=True, color=IMAGE_WHITE, linewidth=THIN_PT)
 
 
 def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
@@ -290,6 +289,7 @@ def draw_error(axes: Axes, frame: Frame, window: Window) -> None:
             handles=entries,
             loc=_free_corner(window.cut(there | frame.valid)),
             fontsize=SMALL_PT,
+            frameon=True,
             framealpha=0.85,
             facecolor=PAPER,
             edgecolor="none",

@@ -94,7 +94,7 @@ def test_the_command_under_a_picture_finds_the_scenario_from_the_working_folder(
 
 
 def test_files_by_suffix(made, page, tmp_path, monkeypatch):
-    monkeypatch.setattr("rso_lidar.study.trades.report.write_report", lambda _: page)
+    monkeypatch.setattr("rso_lidar.study.trades.report.write_report", lambda *_: page)
     assert made.save(tmp_path / "x.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert made.save(tmp_path / "x.csv").read_text(encoding="utf-8").startswith("row,seed,lidar.laser.energy_mj,")
     with pytest.raises(ScenarioError, match=r"not written as '\.htm'; did you mean '\.html'"):
@@ -104,5 +104,5 @@ def test_files_by_suffix(made, page, tmp_path, monkeypatch):
 def test_without_pictures_nothing_is_flown_again(made, monkeypatch):
     plain = made.study.replace(report={"pictures": 0})
     monkeypatch.setattr("rso_lidar.study.trades.report.simulate", lambda *_, **__: pytest.fail("a frame was flashed"))
-    monkeypatch.setattr("rso_lidar.study.trades.report._draw_plots", lambda _: [])
+    monkeypatch.setattr("rso_lidar.study.trades.report._draw_plots", lambda *_: [])
     assert "<h2>Frames</h2>" not in write_report(replace(made, study=plain))
