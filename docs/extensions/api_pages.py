@@ -14,6 +14,12 @@ ROOMS = (  # in the order in which a reader needs them
     "simulation", "scenario", "records", "export", "orbit", "rpo", "motion", "sensors", "scene", "optics", "detector",
     "track", "study", "dataset", "dataset.torch", "loop", "fmi", "picture", "records.taxonomy", "errors", "units",
 )  # fmt: skip
+FIRST = {  # names with which to begin, of rooms with many
+    "records": ("Frame", "Observation", "Reading", "Labels", "Truth", "Command"),
+    "export": ("open", "Recording", "save"),
+    "study": ("budget", "timeline", "encounters", "trade", "tracking"),
+    "track": ("Controller", "Pointing", "locate_centroid", "filter_positions", "PoseFollower"),
+}
 KINDS = ("Functions", "Parts", "Records", "Protocols", "Classes", "Exceptions and warnings", "Constants")
 
 
@@ -59,6 +65,8 @@ def room_page(room: str) -> str:
     path = f"rso_lidar.{room}"
     lines = [f".. _api-{room}:", "", *heading(f"rl.{room}", "=")]
     lines += [f".. py:module:: {path}", "", inspect.getdoc(module) or "", ""]
+    if first := FIRST.get(room):
+        lines += ["Begin with " + ", ".join(f":py:obj:`{name} <{path}.{name}>`" for name in first) + ".", ""]
     grouped: dict[str, list[str]] = {kind: [] for kind in KINDS}
     for name in exported(module):
         value = getattr(module, name)

@@ -51,6 +51,8 @@ def add_fields(_app, what, _name, value, _options, lines):
     else:
         return
     place = next((k for k, line in enumerate(lines) if line.startswith(">>>")), len(lines))
+    if lines[place - 2 : place] == ["Examples", "--------"]:
+        place -= 2
     lines[place:place] = [*made, ""]
 
 
@@ -69,19 +71,30 @@ def escape(text: str) -> str:
 
 
 def separate_names(lines: list[str]) -> list[str]:
-    """Return a docstring whose parameters have their text below their name; in this package it follows the colon."""
+    """Return a docstring whose parameters and errors have their text below their name; here it follows the colon."""
     made, inside = [], False
     for k, line in enumerate(lines):
         if set(line.strip()) == {"-"} and k:
-            inside = lines[k - 1].strip() in ("Parameters", "Other Parameters")
+            inside = lines[k - 1].strip() in ("Parameters", "Other Parameters", "Raises")
         found = re.match(r"([\w*, ]+) : (.+)", line) if inside else None
         made += [found[1], f"    {found[2]}"] if found else [line]
     return made
 
 
-def prepare(_app, _what, _name, _value, _options, lines):
-    """Escape the bars of a docstring, and put the text of its parameters below their names."""
-    lines[:] = separate_names([escape(line) for line in lines])
+def head_examples(lines: list[str]) -> list[str]:
+    """Return a docstring with a heading over its examples; napoleon takes those in a section for its entries."""
+    first = next((k for k, line in enumerate(lines) if line.startswith(">>>")), None)
+    headings = [lines[k - 1].strip() for k in range(1, first or 0) if re.fullmatch("-{3,}", lines[k].strip())]
+    if first is None or not headings or headings[-1] == "Examples":
+        return lines
+    return [*lines[:first], "Examples", "--------", *lines[first:]]
+
+
+def prepare(_app, what, _name, _value, _options, lines):
+    """Escape the bars of a docstring, put the text of its parameters below their names, and head its examples."""
+    lines[:] = head_examples(separate_names([escape(line) for line in lines]))
+    if what == "property" and lines:
+        lines.insert(0, "")  # napoleon takes what stands before a colon in the first line of a property for its type
 
 
 def setup(app):

@@ -49,7 +49,9 @@ class Source:
 class Observation(Record):
     """What the spacecraft could know of one flash: no truth and no labels.
 
-    `sensors` holds, by name, the samples of other sensors that became available since the flash before.
+    `time_s` is the emission of the flash [s since start_utc]. `settings` holds, by name and in SI, the settings in force at
+    the flash, such as ``focal_length_m``. `sensors` holds, by name, the samples of other sensors that became available
+    since the flash before.
     """
 
     time_s: float
@@ -70,7 +72,12 @@ class Observation(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Frame:
-    """One laser flash: the reading of the sensor, its labels, and the poses of all bodies."""
+    """One laser flash: the reading of the sensor, its labels, and the poses of all bodies.
+
+    `index` is the number of the frame in its scenario. `observation` is what the spacecraft could know. `labels` hold the
+    true content of each pixel, and `truth` the true poses at `time_s`. `source` holds scenario, seed, versions and the
+    names of targets and parts. `kept` holds, by name, the intermediate records that were requested with `keep`.
+    """
 
     index: int
     observation: Observation
@@ -126,10 +133,11 @@ class Frame:
 class Command:
     """Settings that a controller requests for the next flash; None keeps those of the scenario.
 
-    Pan to the left and tilt upward are positive. `focal_length_m` sets a zoom lens, `divergence_rad` (full angle) an
-    actuated diffuser. `energy_j` is the energy of one pulse. `gate_delay_s` is the two-way delay at which a range gate
-    opens. `inputs` holds the inputs u of state-space models. Its keys are names of bodies whose motion, or else
-    attitude, is such a model. Where both are, the key of the attitude is ``follower.attitude``.
+    `pan_rad` and `tilt_rad` are angles of the PTU, not increments; pan to the left and tilt upward are positive.
+    `focal_length_m` sets a zoom lens, `divergence_rad` (full angle) an actuated diffuser. `energy_j` is the energy of one
+    pulse. `gate_delay_s` is the two-way delay at which a range gate opens. `inputs` holds the inputs u of state-space
+    models. Its keys are names of bodies whose motion, or else attitude, is such a model. Where both are, the key of the
+    attitude is ``follower.attitude``.
     """
 
     pan_rad: float | None = None

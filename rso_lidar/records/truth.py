@@ -73,6 +73,13 @@ class Truth:
         ----------
         a, b : names of axes, such as "lidar" and "tdrs"; "inertial" is the root.
 
+        Returns
+        -------
+        scipy.spatial.transform.RigidTransform
+            Its `translation` (…, 3) is the position of the origin of b in axes a [m]. Its `rotation` turns vectors from
+            b to a; `rotation.as_quat(canonical=True)` is x, y, z, w (…, 4) with w >= 0. One pose for a truth at one epoch,
+            else one for each epoch. ``apply(points)`` converts points (n, 3) [m], and ``inv()`` is b_from_a.
+
         Raises
         ------
         ScenarioError

@@ -50,6 +50,14 @@ class Tracking:
     `tracks` are the filters: ``cv`` in axes that do not rotate and, in orbit, ``cw`` in the follower's rtn axes, both with
     the follower's origin. `hinges` are those of the target whose angles ICP estimates. Errors are estimate minus truth of
     the target's origin, in lidar axes; those of hinge angles are from -pi to pi.
+
+    Columns of `table`, NaN where there is no estimate: ``time_s``; ``points`` of the centroid and ``found_fraction``,
+    the share of the target's pixels that returned; ``true_range_m`` and ``centroid_range_m``; ``centroid_right_m``,
+    ``_down_m`` and ``_ahead_m``, in lidar axes, and their errors ``centroid_error_right_m`` and so on. Of the filters
+    ``cv`` and ``cw``: ``cv_x_m`` and ``cv_velocity_x_m_s`` in the axes of the filter, their errors in lidar axes
+    (``cv_error_right_m``), and ``cv_nis``. Of ICP: ``icp_right_m``, ``icp_quaternion_x`` to ``_w`` of
+    lidar_from_target, the rms distance ``icp_rms_m`` of points from the model, and the errors ``icp_error_m``,
+    ``icp_error_rad`` (the whole turn, symmetry not considered) and ``icp_long_axis_error_rad``.
     """
 
     title: str
