@@ -38,6 +38,7 @@ WALK = (
     "motion",
     "optics",
     "scene",
+    "optics",
     "detector",
     "export",
 )  # the way of the light, as docs/architecture.md says
@@ -158,7 +159,7 @@ def draw(graph: dict[str, Any], path: Path, scheme: Scheme) -> None:
     places, breadth_in = place_rooms(floors), PITCH_IN - 0.16
     for room, (x, floor) in places.items():
         y = foot_in + ROW_IN * (len(floors) - 1 - floor)
-        step = WALK.index(room) + 1 if room in WALK else 0
+        step = ", ".join(str(k) for k, name in enumerate(WALK, 1) if name == room)
         box(x - breadth_in / 2, y, breadth_in, BOX_IN, BLUE if step else RULE, THICK_PT if step else THIN_PT)
         write(
             x,
@@ -188,7 +189,7 @@ def draw(graph: dict[str, Any], path: Path, scheme: Scheme) -> None:
     write(0.2, height_in - 0.25, "The rooms of rso_lidar, from their imports", TITLE_PT, ha="left", weight="bold")
     write(
         0.2, height_in - 0.52,
-        "A room imports only from rooms below it. Blue, 1 to 6: the way of the light from the scenario to the file.",
+        "A room imports only from rooms below it. Blue, 1 to 7: the way of the light from the scenario to the file.",
         TEXT_PT, QUIET, ha="left",
     )  # fmt: skip
     write(
