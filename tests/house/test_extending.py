@@ -26,6 +26,7 @@ SENTENCES = {  # how the last sentence before a block says what to do with it
     "create": r"New file `(?P<file>[^`]+)`:",
     "after": r"In `(?P<file>[^`]+)`, after `(?P<line>[^`]+)`, add:",
     "before": r"In `(?P<file>[^`]+)`, before `(?P<line>[^`]+)`, add:",
+    "append": r"At the end of `(?P<file>[^`]+)`, add:",
     "replace": r"In `(?P<file>[^`]+)`, replace `(?P<line>[^`]+)` by:",
     "run": r"Run:",
     "prints": r"It prints:",
@@ -67,6 +68,9 @@ def edit(folder, step):
         assert not file.exists(), f"{step.file} is not new"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(step.block, encoding="utf-8")
+        return
+    if step.deed == "append":
+        file.write_text(file.read_text(encoding="utf-8") + step.block, encoding="utf-8")
         return
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
     places = [k for k, line in enumerate(lines) if line.strip() == step.line]
@@ -177,12 +181,15 @@ def test_steps_are_taken_as_they_are_written(tmp_path):
         "A file. New file `a/b.py`:\n\n```python\none\ntwo\n```\n\n"
         "In `a/b.py`, after `one`, add:\n\n```python\n    1.5\n```\n\n"
         "Then two lines. In `a/b.py`,\nreplace `two` by:\n\n```python\n2\n3\n```\n\nIn `a/b.py`, before `one`, add:\n\n"
-        "```python\n\n0\n```\n\nRun:\n\n```sh\ncat a/b.py\n```\n\nIt prints:\n\n```text\n1.5\n...\n```\n"
+        "```python\n\n0\n```\n\nAt the end of `a/b.py`, add:\n\n```python\n4\n```\n\n"
+        "Run:\n\n```sh\ncat a/b.py\n```\n\nIt prints:\n\n```text\n1.5\n...\n```\n"
     )
     page = tmp_path / "page.md"
     page.write_text(text, encoding="utf-8")
-    assert [step.deed for step in follow(tmp_path, page)] == ["create", "after", "replace", "before", "run", "prints"]
-    assert (tmp_path / "a" / "b.py").read_text(encoding="utf-8") == "\n0\none\n    1.5\n2\n3\n"
+    assert [step.deed for step in follow(tmp_path, page)] == [
+        *("create", "after", "replace", "before", "append", "run", "prints")
+    ]
+    assert (tmp_path / "a" / "b.py").read_text(encoding="utf-8") == "\n0\none\n    1.5\n2\n3\n4\n"
     with pytest.raises(AssertionError, match="0 lines are `two`"):
         edit(tmp_path, Step("after", "x\n", "a/b.py", "two"))
     with pytest.raises(AssertionError, match="is not new"):
