@@ -89,7 +89,9 @@ class FoundRange:
         if self.worst_attitude is not None:
             from scipy.spatial.transform import Rotation
 
-            euler_deg = Rotation.from_matrix(self.worst_attitude).as_euler("ZYX", degrees=True)
+            # At gimbal lock the third angle is set to zero; the angles still describe the attitude.
+            turned = Rotation.from_matrix(self.worst_attitude)
+            euler_deg = turned.as_euler("ZYX", degrees=True, suppress_warnings=True)
             alone = "never" if math.isnan(self.worst_range_m) else f"to {self.worst_range_m:,.0f} m"
             lines += [
                 f"  worst attitude: {describe_facing(self.worst_attitude)}; P = {self.probability:g} {alone}, and at "
@@ -248,7 +250,7 @@ def find_range(
         worst_attitude=worst,
         worst_there=there,
         is_by_pixel=search.is_by_pixel(math.sqrt(near_m * far_m)),
-        notes=_describe_notes(lidar, in_run=in_run),
+        notes=_describe_notes(lidar, in_run=in_run, has_retros=_has_retros(flown, number)),
     )
 
 
@@ -336,17 +338,25 @@ def _solve_m(
     return float(math.exp(brentq(lack, *ends, xtol=_WITHIN))), False
 
 
-def _describe_notes(lidar: Lidar, *, in_run: bool) -> tuple[str, ...]:
+def _has_retros(scenario: Scenario, number: int) -> bool:
+    """Return whether a target has retro-reflectors."""
+    return any(material.is_retro for surface in scenario.surfaces_of(number) for material in surface.materials)
+
+
+def _describe_notes(lidar: Lidar, *, in_run: bool, has_retros: bool) -> tuple[str, ...]:
     """Describe what the answer assumes.
 
     Parameters
     ----------
     lidar : the camera.
     in_run : whether the attitudes are those of the run.
+    has_retros : whether the body has retro-reflectors.
     """
     notes = [
         "attitudes of the run" if in_run else "attitudes: all rotations, evenly; places: one pixel about the boresight"
     ]
+    if has_retros:
+        notes.append("its retro-reflectors count; part_materials of a scenario's target can replace them")
     if lidar.receiver.filter_width_nm is not None:
         notes.append("not counted: sunlight")
     if lidar.detector.traits.is_gated:
