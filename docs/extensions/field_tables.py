@@ -94,7 +94,7 @@ def prepare(_app, what, _name, _value, _options, lines):
     """Escape the bars of a docstring, put the text of its parameters below their names, and head its examples."""
     lines[:] = head_examples(separate_names([escape(line) for line in lines]))
     if what == "property" and lines:
-        lines.insert(0, "")  # napoleon takes what stands before a colon in the first line of a property for its type
+        lines[:0] = ["..", ""]  # an empty comment: napoleon takes a property's first line up to a colon for its type
 
 
 def setup(app):
