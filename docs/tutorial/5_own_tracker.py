@@ -143,7 +143,7 @@ figure
 # angle: its command is computed from a flash half a second ago, while the line of sight turns. The scatter is the
 # jitter of the drive and the noise of the encoders.
 
-for name, frames, _ in runs[1:]:
+for name, frames in list(runs.items())[1:]:
     offset_deg = np.array([measure_offset_deg(frame) for frame in frames[4:]])
     print(f"{name:18s} rms {np.sqrt(np.mean(offset_deg**2)):.3f} deg, worst {offset_deg.max():.3f} deg")
 

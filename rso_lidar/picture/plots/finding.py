@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SHOWN = 0.002  # probabilities closer to 0 or 1 than this are not drawn at the ends
+_HIGH = 0.8  # level whose line a legend at the top would cover
 
 
 def finding_figure(
@@ -61,8 +62,17 @@ def finding_figure(
     if shown.size > 1:
         first, last = max(int(shown[0]) - 1, 0), min(int(shown[-1]) + 1, len(range_m) - 1)
         axes.set_xlim(range_m[first], range_m[last])
-    axes.set_ylim(-0.02, 1.04)
+    low, high = -0.02, 1.04
+    axes.set_ylim(low, high)
     log_ticks(axes.xaxis, *axes.get_xlim())
     axes.set_xlabel("Range [m]", fontsize=TEXT_PT, color=QUIET)
-    axes.legend(fontsize=SMALL_PT, frameon=False, labelcolor=INK, loc="upper right")
+    top = (probability - low) / (high - low) - 0.01 if probability > _HIGH else 1.0  # below the line of a high level
+    axes.legend(
+        fontsize=SMALL_PT,
+        frameon=False,
+        labelcolor=INK,
+        loc="upper right",
+        bbox_to_anchor=(1.0, top),
+        borderaxespad=0.2,
+    )
     return figure
