@@ -42,6 +42,7 @@ myst_heading_anchors = 5
 myst_enable_extensions = ["colon_fence", "attrs_inline"]
 
 # The API from docstrings. Fields of parts and records come from extensions.field_tables.
+autodoc_preserve_defaults = True  # `scheme=LIGHT`, and not all of its colours
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 autodoc_class_signature = "separated"

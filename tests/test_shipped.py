@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import rso_lidar
+from rso_lidar.scenario.mission.validation import read_toml
 from rso_lidar.shipped import find, shipped
 
 
@@ -72,6 +73,9 @@ def test_scenarios_and_studies_are_found_among_the_shipped_data(tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     shipped_one = rso_lidar.Scenario.load("examples/bench_plate.toml")
     assert shipped_one.name == "Bench, plate at 3 km"
+    assert read_toml(Path("examples/bench_plate.toml")).startswith(
+        ("#", "version")
+    )  # as `requirements` reads its subject
     assert rso_lidar.study.Study.load("examples/studies/trade_lens.toml").base().target[0].name == "tdrs"
     (tmp_path / "examples").mkdir()
     (tmp_path / "examples" / "bench_plate.toml").write_text(shipped_one.replace(name="mine").dumps(), encoding="utf-8")

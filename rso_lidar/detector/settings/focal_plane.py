@@ -89,8 +89,7 @@ class Droop(Part):
 
     A sag of v leaves 1/(1 + `gain_slope_per_v` · v) of the gain, which is M = a/(V_b − V). The data sheet of the InGaAs APDs
     C30645 and C30662 (Excelitas) states this law above M = 4. With a = 40 to 50 V the slope is 0.22 per volt at M = 10.
-    Miller's law
-    M = 1/(1 − (V/V_b)ⁿ) has the same form near V_b.
+    Miller's law M = 1/(1 − (V/V_b)ⁿ) has the same form near V_b.
 
     C is that of the junctions. From 80 to 200 µm it rises by 1.25 pF (same data sheet). A pixel of 80 µm therefore has
     0.24 pF, and 128 x 128 pixels have 4 nF. Two things are assumed: that nothing else holds the bias, and R, the output

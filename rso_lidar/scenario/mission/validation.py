@@ -76,8 +76,8 @@ class FilePart(Part):
 
 
 def read_toml(path: Path) -> str:
-    """Read the text of a scenario file, or raise `ScenarioError`."""
-    return read_text(path, MOST_BYTES, ScenarioError, "scenario file (.toml)")
+    """Read the text of a scenario file, which may be a shipped one, or raise `ScenarioError`."""
+    return read_text(find(path) or path, MOST_BYTES, ScenarioError, "scenario file (.toml)")
 
 
 def validate_toml(
