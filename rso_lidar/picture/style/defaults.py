@@ -21,7 +21,7 @@ def make_rc_params(scheme: Scheme = LIGHT) -> dict[str, Any]:
     >>> make_rc_params()["image.cmap"]
     'viridis'
     """
-    from matplotlib import cycler
+    from matplotlib.rcsetup import cycler
 
     ticks = {
         f"{axis}tick.{name}": value

@@ -27,7 +27,7 @@ BAD = {
     "time as a text": ("2024-09-17T12:00:00Z", '"2024-09-17T12:00:00Z"', ["time.start_utc", "without quotes"]),
     "no frames": ("duration_s    = 2", "duration_s = 0.01", ["duration_s * frame_rate_hz", "no frame"]),
     "too many frames": ("duration_s    = 2", "duration_s = 1e12", ["split the run"]),
-    "a version to come": ("version = 1", "version = 2", ["version", "known: 1"]),
+    "a version to come": ("version = 1", "version = 2", ["version", "up to 1", "upgrade rso_lidar"]),
     "broken TOML": ("version = 1", "version = = 1", ["not valid TOML", "line 2"]),
     "an unknown detector": ("[lidar.laser]", '[lidar.detector]\ntype = "gsfi"\n[lidar.laser]', ["'gsfi'", "empirical"]),
     "unknown motion": ('"fixed", position_m = [1000', '"fixd", position_m = [1000', ["'fixd'", "'fixed'"]),
