@@ -42,7 +42,7 @@ def expected():
 @pytest.mark.parametrize("suffix", ["h5", "nc", "zarr"])
 def test_samples_come_back_bit_for_bit(tmp_path, saved, suffix):
     if suffix == "zarr":
-        pytest.importorskip("zarr")
+        pytest.importorskip("zarr", reason="needs the extra zarr: pip install 'rso-lidar[zarr]'")
     path = saved if suffix == "h5" else export.save(tmp_path / f"run.{suffix}", export.open(saved))
     with export.open(path) as recording:
         for k, frame in enumerate(recording):
@@ -89,8 +89,8 @@ def test_h5py_alone_reads_a_series_by_its_count_or_its_missing_times(saved):
 
 
 def test_xarray_reads_a_group(saved):
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
+    xarray = pytest.importorskip("xarray", reason="needs xarray: pip install xarray")
+    pytest.importorskip("h5netcdf", reason="needs h5netcdf: pip install h5netcdf")
     with xarray.open_dataset(saved, engine="h5netcdf", group="sensors/gyro") as gyro:
         assert gyro["angular_velocity_rad_s"].dims == ("time", "sample", "xyz")
         at = gyro["time_s"].values[1, 0] - np.datetime64("2024-09-17T12:00:00")
@@ -162,7 +162,7 @@ def test_a_resumed_run_has_the_same_datasets(tmp_path):
 
 
 def test_zarr_makes_room_after_its_first_shard(tmp_path, monkeypatch):
-    pytest.importorskip("zarr")
+    pytest.importorskip("zarr", reason="needs the extra zarr: pip install 'rso-lidar[zarr]'")
     from rso_lidar.export.writer import zarr_store
 
     monkeypatch.setattr(zarr_store, "FRAMES_PER_SHARD", 2)

@@ -92,7 +92,7 @@ def test_units_of_inertial_sensors_are_declared_with_their_factors(tmp_path):
 
 
 def test_units_are_those_of_the_library_or_declared():
-    sysml = pytest.importorskip("sysml")
+    sysml = pytest.importorskip("sysml", reason="needs OpenMBEE's reader: pip install sysml")
     folder = Path(sysml.standard_library()) / "Domain Libraries" / "Quantities and Units"
     known = set(re.findall(r"attribute <('?[^>']+'?)>", (folder / "SI.sysml").read_text(encoding="utf-8")))
     assert {"m", "nm", "'°'", "'Ω'"} <= known
