@@ -34,6 +34,7 @@ COMMANDS = {
     "plot": "Draw frames of a recording, their trajectory or curves.",
     "track": "Track the target of a recording and compare with the truth.",
     "animate": "Animate a recording as GIF or MP4.",
+    "studio": "Build, see and fly scenarios in a browser.",
     "view": "Show a recording in a viewer, frame by frame.",
     "schema": "Print the JSON Schema of the scenario file.",
     "dataset": "Make, check, publish, export and score datasets for learning.",

@@ -1,0 +1,110 @@
+"""Access to the studio: a token in the first address, a cookie afterwards, and requests of its own pages only."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Awaitable, Callable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+
+_REFUSED = "The studio opens with the address that `rso-lidar studio` prints, which contains its token.\n"
+# Pages load nothing from other hosts, and no other page may frame them. NiceGUI needs inline scripts and `eval`.
+_POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; worker-src 'self' blob:; "
+    "frame-ancestors 'none'; base-uri 'self'; form-action 'self'"
+)
+_HEADERS = {
+    "content-security-policy": _POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",  # the token stays out of the addresses that other hosts see
+}
+
+
+class AccessControl:
+    """ASGI middleware that answers only requests with the token, for pages and for web sockets alike.
+
+    A request whose query has the token gets a cookie, and is redirected to the same address without it. Requests whose
+    `Host` or `Origin` is another name are refused: a page of another site cannot reach the studio by a name of its own.
+    """
+
+    def __init__(self, app: Any, *, token: str, hosts: frozenset[str] | None, port: int) -> None:
+        """Wrap an application.
+
+        Parameters
+        ----------
+        app : ASGI application.
+        token : required of each client.
+        hosts : host names that requests may give, without the port (None: any).
+        port : of the server; it names the cookie, because browsers share cookies among the ports of a host.
+        """
+        self._app, self._token, self._hosts = app, token, hosts
+        self._cookie = f"rso_lidar_studio_{port}"
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
+        if self._is_of_our_pages(headers):
+            given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+            if scope["type"] == "http" and self._matches(given):
+                cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
+                await _respond(send, 303, "", {"location": scope["path"], "set-cookie": cookie})
+                return
+            if self._matches(self._read_cookie(headers.get("cookie", ""))):
+                await self._app(scope, receive, _add_headers(send) if scope["type"] == "http" else send)
+                return
+        if scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await _respond(send, 403, _REFUSED, {"content-type": "text/plain; charset=utf-8"})
+
+    def _is_of_our_pages(self, headers: dict[str, str]) -> bool:
+        host = headers.get("host", "")
+        if self._hosts is not None and urlsplit(f"//{host}").hostname not in self._hosts:
+            return False
+        origin = headers.get("origin")
+        return origin is None or urlsplit(origin).netloc == host
+
+    def _matches(self, given: str) -> bool:
+        return secrets.compare_digest(given.encode(), self._token.encode())
+
+    def _read_cookie(self, header: str) -> str:
+        try:
+            found = SimpleCookie(header).get(self._cookie)
+        except CookieError:
+            return ""
+        return found.value if found else ""
+
+
+async def _respond(send: Send, status: int, text: str, headers: dict[str, str]) -> None:
+    """Send a whole response.
+
+    Parameters
+    ----------
+    send : of ASGI.
+    status, text, headers : the response.
+    """
+    listed = [(key.encode(), value.encode("latin-1")) for key, value in {**_HEADERS, **headers}.items()]
+    await send({"type": "http.response.start", "status": status, "headers": listed})
+    await send({"type": "http.response.body", "body": text.encode()})
+
+
+def _add_headers(send: Send) -> Send:
+    """Wrap `send` so that each response has the headers of the studio."""
+
+    async def send_with_headers(message: MutableMapping[str, Any]) -> None:
+        if message["type"] == "http.response.start":
+            more = [(key.encode(), value.encode()) for key, value in _HEADERS.items()]
+            message["headers"] = [*message.get("headers", ()), *more]
+        await send(message)
+
+    return send_with_headers

@@ -1,0 +1,49 @@
+"""The application of the studio: its one page, with a header and the three pages Build, See and Run under it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import fastapi
+from nicegui import ui
+
+from rso_lidar.studio.access import AccessControl
+from rso_lidar.studio.pages import build_page, run_page, see_page
+from rso_lidar.studio.pages.header import draw_header
+from rso_lidar.studio.pages.style import add_style
+from rso_lidar.studio.state import BrowserTab, Workspace
+
+_PAGES = {"build": build_page.draw, "see": see_page.draw, "run": run_page.draw}
+
+
+def build_application(workspace: Workspace, *, token: str, hosts: frozenset[str] | None, port: int) -> AccessControl:
+    """Build the ASGI application of the studio.
+
+    Parameters
+    ----------
+    workspace : what all tabs share.
+    token, hosts, port : as in `AccessControl`.
+    """
+    outer = fastapi.FastAPI(openapi_url=None)
+    see_page.add_routes(outer, workspace)
+    ui.run_with(outer, root=make_root(workspace), title="rso_lidar studio", dark=None, show_welcome_message=False)
+    return AccessControl(outer, token=token, hosts=hosts, port=port)
+
+
+def make_root(workspace: Workspace) -> Callable[[], Any]:
+    """Return the function that draws the page for one tab of the browser."""
+
+    def root() -> None:
+        add_style()
+        tab = BrowserTab(workspace, workspace.first_document())
+        with ui.header().classes("studio-header"):
+            chosen = draw_header(tab)
+        with ui.tab_panels(chosen, value="build", keep_alive=True).classes("w-full studio-pages"):
+            for name, draw in _PAGES.items():
+                with ui.tab_panel(name):
+                    draw(tab)
+        ui.context.client.on_connect(tab.open)
+        ui.context.client.on_delete(tab.close)
+
+    return root

@@ -1,0 +1,76 @@
+"""The folder of the studio: names of files inside it, and nothing outside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rso_lidar.errors import ScenarioError
+
+_MOST_FILES = 500  # that a list shows
+_LONGEST_NAME = 200  # characters of a path inside the folder
+RECORDINGS = (".h5", ".nc")
+
+
+class Folder:
+    """One folder, with the files that the studio may read and write.
+
+    Names are relative paths inside it. Absolute names, `..`, hidden files, and symbolic links that lead outside are refused.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Take the path of an existing folder.
+
+        Raises
+        ------
+        ScenarioError
+            If it is not a folder.
+        """
+        if not path.is_dir():
+            raise ScenarioError(f"{path}: is not a folder; make it first, or name another")
+        self.path = path.resolve()
+
+    def resolve(self, name: str, suffixes: tuple[str, ...]) -> Path:
+        """Return the path of a name inside the folder; the file need not exist.
+
+        Parameters
+        ----------
+        name : relative path.
+        suffixes : allowed endings of the name.
+
+        Raises
+        ------
+        ScenarioError
+            If the name leads outside the folder, is hidden, or has another ending.
+        """
+        parts = Path(name).parts
+        plain = name.isprintable() and 0 < len(name) <= _LONGEST_NAME and "\\" not in name
+        if not plain or Path(name).is_absolute() or any(part.startswith((".", "~")) for part in parts):
+            raise ScenarioError(
+                f"{name!r:.80}: is not a file name inside the folder; give one such as approach{suffixes[0]}"
+            )
+        if not name.endswith(suffixes):
+            raise ScenarioError(f"{name:.80}: must end with {' or '.join(suffixes)}")
+        return self.require_inside(self.path / name)
+
+    def require_inside(self, path: Path) -> Path:
+        """Return a path whose target lies inside the folder, or raise `ScenarioError`."""
+        try:
+            inside = path.resolve().is_relative_to(self.path)
+        except (OSError, RuntimeError, ValueError):  # a loop of links, or a name that no file can have
+            inside = False
+        if not inside:
+            raise ScenarioError(f"{path.name}: leads outside the folder {self.path.name}; copy the file into it")
+        return path
+
+    def list_files(self, suffixes: tuple[str, ...]) -> list[str]:
+        """List the names with certain endings in the folder and its subfolders, at most 500, sorted."""
+        found = []
+        for path in sorted((*self.path.glob("*"), *self.path.glob("*/*"))):
+            name = path.relative_to(self.path).as_posix()
+            try:
+                self.resolve(name, suffixes)
+            except ScenarioError:
+                continue
+            if path.is_file():
+                found.append(name)
+        return found[:_MOST_FILES]

@@ -1,0 +1,1 @@
+"""Pages of the studio: what NiceGUI shows of documents, previews and jobs."""

@@ -1,0 +1,103 @@
+"""State of the studio: what all tabs of the browser share, and what one of them shows."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+from nicegui import Event, run
+
+from rso_lidar.studio.documents.assessment import Assessment, assess
+from rso_lidar.studio.documents.document import Document
+from rso_lidar.studio.folder import Folder
+from rso_lidar.studio.jobs.queue import JobQueue
+
+_PAUSE_S = 0.3  # without a further edit, after which a text is assessed
+
+
+class Workspace:
+    """The folder, its open documents and its jobs: one for the process, shared by all tabs of the browser."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a folder.
+
+        Raises
+        ------
+        ScenarioError
+            If it is not a folder.
+        """
+        self.folder = Folder(path)
+        self.jobs = JobQueue(self.folder)
+        self._documents: dict[str, Document] = {}
+
+    def open_document(self, name: str) -> Document:
+        """Return the document of a scenario file, the same one for all tabs.
+
+        Raises
+        ------
+        ScenarioError
+            If the name is not allowed, or the file cannot be read.
+        """
+        if name not in self._documents:
+            self._documents[name] = Document.open(self.folder, name)
+        return self._documents[name]
+
+    def new_document(self, text: str) -> Document:
+        """Return a document that has no file yet."""
+        return Document(self.folder, text)
+
+    def first_document(self) -> Document:
+        """Return the document that a new tab shows: the first scenario of the folder, or an empty text."""
+        names = self.folder.list_files((".toml",))
+        return self.open_document(names[0]) if names else self.new_document("")
+
+
+class BrowserTab:
+    """One tab of the browser: its document, what `check` says of it, and events to which the pages subscribe.
+
+    - `document_changed`: another text, or another document.
+    - `assessed`: a new assessment; `assessment` holds it.
+    - `field_chosen`: a page should show the field at a place, such as ``lidar.laser.energy_mj``.
+    - `page_chosen`: another page is shown, by its name.
+    """
+
+    def __init__(self, workspace: Workspace, document: Document) -> None:
+        self.workspace, self.document = workspace, document
+        self.assessment: Assessment | None = None
+        self.document_changed, self.assessed = Event[[]](), Event[[]]()
+        self.field_chosen, self.page_chosen = Event[[str]](), Event[[str]]()
+        self._generation = 0
+
+    def show(self, document: Document) -> None:
+        """Show another document."""
+        self.document.listeners.discard(self._on_change)
+        self.document = document
+        self._listen()
+
+    def _listen(self) -> None:
+        self.document.listeners.add(self._on_change)
+        self._on_change()
+
+    def open(self) -> None:
+        """Begin, when the browser has connected."""
+        self._listen()
+
+    def close(self) -> None:
+        """End: the browser has gone. The document stays with the workspace."""
+        self._generation += 1
+        self.document.listeners.discard(self._on_change)
+
+    def _on_change(self) -> None:
+        self._generation += 1
+        self.document_changed.emit()
+        asyncio.get_running_loop().create_task(self._assess(self._generation))
+
+    async def _assess(self, generation: int) -> None:
+        """Assess the text after a pause, unless it changes again."""
+        await asyncio.sleep(_PAUSE_S if self.assessment else 0.0)
+        if generation != self._generation:
+            return
+        made = await run.io_bound(assess, self.document.text, self.workspace.folder, self.document.title)
+        if made is not None and generation == self._generation:
+            self.assessment = made
+            self.assessed.emit()
