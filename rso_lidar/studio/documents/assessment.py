@@ -2,27 +2,176 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from rso_lidar.errors import RsoLidarError
+from rso_lidar.errors import RsoLidarError, ScenarioError, suppress_warnings
+from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.named_files import list_dynamics, list_fmus
+from rso_lidar.scene.library.model_index import is_mesh_path
+from rso_lidar.shipped import find, shipped
 from rso_lidar.studio.folder import Folder
+
+_KEY = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
+_KEYS = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
+_HEADER, _ENTRY = re.compile(rf"\s*(\[\[?)\s*({_KEYS})\s*\]"), re.compile(rf"\s*({_KEYS})\s*=")
+_SHIPPED = ("tle", "models", "examples")
+_PLACE = re.compile(r"([A-Za-z_][\w-]*(?:\[\d+\]|\.[\w-]+)*): ")
 
 
 @dataclass(frozen=True)
 class Assessment:
-    """A text with the scenario that it is; or with its first problem, the place of that as a TOML key, and its line."""
+    """A text with the scenario that it is; or with its first problem, the place of that as a TOML key, and its line.
+
+    `refusal` is the reason why the studio does not fly a valid scenario, in one line; empty where it may be flown.
+    """
 
     text: str
     scenario: Scenario | None
     problem: str = ""
     place: str = ""
     line: int | None = None
+    refusal: str = ""
 
 
 def assess(text: str, folder: Folder, title: str) -> Assessment:
-    """Assess a text; the files that it names must lie inside the folder, or be shipped."""
+    """Assess a text; the files that it names must lie inside the folder, or be shipped.
+
+    Parameters
+    ----------
+    text : TOML of a scenario.
+    folder : of the studio.
+    title : of the text, which begins its messages.
+    """
     try:
-        return Assessment(text, Scenario.loads(text, folder=folder.path, where=title))
+        with suppress_warnings():
+            # Before any part sees the text: some read the files that they name.
+            for place, name in _iterate_files(parse_toml(text, title, ScenarioError)):
+                check_file(name, folder, f"{title}: {place}")
+            scenario = Scenario.loads(text, folder=folder.path, where=title)
+            refusal = _find_refusal(scenario)
+            if not refusal:
+                _ = scenario.bodies, scenario.pan_tilt, scenario.instrument  # these read the files that the text names
     except RsoLidarError as error:
-        return Assessment(text, None, str(error))
+        message = str(error)
+        place, line = _locate(message.removeprefix(f"{title}: "), text)
+        return Assessment(text, None, message, place, line)
+    return Assessment(text, scenario, refusal=refusal)
+
+
+def describe(scenario: Scenario) -> str:
+    """Return the description of a scenario with its warnings, as `rso-lidar check` prints it; it takes seconds."""
+    with suppress_warnings():
+        try:
+            return scenario.describe()
+        except RsoLidarError as error:
+            return str(error)
+
+
+def check_file(name: str, folder: Folder, where: str) -> Path:
+    """Check that a file that a text names is inside the folder or shipped, without opening it, and return its path.
+
+    Parameters
+    ----------
+    name : as the text gives it.
+    folder : of the studio.
+    where : start of the message.
+
+    Raises
+    ------
+    ScenarioError
+        If it lies outside, or is missing.
+    """
+    path = find(name, folder.path)
+    try:
+        inside = path is not None and any(path.resolve().is_relative_to(shipped(one).resolve()) for one in _SHIPPED)
+        if not inside:
+            folder.require_inside(path or folder.path / name)
+    except (ScenarioError, OSError, ValueError):
+        raise ScenarioError(f"{where}: '{name:.80}' is outside the folder {folder.path.name}; upload it here") from None
+    if path is None:
+        raise ScenarioError(f"{where}: no file '{name:.80}' in the folder nor among the shipped data; upload it here")
+    return path
+
+
+def _iterate_files(tree: Any, place: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the place and the name of each file in the tables of a text."""
+    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
+        here = f"{place}[{key}]" if isinstance(key, int) else f"{place}.{key}".lstrip(".")
+        if isinstance(value, dict | list):
+            yield from _iterate_files(value, here)
+        elif isinstance(value, str) and (
+            key == "file" or str(key).endswith("_file") or (key == "model" and is_mesh_path(value))
+        ):
+            yield here, value
+
+
+def _find_refusal(scenario: Scenario) -> str:
+    """Return why the studio does not fly a scenario: it names code, Python or native."""
+    parts = [part for body in (*scenario.target, scenario.follower) for part in (body.motion, body.attitude)]
+    named = [name for part in (*parts, scenario.ptu) for name in (*list_dynamics(part), *list_fmus(part))]
+    if not named:
+        return ""
+    return f"names code, {named[0]}: the studio runs none of a file; fly it with `rso-lidar run` on the command line"
+
+
+def _locate(message: str, text: str) -> tuple[str, int | None]:
+    """Return the place that a message names, as a TOML key, and its line in the text."""
+    if found := re.search(r"\(at line (\d+), column \d+\)", message):
+        return "", int(found[1])
+    found = _PLACE.match(message)
+    place = found[1] if found else ""
+    if unknown := re.search(r"(?:^|: )unknown key '([^']+)'", message):
+        place = f"{place}.{unknown[1]}".lstrip(".")
+    first, _, rest = place.partition(".")
+    if found := re.match(r"target (\S+): ", message):  # messages of loaded bodies have names, not numbers
+        first, rest = found[1], ""
+    with_names = [one for one in _list_targets(text) if one == first]
+    if with_names:
+        place = f"target[{_list_targets(text).index(first)}].{rest}".rstrip(".")
+    return place, find_line(text, place)
+
+
+def _list_targets(text: str) -> list[str]:
+    try:
+        tables = parse_toml(text, "", ScenarioError).get("target", [])
+    except ScenarioError:
+        return []
+    return [str(one.get("name")) if isinstance(one, dict) else "" for one in tables] if isinstance(tables, list) else []
+
+
+def split_place(place: str) -> tuple[str | int, ...]:
+    """Return the keys and the numbers of entries of a place such as ``target[0].motion.file``."""
+    words = re.findall(r"\[(\d+)\]|([^.\[\]]+)", place)
+    return tuple(int(number) if number else word for number, word in words)
+
+
+def find_line(text: str, place: str) -> int | None:
+    """Return the line, from 1, of the key at a place, or of the table that is to hold it; None if there is neither.
+
+    Tables in one line (`{ ... }`) count as their key.
+    """
+    wanted = tuple(str(step) for step in split_place(place))
+    here: tuple[str, ...] = ()
+    entries: dict[tuple[str, ...], int] = {}
+    best: tuple[int, int | None] = (0, None)
+    for number, line in enumerate(text.splitlines(), 1):
+        head, entry = _HEADER.match(line), _ENTRY.match(line)
+        if head is None and entry is None:
+            continue
+        steps = [step.strip("\"' \t") for step in re.findall(_KEY, head[2] if head else entry[1] if entry else "")]
+        path: tuple[str, ...] = () if head else here
+        for k, step in enumerate(steps):
+            path = (*path, step)
+            if head and head[1] == "[[" and k == len(steps) - 1:
+                entries[path] = entries.get(path, -1) + 1
+            if path in entries:
+                path = (*path, str(entries[path]))
+        here = path if head else here
+        if path[: len(wanted)] == wanted[: len(path)] and min(len(path), len(wanted)) > best[0]:
+            best = min(len(path), len(wanted)), number
+    return best[1]
