@@ -1,0 +1,141 @@
+"""Images of single frames as PNG: range and intensity side by side, in the colours of the package's own pictures."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar.picture.frames.panels import range_limits_m
+from rso_lidar.picture.frames.raster import draw_panel, write
+from rso_lidar.picture.selection.scale import Scale, count_limits, nice_down
+from rso_lidar.picture.selection.sequence import Thumbnail, find_target_pixels, on_target
+from rso_lidar.picture.selection.window import Window, bounding_window, crop
+from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, ramp
+from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE, LIGHT, NO_LIGHT, NO_RETURN, Scheme
+from rso_lidar.records import Frame
+
+if TYPE_CHECKING:
+    from PIL.ImageDraw import ImageDraw
+
+_SIDE, _LEFT, _TOP, _GAP, _FOOT, _TEXT = 440, 44, 30, 60, 66, 17  # of a panel, and about it [pixels]
+IMAGE_SIZE = (2 * _SIDE + 2 * _LEFT + _GAP - 16, _TOP + _SIDE + _FOOT)
+
+
+def choose_window(frame: Frame, *, whole: bool = False) -> Window:
+    """Choose the part of the field that an image shows: a square about the target, or the whole field."""
+    if whole:
+        return bounding_window(np.zeros(frame.valid.shape, bool))
+    return crop(bounding_window(find_target_pixels(frame)))
+
+
+def choose_scale(frame: Frame) -> Scale:
+    """Choose the colour limits of one frame, as the package's figure of a frame has them."""
+    low_m, high_m = range_limits_m(frame)
+    counts = frame.intensity_counts.astype(float)
+    on = on_target(frame) if on_target(frame).any() else frame.valid
+    low, high, logarithmic = count_limits([counts[on]] if on.any() else [])
+    return Scale(False, low_m, high_m, low, high if logarithmic else max(float(counts.max()), 1.0), logarithmic)
+
+
+def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False) -> bytes:
+    """Draw range and intensity of a frame side by side, with axes, colour bars and a scale bar, as PNG.
+
+    Parameters
+    ----------
+    frame : of a scenario or of a recording.
+    scheme : `LIGHT` or `DARK`.
+    whole : whether to show the whole field, instead of a square about the target.
+    """
+    from PIL import Image, ImageDraw
+
+    window, scale, thumbnail = choose_window(frame, whole=whole), choose_scale(frame), Thumbnail.of(frame)
+    image = Image.new("RGB", IMAGE_SIZE, scheme.paper)
+    draw = ImageDraw.Draw(image)
+    saturated = int(frame.saturated.sum())
+    kind, low, high = scale.intensity_words
+    notes = ("dark: no return", f"{saturated:,} saturated" if saturated else "")
+    panels = (
+        ("Range", RANGE_RAMP, scale.range_rgb(frame.range_m, 0.0), NO_RETURN),
+        (kind, INTENSITY_RAMP, scale.intensity_rgb(frame.intensity_counts), NO_LIGHT),
+    )
+    ends = ((f"{scale.low_m:,.2f}", f"{scale.high_m:,.2f} m"), (low, high))
+    for number, (title, name, rgb, empty) in enumerate(panels):
+        left = _LEFT + number * (_SIDE + _GAP)
+        image.paste(draw_panel(window.cut(rgb), _SIDE, empty), (left, _TOP))
+        write(draw, left, 6, title, _TEXT, scheme.ink, bold=True)
+        write(draw, left + _SIDE, 6, notes[number], _TEXT - 2, scheme.quiet, "ra")
+        _draw_axes(draw, left, window, scheme)
+        bar = Image.fromarray(ramp(name)[None]).resize((_SIDE // 2, 14))
+        image.paste(bar, (left + _SIDE // 4, _TOP + _SIDE + 38))
+        write(draw, left + _SIDE // 4 - 8, _TOP + _SIDE + 36, ends[number][0], _TEXT - 1, scheme.quiet, "ra")
+        write(draw, left + 3 * _SIDE // 4 + 8, _TOP + _SIDE + 36, ends[number][1], _TEXT - 1, scheme.quiet)
+    _draw_scale_bar(draw, thumbnail.pixel_m * max(window.width, window.height))
+    with io.BytesIO() as held:
+        image.save(held, "PNG", compress_level=1)
+        return held.getvalue()
+
+
+def _box(window: Window) -> tuple[float, float, float]:
+    """Return offset right and down of a window inside its square panel, and the size of a pixel of the lidar."""
+    step = _SIDE / max(window.width, window.height)
+    return 0.5 * (_SIDE - step * window.width), 0.5 * (_SIDE - step * window.height), step
+
+
+def find_pixel(window: Window, x: float, y: float) -> tuple[int, int] | None:
+    """Find the pixel (row, col) of the lidar at a point of an image; None beside the panels.
+
+    Parameters
+    ----------
+    window : what the image shows.
+    x, y : point [pixels of the image], right and down.
+    """
+    right, down, step = _box(window)
+    for left in (_LEFT, _LEFT + _SIDE + _GAP):
+        col, row = math.floor((x - left - right) / step), math.floor((y - _TOP - down) / step)
+        if 0 <= col < window.width and 0 <= row < window.height:
+            return window.top + row, window.left + col
+    return None
+
+
+def mark_pixel(window: Window, row: int, col: int) -> list[tuple[float, float, float]]:
+    """Return left, top and side [pixels of the image] of a pixel in each panel; nothing if the window lacks it.
+
+    Parameters
+    ----------
+    window : what the image shows.
+    row, col : the pixel.
+    """
+    if not (window.top <= row < window.bottom and window.left <= col < window.right):
+        return []
+    right, down, step = _box(window)
+    x, y = right + step * (col - window.left), _TOP + down + step * (row - window.top)
+    return [(left + x, y, step) for left in (_LEFT, _LEFT + _SIDE + _GAP)]
+
+
+def _draw_axes(draw: ImageDraw, left: int, window: Window, scheme: Scheme) -> None:
+    """Draw the numbers of the first, middle and last rows and columns of a panel."""
+    right, down, step = _box(window)
+    for k in sorted({0, window.width // 2, window.width - 1}):
+        x = left + right + (k + 0.5) * step
+        draw.line((x, _TOP + _SIDE, x, _TOP + _SIDE + 4), fill=scheme.rule)
+        write(draw, x, _TOP + _SIDE + 6, str(window.left + k), _TEXT - 2, scheme.quiet, "ma")
+    for k in sorted({0, window.height // 2, window.height - 1}):
+        y = _TOP + down + (k + 0.5) * step
+        draw.line((left - 4, y, left, y), fill=scheme.rule)
+        write(draw, left - 6, y, str(window.top + k), _TEXT - 2, scheme.quiet, "rm")
+    write(draw, left + _SIDE // 4, _TOP + _SIDE + 6, "col", _TEXT - 2, scheme.quiet, "ma")
+    write(draw, left - 6, _TOP + _SIDE // 4, "row", _TEXT - 2, scheme.quiet, "rm")
+
+
+def _draw_scale_bar(draw: ImageDraw, across_m: float) -> None:
+    """Draw a bar of a round length in the panel of intensity, which is `across_m` wide at the target."""
+    if not (math.isfinite(across_m) and across_m > 0.0):
+        return
+    length_m = nice_down(0.3 * across_m)
+    x, y, long = _LEFT + _SIDE + _GAP + 12, _TOP + _SIDE - 12, _SIDE * length_m / across_m
+    draw.rectangle((x - 3, y - 25, x + max(long, 10 * len(f"{length_m:g} m")) + 3, y + 5), fill=IMAGE_BLACK)
+    draw.rectangle((x, y - 1, x + long, y + 2), fill=IMAGE_WHITE)
+    write(draw, x, y - 3, f"{length_m:g} m", _TEXT, IMAGE_WHITE, anchor="ld")
