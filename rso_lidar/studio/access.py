@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Awaitable, Callable, MutableMapping
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -22,6 +21,7 @@ _POLICY = (
 _HEADERS = {
     "content-security-policy": _POLICY,
     "x-content-type-options": "nosniff",
+    "cross-origin-resource-policy": "same-origin",  # pages at other ports of this machine embed no frame
     "referrer-policy": "no-referrer",  # the token stays out of the addresses that other hosts see
 }
 
@@ -29,8 +29,8 @@ _HEADERS = {
 class AccessControl:
     """ASGI middleware that answers only requests with the token, for pages and for web sockets alike.
 
-    A request whose query has the token gets a cookie, and is redirected to the same address without it. Requests whose
-    `Host` or `Origin` is another name are refused: a page of another site cannot reach the studio by a name of its own.
+    A request whose query has the token gets a cookie, and is redirected to the page, without it. Requests whose `Host` or
+    `Origin` is another name are refused: a page of another site cannot reach the studio by a name of its own.
     """
 
     def __init__(self, app: Any, *, token: str, hosts: frozenset[str] | None, port: int) -> None:
@@ -56,7 +56,7 @@ class AccessControl:
             given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
             if scope["type"] == "http" and self._matches(given):
                 cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
-                await _respond(send, 303, "", {"location": scope["path"], "set-cookie": cookie})
+                await _respond(send, 303, "", {"location": "/", "set-cookie": cookie})
                 return
             if self._matches(self._read_cookie(headers.get("cookie", ""))):
                 await self._app(scope, receive, _add_headers(send) if scope["type"] == "http" else send)
@@ -68,21 +68,23 @@ class AccessControl:
             await _respond(send, 403, _REFUSED, {"content-type": "text/plain; charset=utf-8"})
 
     def _is_of_our_pages(self, headers: dict[str, str]) -> bool:
-        host = headers.get("host", "")
-        if self._hosts is not None and urlsplit(f"//{host}").hostname not in self._hosts:
+        host, origin = headers.get("host", ""), headers.get("origin")
+        is_embedded = headers.get("sec-fetch-mode") == "no-cors"  # an image, say: it has the cookie, and no origin
+        if is_embedded and headers.get("sec-fetch-site") in ("same-site", "cross-site"):
             return False
-        origin = headers.get("origin")
-        return origin is None or urlsplit(origin).netloc == host
+        try:
+            is_known = self._hosts is None or urlsplit(f"//{host}").hostname in self._hosts
+            return is_known and (origin is None or urlsplit(origin).netloc == host)
+        except ValueError:  # half an IPv6 address
+            return False
 
     def _matches(self, given: str) -> bool:
         return secrets.compare_digest(given.encode(), self._token.encode())
 
     def _read_cookie(self, header: str) -> str:
-        try:
-            found = SimpleCookie(header).get(self._cookie)
-        except CookieError:
-            return ""
-        return found.value if found else ""
+        # Not by http.cookies: it stops at the first odd cookie, and other servers of this machine may have set one.
+        pairs = (pair.strip().partition("=") for pair in header.split(";"))
+        return next((value for name, _, value in pairs if name == self._cookie), "")
 
 
 async def _respond(send: Send, status: int, text: str, headers: dict[str, str]) -> None:
