@@ -1,0 +1,80 @@
+"""A scenario flown ahead: what its flashes need, kept, so that a browser can ask for any of its frames at once."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from functools import cached_property
+from threading import Lock
+
+import numpy as np
+
+from rso_lidar.picture import even_indices
+from rso_lidar.records import Frame, Truth
+from rso_lidar.scenario import Scenario
+from rso_lidar.simulation.flash import flash
+from rso_lidar.simulation.stepping import DETECTION, Simulation
+
+_MOST_FRAMES, _MOST_FLIGHTS = 400, 4
+_flights: OrderedDict[str, Flight] = OrderedDict()
+_flights_lock = Lock()
+
+
+class Flight:
+    """The moments of at most 400 frames of a scenario, evenly chosen with both ends; row k is frame `numbers[k]`."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Fly a scenario without making its frames."""
+        self.scenario, self.numbers = scenario, even_indices(scenario.time.n_frames, _MOST_FRAMES)
+        with Simulation(scenario, frames=self.numbers, commanded=False) as simulation:
+            self.moments = [simulation.advance() for _ in self.numbers]
+        self.targets = tuple(target.name for target in scenario.target)
+        poses, base = self.moments[0].truth.poses, self.targets[0] if self.targets else "follower"
+        self.base = base  # the body that views in space are about
+        self.axes = f"{base}.rtn" if f"{base}.rtn" in poses else poses.parent(base)
+
+    @classmethod
+    def of(cls, text: str, scenario: Scenario) -> Flight:
+        """Return the flight of a scenario, kept by its text for all tabs; the last four are kept."""
+        with _flights_lock:
+            if text not in _flights:
+                _flights[text] = cls(scenario)
+                while len(_flights) > _MOST_FLIGHTS:
+                    _flights.popitem(last=False)
+            _flights.move_to_end(text)
+            return _flights[text]
+
+    def frame(self, row: int, keep: tuple[str, ...] = ()) -> Frame:
+        """Make the frame of a row, bit for bit that of a run."""
+        at, traits = self.moments[row], self.scenario.lidar.detector.traits
+        lacking = {name for name, has in (("waveforms", traits.has_waveforms), ("taps", traits.has_taps)) if not has}
+        rng = self.scenario.rng(at.index, DETECTION)
+        kept = tuple(name for name in keep if name not in lacking)
+        return flash(self.scenario, at.truth, rng, lidar=at.lidar, index=at.index, keep=kept, sensors=at.sensors)
+
+    def truth(self, row: int) -> Truth:
+        """Return where everything is at a row."""
+        return self.moments[row].truth
+
+    def matrix(self, row: int, name: str) -> np.ndarray:
+        """Return the pose (4, 4) of axes in those that views in space are in."""
+        matrix: np.ndarray = self.truth(row).pose(self.axes, name).as_matrix()
+        return matrix
+
+    def range_m(self, row: int) -> float:
+        """Return the distance from the lidar to the first target [m], NaN without one."""
+        if not self.targets:
+            return float("nan")
+        return float(np.linalg.norm(self.truth(row).pose("lidar", self.base).translation))
+
+    @cached_property
+    def path_m(self) -> np.ndarray:
+        """Positions of the follower (row, xyz) [m] in the axes of views in space."""
+        return np.stack([self.matrix(row, "follower")[:3, 3] for row in range(len(self.numbers))])
+
+    @cached_property
+    def surfaces(self) -> dict[str, np.ndarray]:
+        """Corners (facet, 3, xyz) f4 [m] of the surfaces by a hash of their geometry; of many facets, the largest."""
+        return {
+            one.content: one.corners[np.argsort(-one.areas_m2)[:150_000]].astype("<f4")
+            for one in self.scenario.surfaces
+        }
