@@ -7,7 +7,7 @@ from pathlib import Path
 from rso_lidar.errors import ScenarioError
 
 _MOST_FILES = 500  # that a list shows
-_LONGEST_NAME = 200  # characters of a path inside the folder
+_LONGEST_NAME = 200  # bytes of a path inside the folder; file systems take 255
 RECORDINGS = (".h5", ".nc")
 
 
@@ -42,9 +42,9 @@ class Folder:
         ScenarioError
             If the name leads outside the folder, is hidden, or has another ending.
         """
-        parts = Path(name).parts
-        plain = name.isprintable() and 0 < len(name) <= _LONGEST_NAME and "\\" not in name
-        if not plain or Path(name).is_absolute() or any(part.startswith((".", "~")) for part in parts):
+        # One spelling of each name, so that two tabs never edit one file as two documents; no drives or streams of Windows.
+        plain = name.isprintable() and 0 < len(name.encode()) <= _LONGEST_NAME and not {"\\", ":"} & set(name)
+        if not plain or any(part.startswith((".", "~", " ")) or not part for part in name.split("/")):
             raise ScenarioError(
                 f"{name!r:.80}: is not a file name inside the folder; give one such as approach{suffixes[0]}"
             )

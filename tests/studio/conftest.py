@@ -1,10 +1,11 @@
 """What tests of the studio share: the studio as users start it, in a process of its own."""
 
+import contextlib
+import http.client
 import os
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
@@ -34,7 +35,7 @@ class Studio:
         return f"rso_lidar_studio_{self.port}={self.token}"
 
 
-@contextmanager
+@contextlib.contextmanager
 def serve_studio(folder, *options):
     """Start `rso-lidar studio` in a folder, yield it, and end it by Ctrl-C: it must end cleanly and say nothing more."""
     pytest.importorskip("nicegui", reason="the studio needs NiceGUI, the extra studio")
@@ -54,7 +55,12 @@ def serve_studio(folder, *options):
             assert line, f"the studio ended at once: {process.stderr.read()}"
             lines.append(line.rstrip("\n"))
         url = next(line.split()[1] for line in lines if line.startswith("address"))
-        yield Studio(process, Path(folder), lines, url)
+        served = Studio(process, Path(folder), lines, url)
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", served.port, timeout=60)) as connection:
+            connection.request("GET", "/")  # waits until it serves; Ctrl-C before that is another end
+            with connection.getresponse() as response:
+                assert response.status == 403
+        yield served
         assert process.poll() is None, f"the studio ended by itself: {process.stderr.read()}"
         process.send_signal(signal.SIGINT if os.name == "posix" else signal.SIGTERM)
         printed, complaints = process.communicate(timeout=60)
