@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import secrets
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import fastapi
 from nicegui import events, run, ui
@@ -23,7 +24,9 @@ from rso_lidar.studio.preview.space import draw_cloud
 from rso_lidar.studio.preview.views import VIEWS
 from rso_lidar.studio.state import BrowserTab, Workspace
 
+T = TypeVar("T")
 _EVERY_S = 0.2  # between two frames shown
+_MOST_MODELS = 64  # meshes that are held, of all tabs
 _FIRST = "Working. The first start compiles the kernels, once for each installation: 15 to 25 s."
 _shelves: dict[str, dict[str, tuple[bytes, str]]] = {}  # what each tab shows, by its secret key: bytes and their type
 _models: dict[str, bytes] = {}  # meshes by the hash of their geometry
@@ -83,7 +86,11 @@ class SeePage:
         ui.on("studio_dark", self._set_dark)
         look = "emitEvent('studio_dark', document.body.classList.contains('body--dark'))"
         watch = f"new MutationObserver(() => {look}).observe(document.body, {{attributeFilter: ['class']}}); {look}"
-        client.on_connect(lambda: client.run_javascript(watch) and None)
+
+        def watch_colours() -> None:
+            client.run_javascript(watch)
+
+        client.on_connect(watch_colours)
         tab.assessed.subscribe(self.request)
 
     def _draw_bars(self) -> None:
@@ -236,14 +243,16 @@ class SeePage:
             self._complain(made.problem or made.refusal)
             return
         self.note.text = _FIRST if self.flight is None else "Working."
-        flight = await run.io_bound(Flight.of, made.text, made.scenario)
-        models = await run.io_bound(lambda: {name: one.tobytes() for name, one in flight.surfaces.items()})
+        flight = await _work(Flight.of, made.text, made.scenario)
+        models = await _work(lambda: {name: one.tobytes() for name, one in flight.surfaces.items()})
         _models.update(models)
+        for name in list(_models)[:-_MOST_MODELS]:
+            del _models[name]
         self.flight, self.slider.value = flight, min(int(self.slider.value), len(flight.numbers) - 1)
         self.slider.props(f"max={max(len(flight.numbers) - 1, 0)}")
         self.cloud_axes.set_options(["lidar", *flight.targets])
         self.view.set_options({k: k.capitalize() for k in VIEWS if k != "orbit" or not flight.scenario.is_local})
-        self.text.text, self.pixel = await run.io_bound(flight.scenario.describe), (-1, -1)
+        self.text.text, self.pixel = await _work(flight.scenario.describe), (-1, -1)
         for picture in self.pictures.values():
             picture.set_source("")
         self.shelf.clear()
@@ -258,7 +267,7 @@ class SeePage:
     async def _show(self, flight: Flight, row: int) -> None:
         """Make and show what is visible of a row."""
         shown, scheme, view = self.tabs.value or "image", self.scheme, self.view.value or "target"
-        scene = await run.io_bound(lambda: VIEWS[view](flight, row, scheme).pack())
+        scene = await _work(lambda: VIEWS[view](flight, row, scheme).pack())
         self.space.show(self._put("space", scene, "application/octet-stream"))
         seconds, truth_range = flight.truth(row).time_s, flight.range_m(row)
         far = f"range {truth_range:,.2f} m" if flight.targets else "no target"
@@ -269,7 +278,7 @@ class SeePage:
                 self.note.text = "Drawing."
                 self.drawn.add((shown, scheme))
                 self.pictures[shown].set_source(
-                    self._put(shown, await run.io_bound(draw_figure, shown, flight.scenario, scheme), "image/png")
+                    self._put(shown, await _work(draw_figure, shown, flight.scenario, scheme), "image/png")
                 )
         elif shown in ("image", "cloud"):
             keep = (
@@ -279,22 +288,24 @@ class SeePage:
                 if self.colour.value == "probability"
                 else ()
             )
-            self.frame = frame = await run.io_bound(flight.frame, row, keep)
+            self.frame = frame = await _work(flight.frame, row, keep)
             if shown == "cloud":
                 colour, axes = self.colour.value, self.cloud_axes.value
-                made = await run.io_bound(draw_cloud, frame, scheme, colour, axes)
+                made = await _work(draw_cloud, frame, scheme, colour, axes)
                 self.cloud.show(self._put("cloud", made, "application/octet-stream"))
             else:
                 await self._show_image(flight, row, frame)
         self.note.text = self.note.text if self.problem.visible else ""
 
     async def _show_image(self, flight: Flight, row: int, frame: Frame) -> None:
-        png = await run.io_bound(lambda: draw_image(frame, self.scheme, whole=self.whole))
+        png = await _work(lambda: draw_image(frame, self.scheme, whole=self.whole))
         self.image.set_source(self._put("image", png, "image/png"))
-        if self.pixel[0] < 0 or self.pixel >= frame.valid.shape:  # the brightest
+        if self.pixel[0] < 0 or any(
+            k >= n for k, n in zip(self.pixel, frame.valid.shape, strict=True)
+        ):  # the brightest
             row_of, col_of = divmod(int(frame.intensity_counts.argmax()), frame.valid.shape[1])
             self.pixel = self.row.value, self.col.value = row_of, col_of
-        report = await run.io_bound(report_pixel, frame, flight.moments[row].lidar, self.pixel)
+        report = await _work(report_pixel, frame, flight.moments[row].lidar, self.pixel)
         boxes = mark_pixel(choose_window(frame, whole=self.whole), *self.pixel)
         self.image.content = "".join(
             f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="#ff7a18" stroke-width="3"/>'
@@ -308,6 +319,14 @@ class SeePage:
         self.chart.options.clear()
         self.chart.options.update(_chart_options(report, self.scheme))
         self.chart.update()
+
+
+async def _work(deed: Callable[..., T], *arguments: Any) -> T:
+    """Return the result of work done in a thread; cancel the task where the studio is ending."""
+    made = await run.io_bound(deed, *arguments)
+    if made is None:
+        raise asyncio.CancelledError
+    return made
 
 
 def _chart_options(report: PixelReport, scheme: Any) -> dict[str, Any]:

@@ -52,6 +52,7 @@ def report_pixel(frame: Frame, lidar: Lidar, pixel: tuple[int, int]) -> PixelRep
     instants = {"truth": true_m / RANGE_PER_DELAY_M_S / NS, "reported": measured_m / RANGE_PER_DELAY_M_S / NS}
     curves: dict[str, np.ndarray] = {}
     waveforms: Any = frame.kept.get("waveforms")
+    taps: Any = frame.kept.get("taps")
     detector: Any = lidar.detector
     if waveforms is None:
         kind = getattr(detector, "type", type(detector).__name__)
@@ -59,7 +60,7 @@ def report_pixel(frame: Frame, lidar: Lidar, pixel: tuple[int, int]) -> PixelRep
     trace = np.flatnonzero(waveforms.pixel == number)
     if not trace.size:
         return PixelReport(numbers, {}, {}, "No signal passed the threshold: the pixel stored no samples.")
-    k, taps = int(trace[0]), frame.kept.get("taps")
+    k = int(trace[0])
     samples = waveforms.samples_counts[k]
     time_s = waveforms.start_s[k] + waveforms.sample_s * np.arange(len(samples))
     curves["samples"] = np.column_stack([time_s / NS, samples])
