@@ -27,6 +27,7 @@ def build_application(workspace: Workspace, *, token: str, hosts: frozenset[str]
     """
     outer = fastapi.FastAPI(openapi_url=None)
     see_page.add_routes(outer, workspace)
+    run_page.add_routes(outer, workspace)
     ui.run_with(outer, root=make_root(workspace), title="rso_lidar studio", dark=None, show_welcome_message=False)
     return AccessControl(outer, token=token, hosts=hosts, port=port)
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.interruption import remove_on_signal
 from rso_lidar.loop.network_address import NetworkAddress
 
 _NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
@@ -50,12 +51,13 @@ def open_studio(folder: Path, address: NetworkAddress, *, opens_browser: bool, t
     tell(f"address     {url}")
     if not address.is_loopback:
         tell("warning     other machines can reach it; whoever has the address with the token can change the folder")
-    tell("stop        Ctrl-C; runs go on in processes of their own until then")
+    tell("stop        Ctrl-C; a run under way keeps its frames, and the page offers to resume it")
     config = uvicorn.Config(application, log_level="error", access_log=False, timeout_graceful_shutdown=2)
     if opens_browser:
         webbrowser.open(url)
     try:
-        uvicorn.Server(config).run(sockets=[listening])
+        with remove_on_signal(workspace.jobs.close):  # the command line ends on a signal without `finally`
+            uvicorn.Server(config).run(sockets=[listening])
     finally:
         workspace.jobs.close()
 

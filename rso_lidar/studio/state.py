@@ -7,10 +7,11 @@ from pathlib import Path
 
 from nicegui import Event, run
 
+from rso_lidar.errors import ScenarioError
 from rso_lidar.studio.documents.assessment import Assessment, assess
 from rso_lidar.studio.documents.document import Document
 from rso_lidar.studio.folder import Folder
-from rso_lidar.studio.jobs.queue import JobQueue
+from rso_lidar.studio.jobs.queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
 
 _PAUSE_S = 0.3  # without a further edit, after which a text is assessed
 
@@ -27,8 +28,21 @@ class Workspace:
             If it is not a folder.
         """
         self.folder = Folder(path)
-        self.jobs = JobQueue(self.folder)
+        self.jobs = JobQueue(self.folder, self._check_job)
         self._documents: dict[str, Document] = {}
+
+    def _check_job(self, request: JobRequest) -> int:
+        """Assess the scenario of a job as its file is now, and return the number of frames of a run (0: unknown)."""
+        path = self.folder.resolve(request.source, KINDS[request.kind].reads)
+        if request.kind not in FLIES_SCENARIO:
+            return 0
+        try:
+            found = assess(path.read_text(encoding="utf-8"), self.folder, request.source)
+        except (OSError, UnicodeError) as error:
+            raise ScenarioError(f"{request.source}: cannot be read ({error}); save it again") from None
+        if found.scenario is None or found.refusal:
+            raise ScenarioError(found.problem or f"{request.source}: {found.refusal}")
+        return request.count_frames(found.scenario.time.n_frames)
 
     def open_document(self, name: str) -> Document:
         """Return the document of a scenario file, the same one for all tabs.
