@@ -69,7 +69,7 @@ class SeePage:
         with (
             ui.row()
             .classes("w-full no-wrap gap-2 items-stretch")
-            .style("height: calc(100vh - 205px); min-height: 480px")
+            .style("height: calc(100vh - 180px); min-height: 480px")
         ):
             with ui.column().classes("gap-1 h-full").style("width: 44%"):
                 self.view = ui.toggle(
@@ -108,8 +108,13 @@ class SeePage:
             )
             self.slider = ui.slider(min=0, max=1, step=1, value=0, on_change=self.request).classes("grow mx-2")
             self.slider.props('aria-label="Time" data-test="time"').mark("time")
-            self.when = ui.label().classes("text-sm tabular-nums text-right").style("min-width: 430px").mark("when")
-        with ui.row().classes("w-full items-center gap-2").style("min-height: 24px"):
+            self.when = (
+                ui.label()
+                .classes("text-sm tabular-nums text-right whitespace-nowrap")
+                .style("min-width: 450px")
+                .mark("when")
+            )
+        with ui.row().classes("w-full items-center gap-2").style("height: 22px; margin: -12px 0"):
             self.spinner = ui.spinner(size="sm")
             self.note = ui.label().classes("text-sm").props('role="status"').mark("note")
         self.spinner.set_visibility(False)
@@ -125,20 +130,23 @@ class SeePage:
             for name, label in names.items():
                 ui.tab(name, label=label)
         with ui.tab_panels(self.tabs, value="image").classes("w-full grow"):
-            with ui.tab_panel("image").classes("gap-1"):
+            with ui.tab_panel("image").classes("gap-1 p-1"):
                 self.image = ui.interactive_image(on_mouse=self._click, sanitize=False).classes(
                     "w-full cursor-crosshair"
                 )
                 self.image.props('role="img" data-test="image" aria-label="Range and intensity of the frame"').mark(
                     "image"
                 )
-                with ui.row().classes("items-center gap-3"):
-                    self.row = ui.number("Row", min=0, precision=0, value=0, on_change=self._choose).props("dense")
-                    self.col = ui.number("Column", min=0, precision=0, value=0, on_change=self._choose).props("dense")
-                    ui.switch("Whole field", on_change=self._set_whole)
                 with ui.row().classes("w-full no-wrap gap-2 items-start"):
-                    self.numbers = ui.grid(columns="auto auto").classes("text-xs gap-x-3 gap-y-0").mark("numbers")
-                    self.chart = ui.echart({}, renderer="svg").classes("grow").style("height: 250px; min-width: 300px")
+                    with ui.column().classes("gap-1").style("width: 235px"):
+                        with ui.row().classes("no-wrap gap-2"):
+                            self.row = ui.number("Row", min=0, precision=0, value=0, on_change=self._choose)
+                            self.col = ui.number("Column", min=0, precision=0, value=0, on_change=self._choose)
+                            for field in (self.row, self.col):
+                                field.props("dense").style("width: 62px")
+                            ui.switch("Whole field", on_change=self._set_whole).props("dense").classes("text-xs")
+                        self.numbers = ui.grid(columns="auto auto").classes("text-xs gap-x-3 gap-y-0").mark("numbers")
+                    self.chart = ui.echart({}, renderer="svg").classes("grow").style("height: 235px; min-width: 300px")
                     self.chart.props('data-test="waveform" role="img" aria-label="Waveform of the pixel"')
             with ui.tab_panel("cloud").classes("h-full gap-1"):
                 with ui.row():
@@ -342,8 +350,11 @@ def _chart_options(report: PixelReport, scheme: Any) -> dict[str, Any]:
         "nameTextStyle": words,
         "splitLine": {"show": False},
     }
+    # Along their lines on different sides: truth and report are often within a nanosecond.
+    sides = {"truth": "insideEndBottom", "reported": "insideEndTop", "trigger": "insideStartTop"}
     marks = [
-        {"xAxis": at, "name": name, "label": {"formatter": name, **words}} for name, at in report.instants_ns.items()
+        {"xAxis": at, "label": {"formatter": name, "position": sides[name], **words}}
+        for name, at in report.instants_ns.items()
     ]
     series = []
     for k, (name, curve) in enumerate(report.curves.items()):
@@ -355,8 +366,8 @@ def _chart_options(report: PixelReport, scheme: Any) -> dict[str, Any]:
         series.append(one)
     start, end = report.curves["samples"][[0, -1], 0]
     return {
-        "grid": {"left": 60, "right": 55, "top": 45, "bottom": 40},
-        "legend": {"textStyle": {**words, "fontSize": 11}, "top": 0},
+        "grid": {"left": 60, "right": 55, "top": 48, "bottom": 38},
+        "legend": {"textStyle": {**words, "fontSize": 11}, "top": 0, "itemWidth": 16, "itemGap": 8},
         "tooltip": {"trigger": "axis"},
         "xAxis": {**axis, "type": "value", "name": "time since emission [ns]", "nameGap": 24, "min": start, "max": end},
         "yAxis": [

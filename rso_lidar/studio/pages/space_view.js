@@ -66,7 +66,7 @@ export default {
       const scene = new THREE.Scene();
       scene.background = new THREE.Color(header.paper);
       const lit = Boolean(header.sun);
-      scene.add(new THREE.AmbientLight(0xffffff, 0.9));
+      scene.add(new THREE.AmbientLight(0xffffff, header.ambient ?? 0.9));
       const light = new THREE.DirectionalLight(0xffffff, lit ? 3 : 2);
       light.position.set(...(header.sun || header.camera.eye));
       scene.add(light);

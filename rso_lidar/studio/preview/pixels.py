@@ -66,7 +66,7 @@ def report_pixel(frame: Frame, lidar: Lidar, pixel: tuple[int, int]) -> PixelRep
     curves["samples"] = np.column_stack([time_s / NS, samples])
     instants["trigger"] = float(waveforms.latch_s[k]) / NS
     base, gain = waveforms.baseline_counts, detector.readout.electrons_per_count
-    which = np.flatnonzero(taps.pixel == number) if taps is not None else ()
+    which = np.flatnonzero(taps.pixel == number) if taps is not None else np.zeros(0, int)
     if taps is not None and len(which):
         at = int(which[0])
         fine_ns = (taps.start_s[at] + taps.step_s * np.arange(taps.primaries.shape[1])) / NS

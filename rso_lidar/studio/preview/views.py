@@ -27,7 +27,7 @@ def draw_orbit(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     scene, truth = SpaceScene("orbit", scheme), flight.truth(row)
     radius = EARTH_RADIUS_M * _MM
     scene.header["items"].append({"kind": "sphere", "radius": radius, "colour": "#4d8fd1"})
-    scene.header["sun"] = truth.sun_direction.tolist()
+    scene.header["sun"], scene.header["ambient"] = np.nan_to_num(truth.sun_direction).tolist(), 0.15
     turn = np.linspace(0.0, 2.0 * np.pi, 97)
     for angle in np.arange(-60.0, 61.0, 30.0) * DEG:
         ring = [np.cos(turn) * np.cos(angle), np.sin(turn) * np.cos(angle), np.full(97, np.sin(angle))]
@@ -52,7 +52,7 @@ def draw_orbit(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
         scene.label("to the Sun", truth.sun_direction * radius * 1.85)
     scene.label("N", (0.0, 0.0, 1.12 * radius))
     here = truth.states["follower"].position_m * _MM
-    scene.look(2.1 * farthest * _unit(_unit(here) + 0.5 * truth.sun_direction + [0.0, 0.0, 0.6]))
+    scene.look(2.1 * farthest * _unit(_unit(here) + np.array([0.0, 0.0, 0.6])))
     scene.header["legend"] = {"title": "Orbits, graticule 30°", "entries": entries}
     return scene
 
@@ -65,7 +65,8 @@ def draw_relative(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScen
     flight, row, scheme : what is drawn, at which row, and its colours.
     """
     scene, path = SpaceScene("relative", scheme), flight.path_m
-    span = max(float(np.linalg.norm(path, axis=1).max()), 1.0)
+    corners = np.array([path.min(axis=0, initial=0.0), path.max(axis=0, initial=0.0)])
+    middle, span = corners.mean(axis=0), max(0.5 * float(np.linalg.norm(np.ptp(corners, axis=0))), 1.0)
     rtn = flight.axes.endswith(".rtn")
     scene.axes(np.eye(4), 0.35 * span, "rtn" if rtn else flight.axes)
     scene.path(path, scheme.lines[0])
@@ -73,8 +74,7 @@ def draw_relative(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScen
     scene.label(f"follower, {np.linalg.norm(path[row]):,.1f} m", path[row])
     scene.label(flight.base, (0.0, 0.0, 0.0))
     _add_targets(scene, flight, row, np.zeros(3))
-    middle = 0.5 * (path.min(axis=0) + path.max(axis=0))
-    eye = middle + 1.5 * span * np.array([0.35, -0.25, -1.0] if rtn else [0.2, -1.0, 0.5])
+    eye = middle + 3.8 * span * np.array([0.35, -0.25, -1.0] if rtn else [0.2, -1.0, 0.5])
     scene.look(eye, middle, (1.0, 0.0, 0.0) if rtn else (0.0, 0.0, 1.0))
     scene.header["legend"] = {"title": flight.axes, "entries": [(scheme.lines[0], "path"), (scheme.mark, "now")]}
     return scene
@@ -95,8 +95,8 @@ def draw_target(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     pose[:3, 3] = 0.0
     scene.axes(pose, 1.3 * size, flight.base)
     toward = _unit(lidar[:3, 3] - flight.matrix(row, flight.base)[:3, 3])
-    side = _unit(np.cross(toward, _up(flight)))
-    scene.look(3.2 * size * _unit(toward + 0.35 * side + 0.3 * _up(flight)), up=_up(flight))
+    right, up = lidar[:3, 0], -lidar[:3, 1]  # as in the images
+    scene.look(3.4 * size * _unit(toward + 0.3 * right + 0.25 * up), up=up)
     return scene
 
 
@@ -129,10 +129,6 @@ def _unit(vector: np.ndarray) -> np.ndarray:
     vector = np.nan_to_num(np.asarray(vector, float))
     length = float(np.linalg.norm(vector))
     return vector / length if length > 1e-12 else np.array([0.0, 0.0, 1.0])
-
-
-def _up(flight: Flight) -> np.ndarray:
-    return np.array([1.0, 0.0, 0.0] if flight.axes.endswith(".rtn") else [0.0, 0.0, 1.0])
 
 
 def _add_targets(scene: SpaceScene, flight: Flight, row: int, origin: np.ndarray) -> None:
