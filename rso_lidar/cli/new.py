@@ -1,11 +1,9 @@
 """`rso-lidar new`: a scenario to start from, copied from a shipped example."""
 
-import re
 import shlex
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -14,7 +12,7 @@ from rso_lidar.cli.completion import list_examples
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_atomically
-from rso_lidar.shipped import shipped
+from rso_lidar.scenario.examples import find_companions, find_examples, rename_example, summarize_example
 
 _DEFAULT = "tdrs_approach"
 
@@ -42,7 +40,7 @@ def new(
     text = source.read_text(encoding="utf-8")
     place = check_writable(_check_place(name), (".toml",), overwrite=overwrite)
     written = {place: _replace_head(text, place, example).encode()}
-    for companion in _find_companions(text, source.parent):
+    for companion in find_companions(text, source.parent):
         target = place.parent / companion.name
         if not target.is_file() or target.read_bytes() != companion.read_bytes():  # the same file may stay
             written[check_writable(target, overwrite=overwrite)] = companion.read_bytes()
@@ -54,11 +52,6 @@ def new(
     echo(f"from: {source}; its twin {source.stem}.py, there too, is the same in Python")
     file, recording = shlex.quote(str(place)), shlex.quote(str(place.with_suffix(".h5")))
     echo(f"next: edit it; rso-lidar check {file}; rso-lidar run {file} -o {recording}")
-
-
-def find_examples() -> dict[str, Path]:
-    """Return the shipped example scenarios by name."""
-    return {file.stem: file for file in sorted(shipped("examples").glob("*.toml"))}
 
 
 def _check_place(name: str) -> Path:
@@ -76,19 +69,8 @@ def _list_examples(known: dict[str, Path]) -> Iterator[str]:
     """Yield a line per example: its name, and the first sentence of the comment at the top of the file."""
     width = max(map(len, known))
     for name, file in known.items():
-        comment = " ".join(_read_head(file.read_text(encoding="utf-8")))
-        yield f"{name:<{width}}  {re.split(r'(?<=[.:]) ', comment)[0].rstrip(':.')}"
+        yield f"{name:<{width}}  {summarize_example(file.read_text(encoding='utf-8'))}"
     yield f"\nwrite one to edit: rso-lidar new NAME --from EXAMPLE ({_DEFAULT} if left out)"
-
-
-def _read_head(text: str) -> list[str]:
-    """Return the lines of the comment at the top of a scenario, without comment marks."""
-    lines = []
-    for line in text.splitlines():
-        if not line.startswith("#"):
-            break
-        lines.append(line.removeprefix("#").strip())
-    return lines
 
 
 def _replace_head(text: str, place: Path, example: str) -> str:
@@ -110,33 +92,4 @@ def _replace_head(text: str, place: Path, example: str) -> str:
     width = max(map(len, hints))
     head = [f"# Made by `rso-lidar new --from {example}`. A key that is left out takes its default."]
     head += [f"#   {command:<{width}}   {what}" for command, what in hints.items()]
-    named, count = re.subn(
-        r'(?m)^(name\s*=\s*)"[^"\n]*"', lambda found: found[1] + _quote_toml(place.stem), text, count=1
-    )
-    assert count == 1, "every example has a name"
-    return "\n".join([*head, "#", named])
-
-
-def _quote_toml(text: str) -> str:
-    """Return a printable text as a TOML string."""
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
-
-
-def _find_companions(text: str, folder: Path) -> list[Path]:
-    """Find the files beside an example that its text names: tables, and Python files with dynamics."""
-    found: dict[Path, None] = {}
-    for value in _iterate_texts(tomllib.loads(text)):
-        for word in (value, value.rpartition(":")[0]):
-            if word and Path(word).name == word and (folder / word).is_file():
-                found[folder / word] = None
-    return list(found)
-
-
-def _iterate_texts(tree: Any) -> Iterator[str]:
-    """Yield all texts of a TOML tree."""
-    if isinstance(tree, str):
-        yield tree
-    elif isinstance(tree, dict | list):
-        for inner in tree.values() if isinstance(tree, dict) else tree:
-            yield from _iterate_texts(inner)
+    return "\n".join([*head, "#", rename_example(text, place.stem)])

@@ -1,11 +1,12 @@
 """Files that the parts of a scenario name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rso_lidar.fmi import FmuModel
 from rso_lidar.motion.dynamics.function import find_dynamics_file
 from rso_lidar.part import Part
+from rso_lidar.scene.library.model_index import is_mesh_path
 
 
 def find_named_files(part: Any, file: Callable[[str], Any]) -> Any:
@@ -65,3 +66,21 @@ def list_named_files(part: Any) -> list[str]:
     found: list[str] = []
     find_named_files(part, lambda name: found.append(name) or name)  # type: ignore[func-returns-value]
     return found
+
+
+def iterate_named_files(tables: Any, place: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the place and the name of each file that the tables of a text name, meshes included, before they fill parts.
+
+    Parameters
+    ----------
+    tables : tables or lists, as TOML gives them.
+    place : of the tables, as a dotted key.
+    """
+    for key, value in tables.items() if isinstance(tables, dict) else enumerate(tables):
+        here = f"{place}[{key}]" if isinstance(key, int) else f"{place}.{key}".lstrip(".")
+        if isinstance(value, dict | list):
+            yield from iterate_named_files(value, here)
+        elif isinstance(value, str):
+            word = str(key)
+            if word == "file" or word.endswith("_file") or (word == "model" and is_mesh_path(value)):
+                yield here, value

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, suppress_warnings
-from rso_lidar.part.toml_text import parse_toml
+from rso_lidar.part.toml_text import find_line, parse_toml
 from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.named_files import list_dynamics, list_fmus
-from rso_lidar.scene.library.model_index import is_mesh_path
+from rso_lidar.scenario.mission.named_files import iterate_named_files, list_dynamics, list_fmus
 from rso_lidar.shipped import find, shipped
 from rso_lidar.studio.folder import Folder
 
-_KEY = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
-_KEYS = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
-_HEADER, _ENTRY = re.compile(rf"\s*(\[\[?)\s*({_KEYS})\s*\]"), re.compile(rf"\s*({_KEYS})\s*=")
 _SHIPPED = ("tle", "models", "examples")
 _PLACE = re.compile(r"([A-Za-z_][\w-]*(?:\[\d+\]|\.[\w-]+)*): ")
 
@@ -50,7 +44,7 @@ def assess(text: str, folder: Folder, title: str) -> Assessment:
     try:
         with suppress_warnings():
             # Before any part sees the text: some read the files that they name.
-            for place, name in _iterate_files(parse_toml(text, title, ScenarioError)):
+            for place, name in iterate_named_files(parse_toml(text, title, ScenarioError)):
                 check_file(name, folder, f"{title}: {place}")
             scenario = Scenario.loads(text, folder=folder.path, where=title)
             refusal = _find_refusal(scenario)
@@ -98,18 +92,6 @@ def check_file(name: str, folder: Folder, where: str) -> Path:
     return path
 
 
-def _iterate_files(tree: Any, place: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the place and the name of each file in the tables of a text."""
-    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
-        here = f"{place}[{key}]" if isinstance(key, int) else f"{place}.{key}".lstrip(".")
-        if isinstance(value, dict | list):
-            yield from _iterate_files(value, here)
-        elif isinstance(value, str) and (
-            key == "file" or str(key).endswith("_file") or (key == "model" and is_mesh_path(value))
-        ):
-            yield here, value
-
-
 def _find_refusal(scenario: Scenario) -> str:
     """Return why the studio does not fly a scenario: it names code, Python or native."""
     parts = [part for body in (*scenario.target, scenario.follower) for part in (body.motion, body.attitude)]
@@ -142,36 +124,3 @@ def _list_targets(text: str) -> list[str]:
     except ScenarioError:
         return []
     return [str(one.get("name")) if isinstance(one, dict) else "" for one in tables] if isinstance(tables, list) else []
-
-
-def split_place(place: str) -> tuple[str | int, ...]:
-    """Return the keys and the numbers of entries of a place such as ``target[0].motion.file``."""
-    words = re.findall(r"\[(\d+)\]|([^.\[\]]+)", place)
-    return tuple(int(number) if number else word for number, word in words)
-
-
-def find_line(text: str, place: str) -> int | None:
-    """Return the line, from 1, of the key at a place, or of the table that is to hold it; None if there is neither.
-
-    Tables in one line (`{ ... }`) count as their key.
-    """
-    wanted = tuple(str(step) for step in split_place(place))
-    here: tuple[str, ...] = ()
-    entries: dict[tuple[str, ...], int] = {}
-    best: tuple[int, int | None] = (0, None)
-    for number, line in enumerate(text.splitlines(), 1):
-        head, entry = _HEADER.match(line), _ENTRY.match(line)
-        if head is None and entry is None:
-            continue
-        steps = [step.strip("\"' \t") for step in re.findall(_KEY, head[2] if head else entry[1] if entry else "")]
-        path: tuple[str, ...] = () if head else here
-        for k, step in enumerate(steps):
-            path = (*path, step)
-            if head and head[1] == "[[" and k == len(steps) - 1:
-                entries[path] = entries.get(path, -1) + 1
-            if path in entries:
-                path = (*path, str(entries[path]))
-        here = path if head else here
-        if path[: len(wanted)] == wanted[: len(path)] and min(len(path), len(wanted)) > best[0]:
-            best = min(len(path), len(wanted)), number
-    return best[1]

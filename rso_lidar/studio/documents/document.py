@@ -1,24 +1,67 @@
-"""The text of one scenario while it is edited, with its history and its file."""
+"""The text of one scenario while it is edited, with its history, its draft and its file."""
 
 from __future__ import annotations
 
+import copy
+import datetime
+import hashlib
+import time
+import tomllib
 from collections.abc import Callable
-from typing import Self
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Self
 
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+
+from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.files import check_writable, read_bytes, write_atomically
+from rso_lidar.part.toml_text import MOST_BYTES, parse_toml, split_place
 from rso_lidar.studio.folder import Folder
+
+_MOST_STEPS, _MOST_CHARACTERS = 300, 20_000_000  # of the history
+_LONGEST_FOR_FORMS = 300_000  # characters; tomlkit parses about 1 MB in 10 s
+_PAUSE_S = 1.0  # edits of one kind that follow each other faster are one step of the history
+UNSAVED = "unsaved.toml"  # the name of a draft without one
+
+
+class EditConflictError(RsoLidarError, RuntimeError):
+    """A file that another program changed since it was read, or that exists already."""
 
 
 class Document:
-    """The TOML text of one scenario: what the editor and the forms both change."""
+    """The TOML text of one scenario: what the editor and the forms both change.
+
+    `listeners` are called after each change. `notice` is a line for the user about how the document was opened.
+    """
 
     def __init__(self, folder: Folder, text: str, name: str = "") -> None:
         self.folder, self.name, self._text = folder, name, text
         self.listeners: set[Callable[[], None]] = set()
+        self.notice = ""
+        self._past: list[str] = []
+        self._future: list[str] = []
+        self._last = ("", 0.0)  # kind and instant of the last edit
+        self._saved_text, self._drafted = "", text
+        self._digest, self._stamp = "", (0, 0)  # of the file as read or written last; empty for no file
+        self._parsed: tuple[str, dict[str, Any], bool] = ("", {}, True)
 
     @classmethod
     def open(cls, folder: Folder, name: str) -> Self:
-        """Read the document of a file."""
-        return cls(folder, folder.resolve(name, (".toml",)).read_text(encoding="utf-8"), name)
+        """Read the document of a file, or of the draft that is left of it."""
+        made = cls(folder, "", name)
+        draft = made._draft_path()
+        if made._path().exists() or not draft.is_file():
+            made._load()
+        if draft.is_file():
+            head, _, text = _decode(draft).partition("\n")
+            if text != made._text:
+                made._text = made._drafted = text
+                made._digest = head.rpartition(" ")[2] if made._digest else ""
+                made.notice = f"{name}: unsaved edits of the last session were restored; undo or reload drops them"
+                made._past.append(made._saved_text)
+        return made
 
     @property
     def title(self) -> str:
@@ -30,9 +73,300 @@ class Document:
         """The text."""
         return self._text
 
-    def set_text(self, text: str) -> None:
-        """Replace the text."""
+    @property
+    def is_changed(self) -> bool:
+        """Whether the text differs from the file as it was read or saved last."""
+        return self._text != self._saved_text
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is an edit to undo."""
+        return bool(self._past)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is an undone edit."""
+        return bool(self._future)
+
+    @property
+    def is_toml(self) -> bool:
+        """Whether the text is TOML, so that forms can change it."""
+        self.tables()
+        return self._parsed[2] and len(self._text) <= _LONGEST_FOR_FORMS
+
+    def tables(self) -> dict[str, Any]:
+        """Return the tables of the text, or of the last text that was TOML."""
+        text, tables, _ = self._parsed
         if text != self._text:
-            self._text = text
-            for listener in list(self.listeners):
-                listener()
+            try:
+                self._parsed = self._text, parse_toml(self._text, self.title, ScenarioError), True
+            except ScenarioError:
+                self._parsed = self._text, tables, False
+        return self._parsed[1]
+
+    def get(self, place: str) -> Any:
+        """Return the value at a place, or None."""
+        here: Any = self.tables()
+        for step in split_place(place):
+            try:
+                here = here[step]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return here
+
+    def set_text(self, text: str, kind: str = "text") -> None:
+        """Replace the text; edits of the same kind that follow each other fast are undone together."""
+        if text == self._text:
+            return
+        now = time.monotonic()
+        if kind == "whole" or self._last[0] != kind or now - self._last[1] > _PAUSE_S:
+            self._past.append(self._text)
+            while len(self._past) > _MOST_STEPS or sum(map(len, self._past)) > _MOST_CHARACTERS:
+                del self._past[0]
+        self._last = (kind, now)
+        self._future.clear()
+        self._show(text)
+
+    def undo(self) -> None:
+        """Undo the last edit."""
+        if self._past:
+            self._future.append(self._text)
+            self._show(self._past.pop())
+
+    def redo(self) -> None:
+        """Make the last undone edit again."""
+        if self._future:
+            self._past.append(self._text)
+            self._show(self._future.pop())
+
+    def _show(self, text: str) -> None:
+        self._text = text
+        for listener in list(self.listeners):
+            listener()
+
+    def set(self, place: str, value: Any) -> None:
+        """Set the value at a place; tables on the way are made. Comments and layout of all else stay.
+
+        Raises
+        ------
+        ScenarioError
+            If the text is not TOML, or the value cannot be placed.
+        """
+        self._edit(place, lambda here, key, steps: here.__setitem__(key, _make_item(here, steps, value)), value)
+
+    def remove(self, place: str) -> None:
+        """Remove the value, table or entry at a place; nothing happens where there is none."""
+        if self.get(place) is not None:
+            self._edit(place, lambda here, key, _: here.__delitem__(key), None)
+
+    def add_entry(self, place: str, table: dict[str, Any]) -> None:
+        """Add an entry at the end of the list of tables at a place, which is made if it is missing."""
+        entries = self.get(place)
+        self.set(f"{place}[{len(entries)}]" if entries else place, table if entries else [table])
+
+    def _edit(self, place: str, change: Callable[[Any, Any, tuple[str | int, ...]], None], value: Any) -> None:
+        """Change the text at one place, and check that nothing else changed.
+
+        Parameters
+        ----------
+        place : of the change.
+        change : of the innermost table, a key or index of it, and all steps to it.
+        value : expected there afterwards; None for nothing.
+        """
+        if not self.is_toml:
+            raise ScenarioError("the text is not valid TOML, or too long for forms; correct it in the editor first")
+        expected, steps = copy.deepcopy(self.tables()), split_place(place)
+        _apply(expected, steps, value)
+        try:
+            here: Any = tomlkit.parse(self._text)
+            whole = here
+            for k, step in enumerate(steps[:-1]):
+                if isinstance(step, str) and step not in here:
+                    here[step] = _make_item(here, steps[: k + 1], {})
+                here = here[step]
+            if isinstance(steps[-1], int) and value is not None and steps[-1] == len(here):
+                here.append(_make_item(here, steps, value))
+            else:
+                change(here, steps[-1], steps)
+            if isinstance(steps[-1], int) and not len(here):
+                _edit_parent(whole, steps)
+                _apply(expected, steps[:-1], None)
+            text = tomlkit.dumps(whole)
+            if tomllib.loads(text) != expected:
+                raise ValueError("other keys would change")
+        except (TOMLKitError, KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError):
+            raise ScenarioError(f"{place:.80}: cannot be changed in the form here; edit the text") from None
+        self.set_text(text, place)
+
+    def save(self, *, overwrite: bool = False) -> None:
+        """Write the text to its file, and remove the draft.
+
+        Raises
+        ------
+        EditConflictError
+            If the file was changed by others since it was read, unless `overwrite` is set.
+        RsoLidarError
+            If it cannot be written.
+        """
+        if not self.name:
+            raise ScenarioError("the scenario has no name yet; give one under Save as")
+        if not overwrite and self._digest_on_disk() != self._digest:
+            raise EditConflictError(f"{self.name}: was changed on disk meanwhile")
+        _write(self._path(), self._text)
+        self._remember(self._text)
+        self._drop_draft()
+        self._show(self._text)
+
+    def save_as(self, name: str, *, overwrite: bool = False) -> None:
+        """Write the text under another name, which the document then has.
+
+        Raises
+        ------
+        EditConflictError
+            If there is a file of that name, unless `overwrite` is set.
+        RsoLidarError
+            If the name is not allowed, or the file cannot be written.
+        """
+        place = self.folder.resolve(name, (".toml",))
+        if place.exists() and not overwrite and name != self.name:
+            raise EditConflictError(f"{name}: exists already")
+        _write(place, self._text)
+        self._drop_draft()
+        self.name = name
+        self._remember(self._text)
+        self._show(self._text)
+
+    def reload(self) -> None:
+        """Replace the text by that on disk; undo brings the edits back."""
+        before = self._text
+        self._load()
+        self._text, text = before, self._text
+        self._drop_draft()
+        self.set_text(text, "whole")
+
+    def changed_on_disk(self) -> bool:
+        """Return whether another program changed or removed the file since it was read or saved."""
+        if not self._digest or _stamp(self._path()) == self._stamp:
+            return False
+        now = self._digest_on_disk()
+        if now == self._digest:
+            self._stamp = _stamp(self._path())
+        return now != self._digest
+
+    def keep_draft(self) -> None:
+        """Write unsaved edits beside the file, where the next session finds them."""
+        text = self._text
+        if text == self._drafted:
+            return
+        if text == self._saved_text:
+            self._drop_draft()
+        else:
+            _write(self._draft_path(), f"# draft of {self._digest or 'none'}\n{text}")
+        self._drafted = text
+
+    def _path(self) -> Path:
+        return self.folder.resolve(self.name, (".toml",))
+
+    def _draft_path(self) -> Path:
+        place = self.folder.resolve(self.name or UNSAVED, (".toml",))
+        return self.folder.require_inside(place.with_name(f".{place.name}.draft"))
+
+    def _drop_draft(self) -> None:
+        self.notice, self._drafted = "", self._text
+        with suppress(OSError):
+            self._draft_path().unlink(missing_ok=True)
+
+    def _load(self) -> None:
+        """Read the file."""
+        self._text = _decode(self._path())
+        self._remember(self._text)
+
+    def _remember(self, text: str) -> None:
+        self._saved_text, self._drafted, self._stamp = text, text, _stamp(self._path())
+        self._digest = self._digest_on_disk()
+
+    def _digest_on_disk(self) -> str:
+        path = self._path()
+        if not path.is_file():
+            return ""
+        return hashlib.sha256(read_bytes(path, MOST_BYTES, ScenarioError)).hexdigest()
+
+
+def list_documents(folder: Folder) -> list[str]:
+    """List the scenario files of a folder, and the drafts that have no file yet."""
+    drafts = [path.name.removesuffix(".draft")[1:] for path in folder.path.glob(".*.toml.draft")]
+    return sorted({*folder.list_files((".toml",)), *drafts})
+
+
+def _decode(path: Path) -> str:
+    """Read a text without changing its line ends."""
+    try:
+        return read_bytes(path, MOST_BYTES, ScenarioError, "scenario file (.toml)").decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ScenarioError(f"{path.name}: is not UTF-8 text; save it as UTF-8") from None
+
+
+def _write(path: Path, text: str) -> None:
+    check_writable(path, overwrite=True)
+    try:
+        content = text.encode()
+    except UnicodeEncodeError:
+        raise ScenarioError(f"{path.name}: not written: it contains half a character; delete and retype it") from None
+    with write_atomically(path) as draft:
+        draft.write_bytes(content)
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    with suppress(OSError):
+        status = path.stat()
+        return status.st_mtime_ns, status.st_size
+    return 0, 0
+
+
+def _apply(tables: Any, steps: tuple[str | int, ...], value: Any) -> None:
+    """Set or remove (None) the value at a place of plain tables."""
+    for step in steps[:-1]:
+        tables = tables.setdefault(step, {}) if isinstance(step, str) else tables[step]
+    if value is None:
+        del tables[steps[-1]]
+    elif isinstance(tables, list) and steps[-1] == len(tables):
+        tables.append(value)
+    else:
+        tables[steps[-1]] = value
+
+
+def _edit_parent(whole: Any, steps: tuple[str | int, ...]) -> None:
+    """Remove the list at a place, which has become empty."""
+    for step in steps[:-2]:
+        whole = whole[step]
+    del whole[steps[-2]]
+
+
+def _make_item(here: Any, steps: tuple[str | int, ...], value: Any) -> Any:
+    """Return a value as TOML: a table of its own near the root, in one line further inside.
+
+    Parameters
+    ----------
+    here : table or list that is to hold it.
+    steps : its place.
+    value : numbers, texts, instants, lists and tables.
+    """
+    near = len(steps) <= 2 and not isinstance(here, tomlkit.items.InlineTable | tomlkit.items.Array)
+    if isinstance(value, dict):
+        made: Any = tomlkit.table() if near else tomlkit.inline_table()
+        for key, inner in value.items():
+            made[key] = _make_item(made, (*steps, key, ""), inner)
+        return made
+    if isinstance(value, list) and value and all(isinstance(one, dict) for one in value) and len(steps) == 1:
+        entries = tomlkit.aot()
+        for one in value:
+            entries.append(_make_item(entries, (*steps, 0), one))
+        return entries
+    if isinstance(value, list):
+        array = tomlkit.array()
+        for one in value:
+            array.append(_make_item(array, (*steps, "", ""), one))
+        return array
+    if isinstance(value, datetime.datetime) and value.utcoffset() == datetime.timedelta(0):
+        return tomlkit.value(value.replace(tzinfo=None).isoformat() + "Z")
+    return tomlkit.item(value)

@@ -129,8 +129,8 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
         yield MissionParameter(
             path=place,
             value=_plain(value),
-            unit=_find_unit(name, said) if _is_numeric(value, field.annotation) else "",
-            meaning=_drop_units(said),
+            unit=find_unit(name, said) if _is_numeric(value, field.annotation) else "",
+            meaning=drop_units(said),
             default=_plain(default),
             source=origin,
         )
@@ -138,8 +138,8 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
     for name, meaning in _list_derived(type(part)):
         value = _try_property(twin, name)
         if value is not None:
-            place, unit = f"{path}.{name}".lstrip("."), _find_unit(name, meaning)
-            yield MissionParameter(place, value, unit, _drop_units(meaning), None, "derived", is_derived=True)
+            place, unit = f"{path}.{name}".lstrip("."), find_unit(name, meaning)
+            yield MissionParameter(place, value, unit, drop_units(meaning), None, "derived", is_derived=True)
 
 
 def _list_inner(value: Any) -> Iterator[tuple[str, Part]]:
@@ -204,7 +204,7 @@ def _is_numeric(value: Any, annotation: Any) -> bool:
     return isinstance(first, int | float) and not isinstance(first, bool)
 
 
-def _find_unit(name: str, text: str) -> str:
+def find_unit(name: str, text: str) -> str:
     """Return the unit of a number: that in brackets in its meaning, or that which its name says; 1 for none.
 
     Parameters
@@ -227,8 +227,13 @@ def _read_unit(bracketed: str) -> str:
     return unit.replace("2", "²") if re.match(r"1/|1$|\D", unit) else ""
 
 
-def _drop_units(text: str) -> str:
-    """Return a meaning without its units in brackets, which have a column of their own."""
+def drop_units(text: str) -> str:
+    """Return a meaning without its units in brackets, which have a column of their own.
+
+    Parameters
+    ----------
+    text : the description of a field.
+    """
     return re.sub(r" +([,.;:])", r"\1", " ".join(_BRACKETS.sub(_keep_other, text).split()))
 
 
