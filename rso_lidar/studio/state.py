@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from pathlib import Path
 
 from nicegui import Event, run
 
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.studio.documents.assessment import Assessment, assess
 from rso_lidar.studio.documents.document import Document
 from rso_lidar.studio.folder import Folder
@@ -61,9 +62,11 @@ class Workspace:
         return Document(self.folder, text)
 
     def first_document(self) -> Document:
-        """Return the document that a new tab shows: the first scenario of the folder, or an empty text."""
-        names = self.folder.list_files((".toml",))
-        return self.open_document(names[0]) if names else self.new_document("")
+        """Return the document that a new tab shows: the first scenario of the folder that can be read, or an empty text."""
+        for name in self.folder.list_files((".toml",)):
+            with suppress(RsoLidarError, OSError):
+                return self.open_document(name)
+        return self.new_document("")
 
 
 class BrowserTab:
