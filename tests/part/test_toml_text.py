@@ -1,5 +1,6 @@
 """TOML that would take gigabytes is refused; whatever a person or a recording writes is not."""
 
+import time
 import tomllib
 
 import pytest
@@ -47,3 +48,10 @@ def test_what_no_person_writes_is_one_line(bomb):
         parse_toml(text, "x.toml", ScenarioError)
     line = str(refused.value)
     assert line.startswith("x.toml: ") and words in line and "\n" not in line and len(line) < 200
+
+
+def test_a_very_long_word_is_refused_at_once():
+    start_s = time.perf_counter()
+    with pytest.raises(ScenarioError, match="not readable as TOML"):
+        parse_toml(f"x = 1{'0' * 300_000}\n", "a.toml", ScenarioError)
+    assert time.perf_counter() - start_s < 5.0  # quadratic, it took minutes
