@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import datetime
 import importlib
 import re
 import sys
@@ -17,7 +16,7 @@ import tomllib
 import types
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Any, get_args, get_origin
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from rso_lidar.dataset.specification.distributions import Law
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.loop.service.requests import REQUESTS, CommandRequest
+from rso_lidar.part.field_types import describe_type
 from rso_lidar.records.part_classes import PART_CLASSES
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.shapes.materials import MATERIALS
@@ -214,7 +214,7 @@ def _type(name: str, field: Any, cls: type[part.Part], found: dict[type[part.Par
         if origin is dict:
             return f"table of part name = {links}"
         return f"list of tables: {links}" if origin is tuple else f"table: {links}"
-    return _describe_type(field.annotation, list(field.metadata))
+    return describe_type(field.annotation, list(field.metadata))
 
 
 def describe_field(cls: type[part.Part], name: str) -> str:
@@ -226,7 +226,7 @@ def describe_field(cls: type[part.Part], name: str) -> str:
     elif parts:
         words = " or ".join(each.__name__ for each in parts)
     else:
-        words = _describe_type(field.annotation, list(field.metadata)).replace("`", "")
+        words = describe_type(field.annotation, list(field.metadata)).replace("`", "")
     if field.is_required():
         return words
     default = field.get_default(call_default_factory=True)
@@ -246,54 +246,6 @@ def _word(cls: type[part.Part]) -> str:
 
 def _anchor(title: str) -> str:
     return re.sub(r"[^a-z0-9 _-]", "", title.lower()).replace(" ", "-")
-
-
-def _describe_type(annotation: Any, metadata: list[Any]) -> str:
-    """Return the type of a value in words, with its limits."""
-    origin, args = get_origin(annotation), get_args(annotation)
-    if origin is Annotated:
-        flat = [inner for item in args[1:] for inner in (item.metadata if hasattr(item, "metadata") else [item])]
-        return _describe_type(args[0], [*flat, *metadata])
-    if origin in (Union, types.UnionType):
-        return " or ".join(_describe_type(inner, metadata) for inner in args if inner is not type(None))
-    if origin is Literal:
-        return " or ".join(f'`"{value}"`' if isinstance(value, str) else f"`{value}`" for value in args)
-    if origin is tuple:
-        return _describe_tuple(args, metadata)
-    if origin is dict:
-        return f"table of {_plural(_describe_type(args[1], []))} by name"
-    words = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "text"}
-    if annotation is datetime.datetime:
-        return "date and time with offset"
-    patterns = [item.pattern for item in metadata if getattr(item, "pattern", None)]
-    if get_args(part.Name)[-1].metadata[-1].pattern in patterns:
-        return "name: a letter, then letters, digits, `_` or `-`"
-    limits = [_limit(item) for item in metadata]
-    return " ".join([words[annotation], " and ".join(filter(None, limits))]).strip()
-
-
-def _describe_tuple(args: tuple[Any, ...], metadata: list[Any]) -> str:
-    if any(item in get_args(part.Quaternion) for item in metadata):
-        return "unit quaternion x, y, z, w"
-    if args[-1] is Ellipsis:
-        return f"list of {_plural(_describe_type(args[0], []))}"
-    inner = _describe_type(args[0], [])
-    nonzero = ", not all zero" if any(item in get_args(part.Direction) for item in metadata) else ""
-    if get_origin(args[0]) is tuple:
-        return f"{len(args)} lists of {inner}"
-    return f"{len(args)} {_plural(inner)}{nonzero}"
-
-
-def _plural(words: str) -> str:
-    return re.sub(r"(?:^|(?<= or ))(whole number|number|text|name|list|table)\b", r"\1s", words)
-
-
-def _limit(item: Any) -> str:
-    for name, sign in (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤")):
-        if hasattr(item, name):
-            bound = getattr(item, name)
-            return f"{sign} 2^{bound.bit_length() - 1}" if bound == 2**63 else f"{sign} {bound:g}"
-    return ""
 
 
 def _preset_keys(cls: type[part.Part]) -> set[str]:

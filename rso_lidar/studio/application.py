@@ -9,7 +9,7 @@ import fastapi
 from nicegui import ui
 
 from rso_lidar.studio.access import AccessControl
-from rso_lidar.studio.pages import build_page, run_page, see_page
+from rso_lidar.studio.pages import build_page, choosers, run_page, see_page
 from rso_lidar.studio.pages.header import draw_header
 from rso_lidar.studio.pages.style import add_style
 from rso_lidar.studio.state import BrowserTab, Workspace
@@ -26,6 +26,7 @@ def build_application(workspace: Workspace, *, token: str, hosts: frozenset[str]
     token, hosts, port : as in `AccessControl`.
     """
     outer = fastapi.FastAPI(openapi_url=None)
+    choosers.add_routes(outer)
     see_page.add_routes(outer, workspace)
     run_page.add_routes(outer, workspace)
     ui.run_with(outer, root=make_root(workspace), title="rso_lidar studio", dark=None, show_welcome_message=False)

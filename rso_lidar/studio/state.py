@@ -10,7 +10,7 @@ from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.studio.documents.assessment import Assessment, assess
-from rso_lidar.studio.documents.document import Document
+from rso_lidar.studio.documents.document import Document, list_documents
 from rso_lidar.studio.folder import Folder
 from rso_lidar.studio.jobs.queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
 
@@ -63,10 +63,31 @@ class Workspace:
 
     def first_document(self) -> Document:
         """Return the document that a new tab shows: the first scenario of the folder that can be read, or an empty text."""
-        for name in self.folder.list_files((".toml",)):
+        for name in list_documents(self.folder):
             with suppress(RsoLidarError, OSError):
                 return self.open_document(name)
         return self.new_document("")
+
+    def save_as(self, document: Document, name: str, *, overwrite: bool = False) -> None:
+        """Save a document under another name, by which tabs that open the file find it.
+
+        Parameters
+        ----------
+        document : to be saved.
+        name : in the folder.
+        overwrite : whether a file of that name may be replaced.
+
+        Raises
+        ------
+        RsoLidarError
+            If the name is not allowed or taken, the file cannot be written, or another tab edits it.
+        """
+        other = self._documents.get(name)
+        if other is not None and other is not document and other.is_changed:
+            raise ScenarioError(f"{name}: is open with unsaved edits; save it, or give another name")
+        document.save_as(name, overwrite=overwrite)
+        self._documents = {key: one for key, one in self._documents.items() if one is not document}
+        self._documents[name] = document
 
 
 class BrowserTab:

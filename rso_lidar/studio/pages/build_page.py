@@ -1,12 +1,365 @@
-"""The page Build."""
+"""The page Build: the tables of a scenario, the form of one of them, and the text with the result of its check."""
 
 from __future__ import annotations
 
-from nicegui import ui
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import PurePosixPath
+from typing import Any
 
+from nicegui import events, run, ui
+
+from rso_lidar.errors import RsoLidarError
+from rso_lidar.part import Part
+from rso_lidar.part.toml_text import split_place
+from rso_lidar.scenario import Scenario
+from rso_lidar.studio.documents.assessment import describe
+from rso_lidar.studio.documents.document import EditConflictError
+from rso_lidar.studio.documents.upload import MOST_BYTES, SUFFIXES, keep_upload
+from rso_lidar.studio.forms.fields import TABLES, FieldForm, find_part, list_fields
+from rso_lidar.studio.pages.form import TableForm, change_document, draw_add
+from rso_lidar.studio.pages.header import draw_menu
 from rso_lidar.studio.state import BrowserTab
+
+_NESTED = "lidar"  # its tables have forms of their own, because they are long
+_DISK_S = 2.0
+
+
+class BuildPage:
+    """The page of one tab: the document seen as forms and as text."""
+
+    def __init__(self, tab: BrowserTab) -> None:
+        self._tab, self._place = tab, ""
+        self._shape: Any = None
+        self._form: TableForm | None = None
+        self._told = ""
+        with ui.row(wrap=False).classes("w-full gap-0 studio-build items-stretch"):
+            with ui.column().classes("studio-column studio-tables gap-0").props('data-test="tables" role=navigation'):
+                self._tables = ui.column().classes("w-full gap-0")
+            with ui.column().classes("studio-column studio-form gap-2").props('data-test="form"'):
+                self._title = ui.label().classes("text-base font-medium")
+                self._fields = ui.column().classes("w-full gap-2")
+            with ui.column().classes("studio-column studio-text gap-0"):
+                self._editor = (
+                    ui.codemirror(
+                        tab.document.text,
+                        language="TOML",
+                        theme="githubLight",
+                        on_change=self._take_text,
+                        line_wrapping=False,
+                    )
+                    .classes("w-full grow studio-editor")
+                    .props('data-test="editor" aria-label="Text of the scenario"')
+                )
+                self._editor.mark("editor")
+                self._draw_check()
+        tab.document_changed.subscribe(self._show_document)
+        tab.assessed.subscribe(self._show_check)
+        tab.field_chosen.subscribe(self._go_to)
+        ui.timer(_DISK_S, self._watch_disk)
+        ui.on("studio_dark", lambda event: self._editor.set_theme("githubDark" if event.args else "githubLight"))
+
+    def _draw_check(self) -> None:
+        with (
+            ui.column().classes("w-full gap-1 p-2 studio-check").props('role=status aria-live=polite data-test="check"')
+        ):
+            with ui.row(wrap=False).classes("w-full items-center gap-2"):
+                self._icon = ui.icon("hourglass_empty")
+                self._verdict = (
+                    ui.label("Checking").classes("grow break-words").mark("verdict").props('data-test="verdict"')
+                )
+                self._to_field = (
+                    ui.button("Go to it", on_click=self._go_to_problem)
+                    .props('outline dense no-caps data-test="go-to-problem"')
+                    .mark("go-to-problem")
+                )
+                self._more = (
+                    ui.button("Describe", on_click=self._describe)
+                    .props('outline dense no-caps data-test="describe"')
+                    .mark("describe")
+                )
+            self._description = ui.label().classes("studio-description").mark("description")
+            self._description.set_visibility(False)
+
+    # ------------------------------------------------------------------------------------------------- the document
+
+    def _take_text(self, event: events.ValueChangeEventArguments) -> None:
+        self._tab.document.set_text(str(event.value or ""))
+
+    def _show_document(self) -> None:
+        """Show another text: values in place, and the form anew only where tables came, went or changed their type."""
+        document = self._tab.document
+        if document.notice and document.notice != self._told:
+            self._told = document.notice
+            ui.notify(document.notice, type="info", multi_line=True, timeout=8000)
+        if self._editor.value != document.text:
+            self._editor.value = document.text
+        shape = (id(document), _outline(document.tables()))
+        if shape != self._shape:
+            self._shape = shape
+            self._draw_tables()
+            self._draw_form()
+        elif self._form:
+            self._form.update()
+
+    def _draw_tables(self) -> None:
+        self._tables.clear()
+        with self._tables:
+            for label, place, present in self._iterate_tables():
+                is_chosen = place == self._place
+                item = ui.button(label or "scenario", on_click=partial(self._choose, place)).props(
+                    f'flat dense no-caps align=left data-test="table-{place or "scenario"}"'
+                    + (" aria-current=true" if is_chosen else "")
+                )
+                item.classes("w-full" + (" studio-chosen" if is_chosen else "") + ("" if present else " opacity-60"))
+                item.mark(f"table-{place or 'scenario'}")
+            with ui.column().classes("p-2 gap-1"):
+                for field in list_fields(Scenario):
+                    if field.kind == "entries":
+                        draw_add(self._tab, field, field.key)
+
+    def _iterate_tables(self) -> Iterator[tuple[str, str, bool]]:
+        """Yield the label and the place of each table with a form of its own, and whether the text has it."""
+        yield "scenario", "", True
+        for field in list_fields(Scenario):
+            value = self._tab.document.get(field.key)
+            if field.kind == "entries":
+                for number, entry in enumerate(value if isinstance(value, list) else []):
+                    name = entry.get("name", entry.get("type", "")) if isinstance(entry, Mapping) else ""
+                    yield f"{field.key}: {name}", f"{field.key}[{number}]", True
+            elif field.kind in TABLES:
+                yield field.key, field.key, value is not None
+                if field.key == _NESTED:
+                    for inner in list_fields(field.classes[0]):
+                        if inner.kind in TABLES:
+                            here = f"{field.key}.{inner.key}"
+                            yield here, here, self._tab.document.get(here) is not None
+
+    def _choose(self, place: str) -> None:
+        self._place = place
+        self._draw_tables()
+        self._draw_form()
+
+    def _draw_form(self) -> None:
+        """Draw the form of the chosen table."""
+        own = {place for _, place, _ in self._iterate_tables()}
+        if self._place not in own:
+            self._place = ""
+        document, steps = self._tab.document, split_place(self._place)
+        self._title.text = self._place or "scenario"
+        self._fields.clear()
+        self._form = None
+        with self._fields:
+            if not document.is_toml:
+                ui.label(
+                    "The text is not TOML, or too long for forms: correct it at the right; the forms return."
+                ).classes("text-negative")
+                return
+            if not document.text.strip():
+                ui.label("An empty scenario. “New” begins with an example.").mark("empty")
+            cls = find_part(Scenario, document.tables(), steps) if steps else Scenario
+            field = self._find_field(steps)
+            if field is not None:
+                ui.label(field.meaning).classes("text-sm opacity-80")
+                self._draw_choice(field, steps)
+            if cls is not None:
+                self._form = TableForm(self._tab, cls, self._place, lambda place: _is_own(place, own))
+
+    def _find_field(self, steps: tuple[str | int, ...]) -> FieldForm | None:
+        if not steps:
+            return None
+        names = [step for step in steps if isinstance(step, str)]
+        parent: type[Part] | None = (
+            find_part(Scenario, self._tab.document.tables(), tuple(names[:-1])) if names[1:] else Scenario
+        )
+        return next((one for one in list_fields(parent) if one.key == names[-1]), None) if parent else None
+
+    def _draw_choice(self, field: FieldForm, steps: tuple[str | int, ...]) -> None:
+        """Draw the choice of the type of the table, and the buttons that add, copy and remove it."""
+        document, place = self._tab.document, self._place
+        value = document.get(place)
+        with ui.row().classes("w-full items-center"):
+            if field.kind == "variant":
+                tag = value.get("type") if isinstance(value, Mapping) else None
+                names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
+                select = ui.select(names, value=tag if tag in names else None, label="type").classes("grow")
+                select.props(f'dense outlined data-test="type-{place}"').mark(f"type-{place}")
+                select.on_value_change(lambda event: change_document(self._tab, "set", place, {"type": event.value}))
+            elif value is None:
+                ui.button(f"Set {field.key}", on_click=lambda: change_document(self._tab, "set", place, {})).props(
+                    f'outline dense no-caps data-test="set-{place}"'
+                ).mark(f"set-{place}")
+            if isinstance(steps[-1], int) and isinstance(value, Mapping):
+                ui.button("Copy", on_click=lambda: self._copy(field.key, dict(value))).props("outline dense no-caps")
+            if value is not None and (isinstance(steps[-1], int) or not field.required):
+                ui.button("Remove", on_click=lambda: change_document(self._tab, "remove", place)).props(
+                    "flat dense no-caps"
+                ).mark("remove")
+
+    def _copy(self, key: str, table: dict[str, Any]) -> None:
+        if "name" in table:
+            table["name"] = f"{table['name']}_copy"
+        change_document(self._tab, "add_entry", key, table)
+
+    # ---------------------------------------------------------------------------------------------------- the check
+
+    def _show_check(self) -> None:
+        """Show the verdict on the text, and mark its line."""
+        made = self._tab.assessment
+        if made is None:
+            return
+        self._description.set_visibility(False)
+        good = made.scenario is not None
+        frames = f": {made.scenario.time.n_frames:,} frames" if made.scenario else ""
+        self._verdict.text = made.problem or made.refusal or f"Ready to fly{frames}"
+        self._icon.props(f"name={'check_circle' if good and not made.refusal else 'error' if not good else 'block'}")
+        self._icon.classes(replace="text-positive" if good and not made.refusal else "text-negative")
+        self._to_field.set_visibility(bool(made.place or made.line))
+        self._more.set_visibility(good and not made.refusal)
+        lines = [{"kind": "line", "line": made.line, "class": "studio-bad-line"}] if made.line else []
+        if self._editor.decorations != lines:
+            self._editor.decorations = lines
+        if self._form:
+            self._form.update()
+
+    async def _describe(self) -> None:
+        """Show what `rso-lidar check` prints; it takes some seconds."""
+        made = self._tab.assessment
+        if made is None or made.scenario is None:
+            return
+        self._more.props("loading")
+        text = await run.io_bound(describe, made.scenario)
+        self._more.props(remove="loading")
+        if text and made is self._tab.assessment:
+            self._description.text = text
+            self._description.set_visibility(True)
+
+    def _go_to_problem(self) -> None:
+        made = self._tab.assessment
+        if made and made.line:
+            self._editor.reveal_line(made.line)
+        if made and made.place:
+            self._go_to(made.place)
+
+    def _go_to(self, place: str) -> None:
+        """Show the form that has the field at a place, and move the focus there."""
+        steps = {place: "" for _, place, _ in self._iterate_tables()}
+        own = max(
+            (one for one in steps if place == one or place.startswith((f"{one}.", f"{one}["))), key=len, default=""
+        )
+        if own != self._place or self._form is None:
+            self._choose(own)
+        if self._form:
+            self._form.focus(place)
+
+    async def _watch_disk(self) -> None:
+        """Keep a draft of unsaved edits, and tell of changes that another program made to the file."""
+        document = self._tab.document
+        try:
+            await run.io_bound(document.keep_draft)
+            if await run.io_bound(document.changed_on_disk):
+                if not document.is_changed:
+                    document.reload()
+                    ui.notify(
+                        f"{document.title}: was changed by another program, and is shown as it is now", type="info"
+                    )
+                elif self._told != f"disk {document.title}":
+                    self._told = f"disk {document.title}"
+                    ui.notify(
+                        f"{document.title}: another program changed the file; Save asks whose text to keep",
+                        type="warning", multi_line=True, timeout=10000,
+                    )  # fmt: skip
+        except (RsoLidarError, OSError) as error:
+            if self._told != str(error):
+                self._told = str(error)
+                ui.notify(f"no draft was kept: {error}", type="warning", multi_line=True)
+
+
+def _is_own(place: str, own: set[str]) -> bool:
+    """Return whether a table has a form of its own, or is a list whose entries have."""
+    return place in own or any(one.startswith(f"{place}[") for one in own) or place in {"target", "sensor"}
+
+
+def _outline(tables: Any) -> Any:
+    """Return the structure of tables: keys of tables and lists of tables, and their types and names."""
+    if isinstance(tables, Mapping):
+        return tuple(
+            (key, _outline(value) if isinstance(value, dict | list) else value if key in ("type", "name") else 0)
+            for key, value in sorted(tables.items())
+            if isinstance(value, dict | list) or key in ("type", "name")
+        )
+    if isinstance(tables, list):
+        return tuple(_outline(one) for one in tables if isinstance(one, dict))
+    return 0
+
+
+async def take_upload(tab: BrowserTab, event: Any) -> None:
+    """Keep an uploaded file in the folder after its reader has checked it, or say what is wrong with it."""
+    name = PurePosixPath(str(event.file.name).replace("\\", "/")).name
+    try:
+        content = await event.file.read()
+        said = await run.io_bound(keep_upload, tab.workspace.folder, name, content)
+    except (RsoLidarError, OSError) as error:
+        ui.notify(str(error), type="negative", multi_line=True)
+        return
+    ui.notify(said or name, type="positive")
+
+
+def open_upload(tab: BrowserTab) -> None:
+    """Open the dialog for uploads into the folder."""
+    with ui.dialog() as dialog, ui.card():
+        ui.label("Upload into the folder").classes("text-lg font-medium")
+        ui.label(
+            f"Meshes, element sets, tables, scenarios: {', '.join(SUFFIXES)}; at most {MOST_BYTES >> 20} MB."
+        ).classes("text-sm")
+        ui.upload(
+            auto_upload=True, multiple=True, max_file_size=MOST_BYTES, on_upload=partial(take_upload, tab),
+            on_rejected=lambda: ui.notify(f"at most {MOST_BYTES >> 20} MB, and the endings above", type="negative"),
+        ).props(f"accept='{','.join(SUFFIXES)}'")  # fmt: skip
+        ui.button("Close", on_click=dialog.close).props("flat")
+    dialog.open()
+
+
+async def save(tab: BrowserTab, ask_name: Callable[[], Any]) -> None:
+    """Save the document; where another program changed the file, ask what to keep.
+
+    Parameters
+    ----------
+    tab : whose document is saved.
+    ask_name : asks for a name and saves under it.
+    """
+    document = tab.document
+    if not document.name:
+        ask_name()
+        return
+    try:
+        await run.io_bound(document.save)
+    except EditConflictError as error:
+        with ui.dialog() as dialog, ui.card():
+            ui.label(str(error))
+            with ui.row():
+                ui.button("Keep mine", on_click=lambda: dialog.submit("mine")).mark("keep-mine")
+                ui.button("Take the file's", on_click=lambda: dialog.submit("disk")).mark("take-disk")
+                ui.button("Save under another name", on_click=lambda: dialog.submit("other"))
+                ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat")
+        answer = await dialog
+        try:
+            if answer == "mine":
+                document.save(overwrite=True)
+            elif answer == "disk":
+                document.reload()
+            elif answer == "other":
+                ask_name()
+        except RsoLidarError as second:
+            ui.notify(str(second), type="negative", multi_line=True)
+        return
+    except (RsoLidarError, OSError) as error:
+        ui.notify(f"not saved: {error}", type="negative", multi_line=True)
+        return
+    ui.notify(f"saved {document.name}", type="positive")
 
 
 def draw(tab: BrowserTab) -> None:
     """Draw the page for one tab of the browser."""
-    ui.label("Build")
+    draw_menu(tab, partial(save, tab), lambda: open_upload(tab))
+    BuildPage(tab)

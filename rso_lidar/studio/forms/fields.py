@@ -1,0 +1,212 @@
+"""Fields of a part as a form shows them: kind, unit, meaning, bounds, default and choices, read from their statements."""
+
+from __future__ import annotations
+
+import datetime
+import types
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Part
+from rso_lidar.part.field_types import describe_type
+from rso_lidar.part.model import Seam
+from rso_lidar.part.toml_text import parse_toml
+from rso_lidar.part.validation_messages import part_classes
+from rso_lidar.study.mission_parameters.parameter_list import drop_units, find_unit
+from rso_lidar.study.mission_parameters.parameter_table import format_value
+
+SCALARS = ("number", "whole", "flag", "text", "instant", "choice", "value")
+TABLES = ("table", "variant", "entries")
+
+
+@dataclass(frozen=True)
+class FieldForm:
+    """A field as a form shows it.
+
+    `kind` is one of `SCALARS`, or `table` for a table of one part, `variant` for a table of several by their `type`, or
+    `entries` for a list of tables. `bounds` are words such as ``number > 0``; a `value` is written as in TOML. `choices` are
+    the values of a choice, or the types of a variant with their meaning. `classes` are the parts that fill a table.
+    """
+
+    key: str
+    kind: str
+    unit: str
+    meaning: str
+    bounds: str
+    default: str
+    required: bool
+    choices: Mapping[str, str]
+    classes: tuple[type[Part], ...]
+    takes_name: bool
+
+    def choose(self, tables: Any) -> type[Part] | None:
+        """Return the part that fills a table, by its `type`."""
+        if len(self.classes) == 1:
+            return self.classes[0]
+        tag = tables.get("type") if isinstance(tables, Mapping) else None
+        return next((cls for cls in self.classes if _tag(cls) == tag), None)
+
+
+def list_fields(cls: type[Part]) -> list[FieldForm]:
+    """List the fields of a part, without its `type`, which the choice of the part sets."""
+    return [_read_field(name, field) for name, field in cls.model_fields.items() if name != "type"]
+
+
+def iterate_parts(cls: type[Part]) -> Iterator[type[Part]]:
+    """Yield a part and all parts that can stand inside it, each once."""
+    seen: dict[type[Part], None] = {}
+    waiting = [cls]
+    while waiting:
+        part = waiting.pop()
+        if part not in seen:
+            seen[part] = None
+            yield part
+            waiting += [inner for field in list_fields(part) for inner in field.classes]
+
+
+def find_part(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int, ...]) -> type[Part] | None:
+    """Return the part that fills the table at a place of a text; None where it is not known.
+
+    Parameters
+    ----------
+    cls : part of the whole text.
+    tables : of the text.
+    steps : keys and numbers of entries.
+    """
+    part: type[Part] | None = cls
+    here: Any = tables
+    field: FieldForm | None = None
+    for step in steps:
+        if isinstance(step, int):
+            here = here[step] if isinstance(here, list) and step < len(here) else None
+        else:
+            field = next((one for one in list_fields(part) if one.key == step), None) if part else None
+            here = here.get(step) if isinstance(here, Mapping) else None
+        part = field.choose(here) if field else None
+    return part
+
+
+def parse_value(kind: str, text: str) -> Any:
+    """Return the value that a user typed into a field, as TOML has it.
+
+    Parameters
+    ----------
+    kind : of the field, one of `SCALARS`.
+    text : as typed; not empty.
+
+    Raises
+    ------
+    ScenarioError
+        If the text is no such value.
+    """
+    text = text.strip()
+    if kind in ("text", "choice"):
+        return text
+    try:
+        value = parse_toml(f"value = {text}", "value", ScenarioError)["value"] if "\n" not in text else None
+    except ScenarioError:
+        value = None
+    words = {"number": "a number such as 12.5", "whole": "a whole number", "flag": "true or false"}
+    allowed: dict[str, tuple[type, ...]] = {"number": (int, float), "whole": (int,), "instant": (datetime.datetime,)}
+    right = value is not None and isinstance(value, allowed.get(kind, (object,)))
+    if not right or (kind in ("number", "whole") and isinstance(value, bool)):
+        wanted = words.get(
+            kind, "a time such as 2024-09-17T12:00:00Z" if kind == "instant" else "TOML, such as [0, 0, 1]"
+        )
+        raise ScenarioError(f"{text:.40}: is not {wanted}")
+    return value
+
+
+def show_value(value: Any) -> str:
+    """Return a value of a TOML text as a user types it."""
+    if value is None:
+        return ""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, datetime.datetime):
+        return value.isoformat().replace("+00:00", "Z")
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_quote(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_quote(inner) for inner in value) + "]"
+    return format_value(value)
+
+
+def _quote(value: Any) -> str:
+    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"' if isinstance(value, str) else show_value(value)
+
+
+def _read_field(name: str, field: FieldInfo) -> FieldForm:
+    annotation, metadata = _unwrap(field.annotation, list(field.metadata))
+    classes = tuple(cls for cls in dict.fromkeys(part_classes(annotation)) if issubclass(cls, Part))
+    members = [one for one in _members(annotation) if one is not type(None)]
+    kind = _find_kind(members, classes)
+    literals = [value for one in members if get_origin(one) is Literal for value in get_args(one)]
+    choices = {_tag(cls): _describe_class(cls) for cls in classes} if kind in ("variant", "entries") else {}
+    default = None if field.is_required() else field.get_default(call_default_factory=True)
+    said = field.description or ""
+    numeric = kind in ("number", "whole", "value")
+    unit = find_unit(name, said) if numeric else ""
+    return FieldForm(
+        key=name,
+        kind=kind,
+        unit="" if unit == "1" else unit,
+        meaning=(drop_units(said) if numeric else said).replace("`", ""),
+        bounds=describe_type(annotation, metadata).replace("`", "") if numeric and not classes else "",
+        default="" if isinstance(default, BaseModel) or default in (None, (), {}) else show_value(default),
+        required=field.is_required(),
+        choices=choices if kind != "choice" else {str(value): "" for value in literals},
+        classes=classes if kind in TABLES else (),
+        takes_name=kind == "variant" and str in (_unwrap(one, [])[0] for one in _members(annotation)),
+    )
+
+
+def _find_kind(members: list[Any], classes: tuple[type[Part], ...]) -> str:
+    """Return the kind of a field whose type is a union of `members`, and which the parts `classes` may fill."""
+    origins = {get_origin(one) for one in members}
+    if classes and not origins & {dict, tuple}:
+        return "table" if len(classes) == 1 and "type" not in classes[0].model_fields else "variant"
+    if classes and len(members) == 1 and origins == {tuple}:
+        return "entries"
+    if members and all(get_origin(one) is Literal and isinstance(get_args(one)[0], str) for one in members):
+        return "choice"
+    kinds = {float: "number", int: "whole", bool: "flag", str: "text", datetime.datetime: "instant"}
+    return kinds.get(members[0], "value") if len(members) == 1 else "value"
+
+
+def _unwrap(annotation: Any, metadata: list[Any]) -> tuple[Any, list[Any]]:
+    """Return an annotation without `Annotated`, and the metadata; of a seam, what a text may describe.
+
+    Parameters
+    ----------
+    annotation, metadata : of a field.
+    """
+    seams = [item for item in metadata if isinstance(item, Seam)]
+    if seams:
+        return _unwrap(seams[0].described, [])
+    if get_origin(annotation) is Annotated:
+        first, *more = get_args(annotation)
+        flat = [inner for item in more for inner in (item.metadata if isinstance(item, FieldInfo) else [item])]
+        return _unwrap(first, [*flat, *metadata])
+    return annotation, metadata
+
+
+def _members(annotation: Any) -> list[Any]:
+    """Return the members of a union, without `Annotated`; another annotation is its only member."""
+    if get_origin(annotation) in (Union, types.UnionType):
+        return [inner for one in get_args(annotation) for inner in _members(_unwrap(one, [])[0])]
+    return [annotation]
+
+
+def _tag(cls: type[BaseModel]) -> str:
+    field = cls.model_fields.get("type")
+    return str(field.default) if field else cls.__name__
+
+
+def _describe_class(cls: type[BaseModel]) -> str:
+    return (cls.__doc__ or "").strip().partition("\n")[0].replace("`", "")

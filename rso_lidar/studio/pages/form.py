@@ -1,0 +1,210 @@
+"""The form of one table: an input for each field, and inner tables that open below it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from nicegui import ui
+
+from rso_lidar.errors import RsoLidarError
+from rso_lidar.part import Part
+from rso_lidar.studio.forms.fields import SCALARS, FieldForm, list_fields, parse_value, show_value
+from rso_lidar.studio.pages.choosers import find_chooser
+from rso_lidar.studio.state import BrowserTab
+
+_DEEPEST = 5  # levels of inner tables in one form; deeper ones are edited in the text
+
+
+class TableForm:
+    """The form of the table at one place of the document."""
+
+    def __init__(self, tab: BrowserTab, cls: type[Part], place: str, skip: Callable[[str], bool]) -> None:
+        """Draw the form.
+
+        Parameters
+        ----------
+        tab : whose document it edits.
+        cls, place : the part that fills the table, and its place.
+        skip : whether the inner table at a place has a form of its own elsewhere.
+        """
+        self._tab, self._skip = tab, skip
+        self._inputs: dict[str, tuple[FieldForm, Any]] = {}
+        self._draw(cls, place, 0)
+        self.update()
+
+    def update(self) -> None:
+        """Show the values of the document, and of what is left empty those in force; the field with the focus stays."""
+        document, made = self._tab.document, self._tab.assessment
+        scenario = made.scenario if made and made.text == document.text else None
+        for place, (field, one) in self._inputs.items():
+            value = document.get(place)
+            shown = show_value(value) if not isinstance(one, ui.select) else value if value is None else str(value)
+            if isinstance(value, bool):
+                shown = str(value).lower()
+            if one.value != shown and not (one.value in ("", None) and shown in ("", None)):
+                one.value = shown
+            if isinstance(one, ui.input):
+                in_force = "" if value is not None else show_value(_resolve(scenario, place)) or field.default
+                one.props["placeholder"] = in_force[:80]
+                if one.error and one.value == shown:
+                    one.error = None
+                one.update()
+
+    def focus(self, place: str) -> bool:
+        """Move the focus to a field, if the form has it."""
+        found = next((name for name in self._inputs if name == place or name.startswith(f"{place}.")), None)
+        if found is None:
+            return False
+        self._inputs[found][1].run_method("focus")
+        return True
+
+    def _draw(self, cls: type[Part], place: str, depth: int) -> None:
+        for field in list_fields(cls):
+            here = f"{place}.{field.key}".lstrip(".")
+            if field.kind in SCALARS:
+                self._draw_field(cls, field, here)
+            elif not self._skip(here):
+                self._draw_table(field, here, depth)
+
+    def _draw_field(self, cls: type[Part], field: FieldForm, place: str) -> None:
+        label = f"{field.key} [{field.unit}]" if field.unit else field.key
+        words = " ".join(filter(None, (field.meaning, f"({field.bounds})" if field.bounds else "")))
+        with ui.column().classes("w-full gap-0 studio-field"):
+            with ui.row(wrap=False).classes("w-full items-center gap-1"):
+                one: Any
+                if field.kind in ("choice", "flag"):
+                    names = ["true", "false"] if field.kind == "flag" else list(field.choices)
+                    left = "required" if field.required else f"default: {field.default}" if field.default else "default"
+                    one = ui.select({None: left, **{name: name for name in names}}, label=label)
+                    one.on_value_change(partial(self._commit, field, place, one))
+                else:
+                    one = ui.input(label).on("change", lambda: self._commit(field, place, one))
+                    one.props('autocomplete="off" spellcheck="false" stack-label')
+                one.classes("grow").props(f'dense outlined data-test="field-{place}"').mark(f"field-{place}")
+                one.props["aria-description"] = words
+                if field.required:
+                    one.props("aria-required=true")
+                chooser = find_chooser(cls, field.key)
+                if chooser:
+                    ui.button(chooser.title, on_click=lambda: chooser.open(self._tab, place.rpartition(".")[0])).props(
+                        f'outline dense no-caps data-test="choose-{place}"'
+                    ).mark(f"choose-{place}")
+            ui.label(words + (" Required." if field.required else "")).classes("text-xs opacity-80 ml-1")
+            self._inputs[place] = (field, one)
+
+    def _commit(self, field: FieldForm, place: str, one: Any, *_: Any) -> None:
+        """Put what the user typed into the document; an empty field takes its default."""
+        document, typed = self._tab.document, one.value
+        text = typed.strip() if isinstance(typed, str) else typed
+        try:
+            value = None if text in (None, "") else parse_value(field.kind, text)
+            if value == document.get(place) and type(value) is type(document.get(place)):
+                return
+            document.remove(place) if value is None else document.set(place, value)
+        except RsoLidarError as error:
+            if isinstance(one, ui.input):
+                one.error = str(error)
+            else:
+                ui.notify(str(error), type="negative", multi_line=True)
+
+    def _draw_table(self, field: FieldForm, place: str, depth: int) -> None:
+        """Draw an inner table: closed where it is not set, with its type to choose where there are several."""
+        value = self._tab.document.get(place)
+        head = field.key + (f": {value['type']}" if isinstance(value, Mapping) and "type" in value else "")
+        state = "" if value is not None else " (required)" if field.required else " (default)"
+        with ui.expansion(f"{head}{state}", value=value is not None and depth < 2).classes("w-full studio-table"):
+            ui.label(field.meaning).classes("text-xs opacity-80")
+            if depth >= _DEEPEST:
+                ui.label("Edit this table in the text.").classes("text-sm")
+            elif field.kind == "entries":
+                self._draw_entries(field, place, value if isinstance(value, list) else [], depth)
+            else:
+                self._draw_variant(field, place, value, depth)
+
+    def _draw_variant(self, field: FieldForm, place: str, value: Any, depth: int) -> None:
+        chosen = field.choose(value)
+        with ui.row(wrap=False).classes("w-full items-center gap-1"):
+            if field.kind == "variant":
+                names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
+                tag = value.get("type") if isinstance(value, Mapping) else None
+                select = ui.select(names, value=tag if tag in names else None, label="type", with_input=True)
+                select.classes("grow").props(f'dense outlined data-test="type-{place}"').mark(f"type-{place}")
+                select.on_value_change(
+                    lambda event: self._do("set", place, {"type": event.value}) if event.value else None
+                )
+            elif value is None:
+                ui.button("Set", on_click=lambda: self._do("set", place, {})).props("outline dense no-caps")
+            chooser = next((found for cls in field.classes if (found := find_chooser(cls, ""))), None)
+            if chooser:
+                ui.button(chooser.title, on_click=lambda: chooser.open(self._tab, place)).props("outline dense no-caps")
+            if value is not None and not field.required:
+                ui.button("Remove", on_click=lambda: self._do("remove", place)).props("flat dense no-caps")
+        if isinstance(value, str):
+            ui.label(f"“{value}” of the catalogue").classes("text-sm")
+        elif value is not None and chosen is not None:
+            self._draw(chosen, place, depth + 1)
+
+    def _draw_entries(self, field: FieldForm, place: str, entries: list[Any], depth: int) -> None:
+        for number, entry in enumerate(entries):
+            chosen, here = field.choose(entry), f"{place}[{number}]"
+            with ui.row().classes("items-center"):
+                ui.label(f"{field.key} {number + 1}").classes("font-medium")
+                ui.button("Remove", on_click=partial(self._do, "remove", here)).props("flat dense no-caps")
+            if chosen is not None:
+                self._draw(chosen, here, depth + 1)
+        draw_add(self._tab, field, place)
+
+    def _do(self, deed: str, place: str, *value: Any) -> None:
+        change_document(self._tab, deed, place, *value)
+
+
+def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:
+    """Draw the button that adds an entry to a list of tables, with the choice of its type where there are several."""
+    if len(field.classes) == 1:
+        ui.button(f"Add {field.key}", on_click=lambda: _add_entry(tab, field, place, field.classes[0])).props(
+            f'outline dense no-caps data-test="add-{place}"'
+        ).mark(f"add-{place}")
+        return
+    with ui.dropdown_button(f"Add {field.key}", auto_close=True).props(
+        f'outline dense no-caps data-test="add-{place}"'
+    ):
+        for cls in field.classes:
+            ui.item(str(cls.model_fields["type"].default), on_click=partial(_add_entry, tab, field, place, cls))
+
+
+def _add_entry(tab: BrowserTab, field: FieldForm, place: str, cls: type[Part]) -> None:
+    """Add an entry with a free name, and its type where it has one; the check says what else it needs."""
+    entries = tab.document.get(place) or []
+    table: dict[str, Any] = {"type": cls.model_fields["type"].default} if "type" in cls.model_fields else {}
+    if "name" in cls.model_fields and cls.model_fields["name"].is_required():
+        taken = {one.get("name") for one in entries if isinstance(one, Mapping)}
+        table["name"] = next(f"{field.key}_{k}" for k in range(1, len(entries) + 2) if f"{field.key}_{k}" not in taken)
+    change_document(tab, "add_entry", place, table)
+
+
+def change_document(tab: BrowserTab, deed: str, place: str, *value: Any) -> None:
+    """Change the document of a tab, or say why that is not possible.
+
+    Parameters
+    ----------
+    tab : whose document is changed.
+    deed : name of a method of `Document`.
+    place : of the change.
+    *value : further arguments.
+    """
+    try:
+        getattr(tab.document, deed)(place, *value)
+    except RsoLidarError as error:
+        ui.notify(str(error), type="negative", multi_line=True)
+
+
+def _resolve(scenario: Any, place: str) -> Any:
+    """Return the value that is in force at a place of a scenario, None for none or a table."""
+    here = scenario
+    for step in place.replace("[", ".").replace("]", "").split("."):
+        if here is None:
+            return None
+        here = (here[int(step)] if int(step) < len(here) else None) if step.isdigit() else getattr(here, step, None)
+    return None if isinstance(here, Part) or here in ((), {}) else here
