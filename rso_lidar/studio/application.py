@@ -10,6 +10,7 @@ from nicegui import ui
 
 from rso_lidar.studio.access import AccessControl
 from rso_lidar.studio.pages import build_page, choosers, run_page, see_page
+from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.pages.header import draw_header
 from rso_lidar.studio.pages.style import add_style
 from rso_lidar.studio.state import BrowserTab, Workspace
@@ -29,7 +30,14 @@ def build_application(workspace: Workspace, *, token: str, hosts: frozenset[str]
     choosers.add_routes(outer)
     see_page.add_routes(outer, workspace)
     run_page.add_routes(outer, workspace)
-    ui.run_with(outer, root=make_root(workspace), title="rso_lidar studio", dark=None, show_welcome_message=False)
+    ui.run_with(
+        outer,
+        root=make_root(workspace),
+        title="rso_lidar studio",
+        dark=None,
+        language="en-US",
+        show_welcome_message=False,
+    )
     return AccessControl(outer, token=token, hosts=hosts, port=port)
 
 
@@ -39,11 +47,12 @@ def make_root(workspace: Workspace) -> Callable[[], Any]:
     def root() -> None:
         add_style()
         tab = BrowserTab(workspace, workspace.first_document())
+        guide = Guide(tab)
         with ui.header().classes("studio-header"):
-            chosen = draw_header(tab)
+            chosen = draw_header(tab, guide)
         with ui.tab_panels(chosen, value="build", keep_alive=True).classes("w-full studio-pages"):
             for name, draw in _PAGES.items():
-                with ui.tab_panel(name):
+                with ui.tab_panel(name).classes(f"studio-{name}-page"):
                     draw(tab)
         ui.context.client.on_connect(tab.open)
         ui.context.client.on_delete(tab.close)

@@ -17,8 +17,8 @@ _PAGES = ("build", "see", "run")
 _SCHEMES = {None: "brightness_auto", True: "dark_mode", False: "light_mode"}
 
 
-def draw_header(tab: BrowserTab) -> ui.tabs:
-    """Draw the header, and return the choice among the pages."""
+def draw_header(tab: BrowserTab, guide: Guide) -> ui.tabs:
+    """Draw the header, and return the choice among the pages; a folder without scenarios starts the guide."""
     ui.label("rso_lidar studio").classes("text-base font-medium whitespace-nowrap")
     with ui.tabs().props("dense no-caps") as chosen:
         for name in _PAGES:
@@ -32,7 +32,6 @@ def draw_header(tab: BrowserTab) -> ui.tabs:
 
     show_title()
     tab.document_changed.subscribe(show_title)
-    guide = Guide(tab)
     ui.button("Guide", on_click=guide.start).props('flat dense no-caps color=white data-test="guide-start"').mark(
         "guide-start"
     )

@@ -229,6 +229,7 @@ class RunPage:
                 rows = [self._describe_recording(status) for status in found]
                 if rows != self._table.rows:
                     self._table.rows = rows
+                self._viewer.offer([row["name"] for row in rows])
                 await self._viewer.refresh()
         finally:
             self._is_listing = False

@@ -251,8 +251,8 @@ class SeePage:
             self._complain(made.problem or made.refusal)
             return
         self.note.text = _FIRST if self.flight is None else "Working."
-        flight = await _work(Flight.of, made.text, made.scenario)
-        models = await _work(lambda: {name: one.tobytes() for name, one in flight.surfaces.items()})
+        flight = await self._work(Flight.of, made.text, made.scenario)
+        models = await self._work(lambda: {name: one.tobytes() for name, one in flight.surfaces.items()})
         _models.update(models)
         for name in list(_models)[:-_MOST_MODELS]:
             del _models[name]
@@ -260,12 +260,19 @@ class SeePage:
         self.slider.props(f"max={max(len(flight.numbers) - 1, 0)}")
         self.cloud_axes.set_options(["lidar", *flight.targets])
         self.view.set_options({k: k.capitalize() for k in VIEWS if k != "orbit" or not flight.scenario.is_local})
-        self.text.text, self.pixel = await _work(flight.scenario.describe), (-1, -1)
+        self.text.text, self.pixel = "", (-1, -1)
         for picture in self.pictures.values():
             picture.set_source("")
         self.shelf.clear()
         self.drawn.clear()
         self._complain("")
+
+    async def _work(self, deed: Callable[..., T], *arguments: Any) -> T:
+        """Return the result of work done in a thread; cancel the task where the studio is ending or the tab has closed."""
+        made = await run.io_bound(deed, *arguments)
+        if made is None or self.key not in _shelves:
+            raise asyncio.CancelledError
+        return made
 
     def _put(self, name: str, content: bytes, kind: str) -> str:
         self.version += 1
@@ -275,7 +282,7 @@ class SeePage:
     async def _show(self, flight: Flight, row: int) -> None:
         """Make and show what is visible of a row."""
         shown, scheme, view = self.tabs.value or "image", self.scheme, self.view.value or "target"
-        scene = await _work(lambda: VIEWS[view](flight, row, scheme).pack())
+        scene = await self._work(lambda: VIEWS[view](flight, row, scheme).pack())
         self.space.show(self._put("space", scene, "application/octet-stream"))
         seconds, truth_range = flight.truth(row).time_s, flight.range_m(row)
         far = f"range {truth_range:,.2f} m" if flight.targets else "no target"
@@ -286,8 +293,11 @@ class SeePage:
                 self.note.text = "Drawing."
                 self.drawn.add((shown, scheme))
                 self.pictures[shown].set_source(
-                    self._put(shown, await _work(draw_figure, shown, flight.scenario, scheme), "image/png")
+                    self._put(shown, await self._work(draw_figure, shown, flight.scenario, scheme), "image/png")
                 )
+        elif shown == "text" and not self.text.text:
+            self.note.text = "Describing."
+            self.text.text = await self._work(flight.scenario.describe)
         elif shown in ("image", "cloud"):
             keep = (
                 ("waveforms", "taps")
@@ -296,24 +306,24 @@ class SeePage:
                 if self.colour.value == "probability"
                 else ()
             )
-            self.frame = frame = await _work(flight.frame, row, keep)
+            self.frame = frame = await self._work(flight.frame, row, keep)
             if shown == "cloud":
                 colour, axes = self.colour.value, self.cloud_axes.value
-                made = await _work(draw_cloud, frame, scheme, colour, axes)
+                made = await self._work(draw_cloud, frame, scheme, colour, axes)
                 self.cloud.show(self._put("cloud", made, "application/octet-stream"))
             else:
                 await self._show_image(flight, row, frame)
         self.note.text = self.note.text if self.problem.visible else ""
 
     async def _show_image(self, flight: Flight, row: int, frame: Frame) -> None:
-        png = await _work(lambda: draw_image(frame, self.scheme, whole=self.whole))
+        png = await self._work(lambda: draw_image(frame, self.scheme, whole=self.whole))
         self.image.set_source(self._put("image", png, "image/png"))
         if self.pixel[0] < 0 or any(
             k >= n for k, n in zip(self.pixel, frame.valid.shape, strict=True)
         ):  # the brightest
             row_of, col_of = divmod(int(frame.intensity_counts.argmax()), frame.valid.shape[1])
             self.pixel = self.row.value, self.col.value = row_of, col_of
-        report = await _work(report_pixel, frame, flight.moments[row].lidar, self.pixel)
+        report = await self._work(report_pixel, frame, flight.moments[row].lidar, self.pixel)
         boxes = mark_pixel(choose_window(frame, whole=self.whole), *self.pixel)
         self.image.content = "".join(
             f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="#ff7a18" stroke-width="3"/>'
@@ -327,14 +337,6 @@ class SeePage:
         self.chart.options.clear()
         self.chart.options.update(_chart_options(report, self.scheme))
         self.chart.update()
-
-
-async def _work(deed: Callable[..., T], *arguments: Any) -> T:
-    """Return the result of work done in a thread; cancel the task where the studio is ending."""
-    made = await run.io_bound(deed, *arguments)
-    if made is None:
-        raise asyncio.CancelledError
-    return made
 
 
 def _chart_options(report: PixelReport, scheme: Any) -> dict[str, Any]:

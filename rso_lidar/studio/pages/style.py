@@ -9,7 +9,9 @@ _CSS = """
 body.body--dark .studio-header { background: #0c1c2e; }
 .nicegui-content { padding: 0; }
 .studio-pages { background: transparent; }
-.studio-pages > .q-panel > .q-tab-panel { padding: 0; gap: 0; }
+.studio-build-page { padding: 0; gap: 0; }
+.studio-see-page { padding: 8px 12px; gap: 10px; overflow: hidden; }
+.studio-run-page { padding: 0; }
 .studio-menu { border-bottom: 1px solid #8884; }
 .studio-build { height: calc(100vh - 92px); }
 .studio-column { height: 100%; overflow: auto; border-right: 1px solid #8884; }

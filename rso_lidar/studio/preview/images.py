@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rso_lidar.picture.frames.panels import range_limits_m
 from rso_lidar.picture.frames.raster import draw_panel, write
-from rso_lidar.picture.selection.scale import Scale, count_limits, nice_down
+from rso_lidar.picture.selection.scale import Scale, count_limits, nice_down, nice_up
 from rso_lidar.picture.selection.sequence import Thumbnail, find_target_pixels, on_target
 from rso_lidar.picture.selection.window import Window, bounding_window, crop
-from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, ramp
-from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE, LIGHT, NO_LIGHT, NO_RETURN, Scheme
+from rso_lidar.picture.style.colour_maps import ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
+from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE, LIGHT, NO_LIGHT, NO_RETURN, Scheme, split_rgb
 from rso_lidar.records import Frame
 
 if TYPE_CHECKING:
@@ -49,30 +50,82 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False) -> 
     scheme : `LIGHT` or `DARK`.
     whole : whether to show the whole field, instead of a square about the target.
     """
-    from PIL import Image, ImageDraw
-
-    window, scale, thumbnail = choose_window(frame, whole=whole), choose_scale(frame), Thumbnail.of(frame)
-    image = Image.new("RGB", IMAGE_SIZE, scheme.paper)
-    draw = ImageDraw.Draw(image)
+    window, scale = choose_window(frame, whole=whole), choose_scale(frame)
     saturated = int(frame.saturated.sum())
     kind, low, high = scale.intensity_words
-    notes = ("dark: no return", f"{saturated:,} saturated" if saturated else "")
+    ranges, counts = scale.range_rgb(frame.range_m, 0.0), scale.intensity_rgb(frame.intensity_counts)
+    ends_m = (f"{scale.low_m:,.2f}", f"{scale.high_m:,.2f} m")
     panels = (
-        ("Range", RANGE_RAMP, scale.range_rgb(frame.range_m, 0.0), NO_RETURN),
-        (kind, INTENSITY_RAMP, scale.intensity_rgb(frame.intensity_counts), NO_LIGHT),
+        _Panel("Range", "dark: no return", RANGE_RAMP, ranges, NO_RETURN, ends_m),
+        _Panel(kind, f"{saturated:,} saturated" if saturated else "", INTENSITY_RAMP, counts, NO_LIGHT, (low, high)),
     )
-    ends = ((f"{scale.low_m:,.2f}", f"{scale.high_m:,.2f} m"), (low, high))
-    for number, (title, name, rgb, empty) in enumerate(panels):
+    return _draw_panels(panels, window, Thumbnail.of(frame).pixel_m * max(window.width, window.height), scheme)
+
+
+def draw_difference(one: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes:
+    """Draw the differences of range and of intensity of two frames, where both report, as PNG; zero is white.
+
+    The colours end at the 99th percentile of the magnitude.
+
+    Parameters
+    ----------
+    one, other : the frames; what is shown is the second minus the first.
+    scheme : `LIGHT` or `DARK`.
+    """
+    window, both = choose_window(one), one.valid & other.valid
+    panels = []
+    for title, unit, differences in (
+        ("Range B − A", "m", np.asarray(other.range_m, float) - one.range_m),
+        ("Intensity B − A", "counts", np.asarray(other.intensity_counts, float) - one.intensity_counts),
+    ):
+        known = np.where(both, differences, np.nan)
+        size = np.abs(known[both])
+        limit = nice_up(float(np.percentile(size, 99))) if size.size and size.max() > 0.0 else 1.0
+        step = np.clip(np.nan_to_num(known) / limit * 127.5 + 127.5, 0, 255).round().astype(int)
+        rgb = ramp(ERROR_RAMP)[step]
+        rgb[~both] = split_rgb(NO_RETURN)
+        panels.append(
+            _Panel(title, "dark: not in both", ERROR_RAMP, rgb, NO_RETURN, (f"−{limit:g}", f"{limit:g} {unit}"))
+        )
+    return _draw_panels(tuple(panels), window, math.nan, scheme)
+
+
+@dataclass(frozen=True, eq=False)
+class _Panel:
+    """One of two panels: title and note above, colours (row, col, rgb), and the words at the ends of its colour bar."""
+
+    title: str
+    note: str
+    ramp: str
+    rgb: np.ndarray
+    empty: str
+    ends: tuple[str, str]
+
+
+def _draw_panels(panels: tuple[_Panel, ...], window: Window, across_m: float, scheme: Scheme) -> bytes:
+    """Draw two panels side by side, with axes, colour bars and a scale bar, as PNG.
+
+    Parameters
+    ----------
+    panels, window : the panels, and the part of the field that they show.
+    across_m : width of a panel at the target, NaN for no scale bar.
+    scheme : `LIGHT` or `DARK`.
+    """
+    from PIL import Image, ImageDraw
+
+    image = Image.new("RGB", IMAGE_SIZE, scheme.paper)
+    draw = ImageDraw.Draw(image)
+    for number, panel in enumerate(panels):
         left = _LEFT + number * (_SIDE + _GAP)
-        image.paste(draw_panel(window.cut(rgb), _SIDE, empty), (left, _TOP))
-        write(draw, left, 6, title, _TEXT, scheme.ink, bold=True)
-        write(draw, left + _SIDE, 6, notes[number], _TEXT - 2, scheme.quiet, "ra")
+        image.paste(draw_panel(window.cut(panel.rgb), _SIDE, panel.empty), (left, _TOP))
+        write(draw, left, 6, panel.title, _TEXT, scheme.ink, bold=True)
+        write(draw, left + _SIDE, 6, panel.note, _TEXT - 2, scheme.quiet, "ra")
         _draw_axes(draw, left, window, scheme)
-        bar = Image.fromarray(ramp(name)[None]).resize((_SIDE // 2, 14))
+        bar = Image.fromarray(ramp(panel.ramp)[None]).resize((_SIDE // 2, 14))
         image.paste(bar, (left + _SIDE // 4, _TOP + _SIDE + 38))
-        write(draw, left + _SIDE // 4 - 8, _TOP + _SIDE + 36, ends[number][0], _TEXT - 1, scheme.quiet, "ra")
-        write(draw, left + 3 * _SIDE // 4 + 8, _TOP + _SIDE + 36, ends[number][1], _TEXT - 1, scheme.quiet)
-    _draw_scale_bar(draw, thumbnail.pixel_m * max(window.width, window.height))
+        write(draw, left + _SIDE // 4 - 8, _TOP + _SIDE + 36, panel.ends[0], _TEXT - 1, scheme.quiet, "ra")
+        write(draw, left + 3 * _SIDE // 4 + 8, _TOP + _SIDE + 36, panel.ends[1], _TEXT - 1, scheme.quiet)
+    _draw_scale_bar(draw, across_m)
     with io.BytesIO() as held:
         image.save(held, "PNG", compress_level=1)
         return held.getvalue()
