@@ -131,12 +131,14 @@ class Document:
         """Undo the last edit."""
         if self._past:
             self._future.append(self._text)
+            self._last = ("", 0.0)
             self._show(self._past.pop())
 
     def redo(self) -> None:
         """Make the last undone edit again."""
         if self._future:
             self._past.append(self._text)
+            self._last = ("", 0.0)
             self._show(self._future.pop())
 
     def _show(self, text: str) -> None:
@@ -176,8 +178,8 @@ class Document:
         if not self.is_toml:
             raise ScenarioError("the text is not valid TOML, or too long for forms; correct it in the editor first")
         expected, steps = copy.deepcopy(self.tables()), split_place(place)
-        _apply(expected, steps, value)
         try:
+            _apply(expected, steps, value)
             here: Any = tomlkit.parse(self._text)
             whole = here
             for k, step in enumerate(steps[:-1]):
@@ -223,12 +225,15 @@ class Document:
         Raises
         ------
         EditConflictError
-            If there is a file of that name, unless `overwrite` is set.
+            If there is a file of that name, or others changed its own, unless `overwrite` is set.
         RsoLidarError
             If the name is not allowed, or the file cannot be written.
         """
         place = self.folder.resolve(name, (".toml",))
-        if place.exists() and not overwrite and name != self.name:
+        if name == self.name:
+            self.save(overwrite=overwrite)
+            return
+        if place.exists() and not overwrite:
             raise EditConflictError(f"{name}: exists already")
         _write(place, self._text)
         self._drop_draft()

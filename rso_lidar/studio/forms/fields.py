@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import datetime
+import json
+import re
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -30,7 +32,8 @@ class FieldForm:
 
     `kind` is one of `SCALARS`, or `table` for a table of one part, `variant` for a table of several by their `type`, or
     `entries` for a list of tables. `bounds` are words such as ``number > 0``; a `value` is written as in TOML. `choices` are
-    the values of a choice, or the types of a variant with their meaning. `classes` are the parts that fill a table.
+    the values of a choice, or the types of a variant with their meaning. `classes` are the parts that fill a table, and
+    `usual` is the type of one that names none; empty where the type is required.
     """
 
     key: str
@@ -43,12 +46,13 @@ class FieldForm:
     choices: Mapping[str, str]
     classes: tuple[type[Part], ...]
     takes_name: bool
+    usual: str = ""
 
     def choose(self, tables: Any) -> type[Part] | None:
         """Return the part that fills a table, by its `type`."""
         if len(self.classes) == 1:
             return self.classes[0]
-        tag = tables.get("type") if isinstance(tables, Mapping) else None
+        tag = tables.get("type", self.usual) if isinstance(tables, Mapping) else None
         return next((cls for cls in self.classes if _tag(cls) == tag), None)
 
 
@@ -131,14 +135,17 @@ def show_value(value: Any) -> str:
     if isinstance(value, datetime.datetime):
         return value.isoformat().replace("+00:00", "Z")
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_quote(inner)}" for key, inner in value.items()) + " }"
+        keys = {key: key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quote(key) for key in value}
+        return "{ " + ", ".join(f"{keys[key]} = {_quote(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_quote(inner) for inner in value) + "]"
     return format_value(value)
 
 
 def _quote(value: Any) -> str:
-    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"' if isinstance(value, str) else show_value(value)
+    if not isinstance(value, str):
+        return show_value(value)
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # the one character that only TOML escapes
 
 
 def _read_field(name: str, field: FieldInfo) -> FieldForm:
@@ -163,6 +170,7 @@ def _read_field(name: str, field: FieldInfo) -> FieldForm:
         choices=choices if kind != "choice" else {str(value): "" for value in literals},
         classes=classes if kind in TABLES else (),
         takes_name=kind == "variant" and str in (_unwrap(one, [])[0] for one in _members(annotation)),
+        usual=_tag(type(default)) if isinstance(default, Part) and type(default) in classes else "",
     )
 
 
@@ -175,7 +183,8 @@ def _find_kind(members: list[Any], classes: tuple[type[Part], ...]) -> str:
         return "entries"
     if members and all(get_origin(one) is Literal and isinstance(get_args(one)[0], str) for one in members):
         return "choice"
-    kinds = {float: "number", int: "whole", bool: "flag", str: "text", datetime.datetime: "instant"}
+    # A TOML file names the dynamics, in Python any function, by a text.
+    kinds = {float: "number", int: "whole", bool: "flag", str: "text", Any: "text", datetime.datetime: "instant"}
     return kinds.get(members[0], "value") if len(members) == 1 else "value"
 
 

@@ -180,7 +180,7 @@ class BuildPage:
         value = document.get(place)
         with ui.row().classes("w-full items-center"):
             if field.kind == "variant":
-                tag = value.get("type") if isinstance(value, Mapping) else None
+                tag = value.get("type", field.usual) if isinstance(value, Mapping) else None
                 names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
                 select = ui.select(names, value=tag if tag in names else None, label="type").classes("grow")
                 select.props(f'dense outlined data-test="type-{place}"').mark(f"type-{place}")

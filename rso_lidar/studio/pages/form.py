@@ -128,7 +128,7 @@ class TableForm:
         with ui.row(wrap=False).classes("w-full items-center gap-1"):
             if field.kind == "variant":
                 names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
-                tag = value.get("type") if isinstance(value, Mapping) else None
+                tag = value.get("type", field.usual) if isinstance(value, Mapping) else None
                 select = ui.select(names, value=tag if tag in names else None, label="type", with_input=True)
                 select.classes("grow").props(f'dense outlined data-test="type-{place}"').mark(f"type-{place}")
                 select.on_value_change(
