@@ -21,6 +21,7 @@ from benchmarks import (
     sampling,
     stages,
     startup,
+    studio,
     workers,
 )
 from benchmarks.report import HEADER, Findings, table
@@ -37,6 +38,7 @@ PARTS = (
     "growth",
     "orbit",
     "footprint",
+    "studio",
 )
 
 
@@ -71,6 +73,7 @@ def main() -> None:
         "growth": lambda: growth.run(quick=chosen.quick, frames=chosen.frames, pictures=pictures),
         "orbit": lambda: orbit.run(quick=chosen.quick, frames=chosen.frames),
         "footprint": lambda: footprint.run(quick=chosen.quick),
+        "studio": lambda: studio.run(quick=chosen.quick),
     }
     print(report.machine())
     found = Findings()

@@ -23,7 +23,7 @@ SCENARIO = EXAMPLES / "tdrs_approach.toml"
 LEEWAY_S = 0.1  # of a preview, over 1.5 flashes: drawing, and the report of a pixel
 KEEP = ("waveforms", "taps")
 THREADS = 6  # as many as asyncio gives two cores
-TABS, EDITS, MOVES, FLIGHTS = 10, 2_000, 600, 12
+TABS, EDITS, MOVES, FLIGHTS = 10, 500, 100, 4
 
 
 def run(*, quick: bool) -> Findings:

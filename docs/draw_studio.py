@@ -26,9 +26,10 @@ import rso_lidar as rl
 PICTURES = Path(__file__).resolve().parent / "pictures"
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "tdrs_approach.toml"
 WIDTH, HEIGHT, FLOWN = 1280, 800, 20
-PATIENCE_S = 90.0
+PATIENCE_S = 120.0
+MOST_BYTES = 145_000
 SOFTWARE_GL = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # the same on each machine
-BUSY = "[...document.querySelectorAll('.q-spinner, .q-inner-loading')].some(e => e.offsetParent !== null)"
+BUSY = "[...document.querySelectorAll('.q-spinner, .q-inner-loading')].some(e => e.checkVisibility())"
 
 
 @contextmanager
@@ -48,18 +49,31 @@ def wait_until_still(page: Any) -> bytes:
     before, end = b"", time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         page.wait_for_timeout(1000)
+        if page.evaluate(BUSY):
+            continue
         now: bytes = page.screenshot()
-        if now == before and not page.evaluate(BUSY):
+        if now == before:
             return now
         before = now
     raise SystemExit(f"the page was not still within {PATIENCE_S:g} s")
 
 
+def move_to_end(page: Any, slider: str) -> None:
+    """Move a slider to its last step, by mouse and keyboard."""
+    box = page.locator(slider).bounding_box()
+    page.mouse.click(box["x"] + box["width"] - 1, box["y"] + box["height"] / 2)
+    page.keyboard.press("ArrowRight")
+
+
 def draw_page(page: Any, place: Path) -> Path:
-    """Write a screenshot with the 256 colours that suit it."""
+    """Write a screenshot, of 256 colours where all of them would make it too large."""
     page.mouse.move(WIDTH - 2, HEIGHT - 2)  # no button looks pointed at
+    page.evaluate("document.activeElement.blur()")
     with Image.open(io.BytesIO(wait_until_still(page))) as taken:
-        taken.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(place, optimize=True)
+        drawn = taken.convert("RGB")
+    drawn.save(place, optimize=True)
+    if place.stat().st_size > MOST_BYTES:
+        drawn.quantize(256, dither=Image.Dither.NONE).save(place, optimize=True)
     return place
 
 
@@ -82,8 +96,7 @@ def draw_pages(page: Any, url: str, folder: Path, ending: str) -> list[Path]:
 
     page.click("[data-test=page-see]")
     wait_until_still(page)
-    slider = page.locator("[data-test=time]").bounding_box()
-    page.mouse.click(slider["x"] + slider["width"] - 1, slider["y"] + slider["height"] / 2)
+    move_to_end(page, "[data-test=time]")
     drawn.append(draw_page(page, folder / f"studio_see{ending}.png"))
 
     page.click("[data-test=page-run]")
@@ -94,9 +107,8 @@ def draw_pages(page: Any, url: str, folder: Path, ending: str) -> list[Path]:
         page.click("[data-test=start]")
         page.get_by_text("complete").first.wait_for(timeout=PATIENCE_S * 1e3)
     page.locator("[data-test=recordings] tbody .q-checkbox").first.click()
-    page.locator("[data-test=frame]").wait_for()
-    slider = page.locator("[data-test=slider]").bounding_box()
-    page.mouse.click(slider["x"] + slider["width"] - 1, slider["y"] + slider["height"] / 2)
+    page.locator("[data-test=frame-A] img").wait_for(timeout=PATIENCE_S * 1e3)
+    move_to_end(page, "[data-test=slider]")
     return [*drawn, draw_page(page, folder / f"studio_run{ending}.png")]
 
 

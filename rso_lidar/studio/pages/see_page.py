@@ -69,7 +69,7 @@ class SeePage:
         with (
             ui.row()
             .classes("w-full no-wrap gap-2 items-stretch")
-            .style("height: calc(100vh - 180px); min-height: 480px")
+            .style("height: calc(100vh - 124px); min-height: 480px")
         ):
             with ui.column().classes("gap-1 h-full").style("width: 44%"):
                 self.view = ui.toggle(
