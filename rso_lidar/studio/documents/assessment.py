@@ -87,7 +87,7 @@ def check_file(name: str, folder: Folder, where: str) -> Path:
             folder.require_inside(path or folder.path / name)
     except (ScenarioError, OSError, ValueError):
         raise ScenarioError(f"{where}: '{name:.80}' is outside the folder {folder.path.name}; upload it here") from None
-    if path is None:
+    if path is None or not path.is_file():
         raise ScenarioError(f"{where}: no file '{name:.80}' in the folder nor among the shipped data; upload it here")
     return path
 

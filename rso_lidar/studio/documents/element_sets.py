@@ -19,7 +19,7 @@ def check_lines(text: str) -> tuple[str, ...]:
     """
     lines = tuple(line.rstrip() for line in text.splitlines() if line.strip())
     found = parse_lines(lines, "the pasted text")
-    if len(found) != 1:
+    if len(found) != 1 or len(lines) not in (2, 3):
         raise CatalogError(f"the pasted text: holds {len(found)} element sets; paste one")
     Tle(lines=lines)
     return lines

@@ -333,7 +333,7 @@ async def save(tab: BrowserTab, ask_name: Callable[[], Any]) -> None:
         ask_name()
         return
     try:
-        await run.io_bound(document.save)
+        document.save()  # not in a thread: its listeners draw
     except EditConflictError as error:
         with ui.dialog() as dialog, ui.card():
             ui.label(str(error))

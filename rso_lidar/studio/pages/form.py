@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -54,6 +55,7 @@ class TableForm:
 
     def focus(self, place: str) -> bool:
         """Move the focus to a field, if the form has it."""
+        place = place if place in self._inputs else re.sub(r"\[\d+\]$", "", place)  # a number of a vector
         found = next((name for name in self._inputs if name == place or name.startswith(f"{place}.")), None)
         if found is None:
             return False
