@@ -109,9 +109,9 @@ def _preview(flight: Any, row: int) -> Any:
 
 def previewed(turns: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the seconds of previews of the last frame, and of flashes of it, in turns, warm."""
-    from rso_lidar.studio.preview.flight import Flight
+    from rso_lidar.studio.preview.flight import PreviewFlight
 
-    flight = Flight(rl.Scenario.load(SCENARIO))
+    flight = PreviewFlight(rl.Scenario.load(SCENARIO))
     row = len(flight.numbers) - 1
     works: tuple[Callable[[], Any], ...] = (lambda: _preview(flight, row), lambda: flight.frame(row))
     found = np.array([[seconds(work) for work in works] for _ in range(turns + 2)])[2:]
@@ -139,7 +139,7 @@ def used(divisor: int) -> list[tuple[str, float]]:
 
 def _use(divisor: int) -> Iterator[tuple[str, float]]:
     from rso_lidar.studio.documents.assessment import assess
-    from rso_lidar.studio.preview.flight import Flight
+    from rso_lidar.studio.preview.flight import PreviewFlight
     from rso_lidar.studio.state import Workspace
 
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(THREADS) as threads:
@@ -151,7 +151,7 @@ def _use(divisor: int) -> Iterator[tuple[str, float]]:
         def fly() -> Any:
             found = assess(document.text, workspace.folder, document.title)
             assert found.scenario is not None
-            return Flight.of(found.text, found.scenario)
+            return PreviewFlight.of(found.text, found.scenario)
 
         flight = threads.submit(fly).result()
         last = len(flight.numbers)

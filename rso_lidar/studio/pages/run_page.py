@@ -221,7 +221,7 @@ class RunPage:
         """Update the page once a second while something runs, and once afterwards."""
         if self._is_listing or not (self._was_active or self.jobs.is_active or self._viewer.is_following):
             return
-        self._was_active, self._is_listing = self.jobs.is_active, True
+        self._was_active, self._is_listing = self.jobs.is_active or self._was_active and self._viewer.is_following, True
         try:
             self._draw_jobs()
             found = await run.io_bound(list_recordings, self.folder)

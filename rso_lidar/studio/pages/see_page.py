@@ -17,7 +17,7 @@ from rso_lidar.picture import DARK, LIGHT
 from rso_lidar.records import Frame
 from rso_lidar.studio.pages.space_view import SpaceView
 from rso_lidar.studio.preview.figures import FIGURES, draw_figure
-from rso_lidar.studio.preview.flight import Flight
+from rso_lidar.studio.preview.flight import PreviewFlight
 from rso_lidar.studio.preview.images import choose_window, draw_image, find_pixel, mark_pixel
 from rso_lidar.studio.preview.pixels import PixelReport, report_pixel
 from rso_lidar.studio.preview.space import draw_cloud
@@ -55,7 +55,7 @@ class SeePage:
         """Draw the page, and show the document's flight when the page is visible."""
         self.tab, self.key, self.shelf = tab, secrets.token_urlsafe(16), dict[str, tuple[bytes, str]]()
         _shelves[self.key] = self.shelf
-        self.flight: Flight | None = None
+        self.flight: PreviewFlight | None = None
         self.flown: Any = None  # assessment that the flight is of
         self.frame: Frame | None = None
         self.scheme, self.pixel = LIGHT, (-1, -1)  # no pixel is chosen yet
@@ -251,7 +251,7 @@ class SeePage:
             self._complain(made.problem or made.refusal)
             return
         self.note.text = _FIRST if self.flight is None else "Working."
-        flight = await self._work(Flight.of, made.text, made.scenario)
+        flight = await self._work(PreviewFlight.of, made.text, made.scenario)
         models = await self._work(lambda: {name: one.tobytes() for name, one in flight.surfaces.items()})
         _models.update(models)
         for name in list(_models)[:-_MOST_MODELS]:
@@ -279,7 +279,7 @@ class SeePage:
         self.shelf[name] = (content, kind)
         return f"/studio/see/{self.key}/{name}?v={self.version}"
 
-    async def _show(self, flight: Flight, row: int) -> None:
+    async def _show(self, flight: PreviewFlight, row: int) -> None:
         """Make and show what is visible of a row."""
         shown, scheme, view = self.tabs.value or "image", self.scheme, self.view.value or "target"
         scene = await self._work(lambda: VIEWS[view](flight, row, scheme).pack())
@@ -315,7 +315,7 @@ class SeePage:
                 await self._show_image(flight, row, frame)
         self.note.text = self.note.text if self.problem.visible else ""
 
-    async def _show_image(self, flight: Flight, row: int, frame: Frame) -> None:
+    async def _show_image(self, flight: PreviewFlight, row: int, frame: Frame) -> None:
         png = await self._work(lambda: draw_image(frame, self.scheme, whole=self.whole))
         self.image.set_source(self._put("image", png, "image/png"))
         if self.pixel[0] < 0 or any(
