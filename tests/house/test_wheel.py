@@ -69,7 +69,8 @@ def test_wheel_holds_the_package_and_its_data_and_nothing_else(wheel):
         for file in (ROOT / folder).rglob("*")
         if file.is_file() and "__pycache__" not in file.parts and file.suffix != ".png"  # pictures of pages
     }
-    data |= {file.relative_to(ROOT).as_posix() for file in (ROOT / "rso_lidar").rglob("presets.toml")}
+    for name in ("presets.toml", "*.js"):
+        data |= {file.relative_to(ROOT).as_posix() for file in (ROOT / "rso_lidar").rglob(name)}
     info = f"rso_lidar-{VERSION}.dist-info"
     assert {"rso_lidar/tle/index.toml", "rso_lidar/models/index.toml"} <= data
     assert names - {name for name in names if name.startswith(info)} == sources | data | {"rso_lidar/py.typed"}
