@@ -11,8 +11,8 @@ from nicegui import Event, run
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.studio.documents.assessment import Assessment, assess
 from rso_lidar.studio.documents.document import Document, list_documents
-from rso_lidar.studio.folder import Folder
 from rso_lidar.studio.jobs.queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
+from rso_lidar.studio.root_folder import Folder
 
 _PAUSE_S = 0.3  # without a further edit, after which a text is assessed
 

@@ -7,7 +7,15 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE, TESTS = ROOT / "rso_lidar", ROOT / "tests"
-ACROSS = {"golden", "house", "peers", "physics", "property", "site"}  # folders of tests that hold across rooms
+ACROSS = {
+    "browser",
+    "golden",
+    "house",
+    "peers",
+    "physics",
+    "property",
+    "site",
+}  # folders of tests that hold across rooms
 
 # Tests of several modules of a room, or of all that a user brings or reads.
 SPANNING = {

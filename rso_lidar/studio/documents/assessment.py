@@ -11,7 +11,7 @@ from rso_lidar.part.toml_text import find_line, parse_toml
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.named_files import iterate_named_files, list_dynamics, list_fmus
 from rso_lidar.shipped import find, shipped
-from rso_lidar.studio.folder import Folder
+from rso_lidar.studio.root_folder import Folder
 
 _SHIPPED = ("tle", "models", "examples")
 _PLACE = re.compile(r"([A-Za-z_][\w-]*(?:\[\d+\]|\.[\w-]+)*): ")

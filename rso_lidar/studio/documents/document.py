@@ -18,7 +18,7 @@ from tomlkit.exceptions import TOMLKitError
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.files import check_writable, read_bytes, write_atomically
 from rso_lidar.part.toml_text import MOST_BYTES, parse_toml, split_place
-from rso_lidar.studio.folder import Folder
+from rso_lidar.studio.root_folder import Folder
 
 _MOST_STEPS, _MOST_CHARACTERS = 300, 20_000_000  # of the history
 _LONGEST_FOR_FORMS = 300_000  # characters; tomlkit parses about 1 MB in 10 s
@@ -329,7 +329,13 @@ def _stamp(path: Path) -> tuple[int, int]:
 
 
 def _apply(tables: Any, steps: tuple[str | int, ...], value: Any) -> None:
-    """Set or remove (None) the value at a place of plain tables."""
+    """Set or remove (None) the value at a place of plain tables.
+
+    Parameters
+    ----------
+    tables : changed in place.
+    steps, value : the place and its new value.
+    """
     for step in steps[:-1]:
         tables = tables.setdefault(step, {}) if isinstance(step, str) else tables[step]
     if value is None:

@@ -6,7 +6,7 @@ import datetime
 import json
 import re
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -59,18 +59,6 @@ class FieldForm:
 def list_fields(cls: type[Part]) -> list[FieldForm]:
     """List the fields of a part, without its `type`, which the choice of the part sets."""
     return [_read_field(name, field) for name, field in cls.model_fields.items() if name != "type"]
-
-
-def iterate_parts(cls: type[Part]) -> Iterator[type[Part]]:
-    """Yield a part and all parts that can stand inside it, each once."""
-    seen: dict[type[Part], None] = {}
-    waiting = [cls]
-    while waiting:
-        part = waiting.pop()
-        if part not in seen:
-            seen[part] = None
-            yield part
-            waiting += [inner for field in list_fields(part) for inner in field.classes]
 
 
 def find_part(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int, ...]) -> type[Part] | None:

@@ -21,7 +21,7 @@ from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.export.reader.status import RecordingStatus, read_status
 from rso_lidar.export.registry import SUFFIXES
 from rso_lidar.files import write_text
-from rso_lidar.studio.folder import RECORDINGS, Folder
+from rso_lidar.studio.root_folder import RECORDINGS, Folder
 
 _JOURNAL = ".rso_lidar_studio.json"  # jobs that are not done, for the next start of the studio
 _POLL_S, _LAST_BYTES, _MOST_JOBS = 0.5, 4000, 100

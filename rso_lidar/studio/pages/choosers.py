@@ -17,8 +17,8 @@ from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scene import Lambertian
 from rso_lidar.scene.library.model_index import models
 from rso_lidar.shipped import shipped
-from rso_lidar.studio.documents.element_sets import check_lines, search_sets
-from rso_lidar.studio.preview.portraits import draw_portrait
+from rso_lidar.studio.documents.tle_search import check_lines, search_sets
+from rso_lidar.studio.preview.gallery import draw_portrait
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.study.material_list import list_materials
 
@@ -55,7 +55,14 @@ def add_routes(application: fastapi.FastAPI) -> None:
 
 
 def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None:
-    """Set and remove (None) values of the document, and close the dialog."""
+    """Set and remove (None) values of the document, and close the dialog.
+
+    Parameters
+    ----------
+    tab : whose document it changes.
+    changes : values by their places.
+    dialog : which is closed if that is possible.
+    """
     try:
         for place, value in changes.items():
             if value is None:

@@ -163,7 +163,13 @@ class TableForm:
 
 
 def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:
-    """Draw the button that adds an entry to a list of tables, with the choice of its type where there are several."""
+    """Draw the button that adds an entry to a list of tables, with the choice of its type where there are several.
+
+    Parameters
+    ----------
+    tab : whose document it changes.
+    field, place : the list, and its place.
+    """
     if len(field.classes) == 1:
         ui.button(f"Add {field.key}", on_click=lambda: _add_entry(tab, field, place, field.classes[0])).props(
             f'outline dense no-caps data-test="add-{place}"'
@@ -177,7 +183,14 @@ def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:
 
 
 def _add_entry(tab: BrowserTab, field: FieldForm, place: str, cls: type[Part]) -> None:
-    """Add an entry with a free name, and its type where it has one; the check says what else it needs."""
+    """Add an entry with a free name, and its type where it has one; the check says what else it needs.
+
+    Parameters
+    ----------
+    tab : whose document it changes.
+    field, place : the list, and its place.
+    cls : the part that fills the entry.
+    """
     entries = tab.document.get(place) or []
     table: dict[str, Any] = {"type": cls.model_fields["type"].default} if "type" in cls.model_fields else {}
     if "name" in cls.model_fields and cls.model_fields["name"].is_required():

@@ -14,7 +14,7 @@ _EXAMPLE = "tdrs_approach"
 
 
 @dataclass(frozen=True)
-class Step:
+class GuideStep:
     """One step: what it says, on which page, and which element it points at by its `data-test`."""
 
     title: str
@@ -24,28 +24,28 @@ class Step:
 
 
 STEPS = (
-    Step(
+    GuideStep(
         "Welcome",
         "A flash lidar flies past a relay satellite: you look at the scenario, see one frame of it, and record some. "
         "“Next” takes the TDRS example into your folder.",
         "build",
     ),
-    Step(
+    GuideStep(
         "The scenario",
         "Left are its tables, in the middle the fields of one table with unit and meaning, right the text of the file. Form "
         "and text are the same document. Below the text, the check says whether it can be flown.",
         "build",
         "tables",
     ),
-    Step(
+    GuideStep(
         "One frame",
         "Move the slider: the satellite grows from 1.8 km to 300 m. Click a bright pixel to see its photons and its "
         "waveform. The first frame after an installation takes some 20 s.",
         "see",
         "time",
     ),
-    Step("A recording", "Press “Start”: the frames appear while they are written.", "run", "start"),
-    Step(
+    GuideStep("A recording", "Press “Start”: the frames appear while they are written.", "run", "start"),
+    GuideStep(
         "That is all",
         "Change a field and record again under another name, then compare the two. “Guide” in the header comes back here.",
         "run",

@@ -14,7 +14,7 @@ from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.reader.status import RecordingStatus
 from rso_lidar.export.registry import FORMATS
 from rso_lidar.studio.jobs.queue import KINDS, Job, JobRequest, list_recordings
-from rso_lidar.studio.pages.recordings import FrameViewer
+from rso_lidar.studio.pages.frame_viewer import FrameViewer
 from rso_lidar.studio.state import BrowserTab, Workspace
 
 _USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
@@ -221,7 +221,10 @@ class RunPage:
         """Update the page once a second while something runs, and once afterwards."""
         if self._is_listing or not (self._was_active or self.jobs.is_active or self._viewer.is_following):
             return
-        self._was_active, self._is_listing = self.jobs.is_active or self._was_active and self._viewer.is_following, True
+        self._was_active, self._is_listing = (
+            self.jobs.is_active or (self._was_active and self._viewer.is_following),
+            True,
+        )
         try:
             self._draw_jobs()
             found = await run.io_bound(list_recordings, self.folder)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import picture, study
+from rso_lidar.picture.style.figures import PAGE_DPI
 from rso_lidar.picture.style.palette import Scheme
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.time_history.open_loop import fly_open_loop
@@ -42,5 +43,5 @@ def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> bytes:
     with _lock, io.BytesIO() as held:
         figure = FIGURES[name](scenario)
         picture.recolour(figure, scheme)
-        figure.savefig(held, format="png", dpi=110)
+        figure.savefig(held, format="png", dpi=PAGE_DPI)
         return held.getvalue()

@@ -15,11 +15,11 @@ from rso_lidar.simulation.flash import flash
 from rso_lidar.simulation.stepping import DETECTION, Simulation
 
 _MOST_FRAMES, _MOST_FLIGHTS = 400, 4
-_flights: OrderedDict[str, Flight] = OrderedDict()
+_flights: OrderedDict[str, PreviewFlight] = OrderedDict()
 _flights_lock = Lock()
 
 
-class Flight:
+class PreviewFlight:
     """The moments of at most 400 frames of a scenario, evenly chosen with both ends; row k is frame `numbers[k]`."""
 
     def __init__(self, scenario: Scenario) -> None:
@@ -33,7 +33,7 @@ class Flight:
         self.axes = f"{base}.rtn" if f"{base}.rtn" in poses else poses.parent(base)
 
     @classmethod
-    def of(cls, text: str, scenario: Scenario) -> Flight:
+    def of(cls, text: str, scenario: Scenario) -> PreviewFlight:
         """Return the flight of a scenario, kept by its text for all tabs; the last four are kept."""
         with _flights_lock:
             if text not in _flights:

@@ -23,6 +23,7 @@ class SpaceScene:
 
     def __init__(self, name: str, scheme: Scheme = LIGHT) -> None:
         """Begin an empty scene."""
+        self.scheme = scheme
         self.header: dict[str, Any] = {
             "name": name,
             "paper": scheme.paper,
@@ -88,7 +89,7 @@ class SpaceScene:
         name : of the axes; "rtn" axes are labelled R, T, N.
         """
         letters = ("R radial", "T along-track", "N cross-track") if name == "rtn" else [f"{name} {k}" for k in "xyz"]
-        for k, colour in enumerate(("#d64545", "#2e9e4f", "#3b7dd8")):
+        for k, colour in enumerate((self.scheme.lines[5], self.scheme.lines[2], self.scheme.lines[0])):
             end = matrix[:3, 3] + length * matrix[:3, k]
             self.add("lines", [matrix[:3, 3], end], colour)
             self.label(letters[k], end)

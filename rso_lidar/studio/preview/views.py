@@ -8,16 +8,16 @@ import numpy as np
 
 from rso_lidar.picture import LIGHT
 from rso_lidar.picture.plots.orbit import osculating_orbit_m
-from rso_lidar.picture.style.palette import Scheme
+from rso_lidar.picture.style.palette import DAY, OTHER_PART, Scheme
 from rso_lidar.pose import ROOT, rotate_vectors
-from rso_lidar.studio.preview.flight import Flight
+from rso_lidar.studio.preview.flight import PreviewFlight
 from rso_lidar.studio.preview.space import SpaceScene
 from rso_lidar.units import DEG, EARTH_RADIUS_M
 
 _MM = 1e-6  # 1,000 km, the unit of views of orbits
 
 
-def draw_orbit(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     """Draw the Earth and the orbits of all bodies in inertial axes, in units of 1,000 km.
 
     Parameters
@@ -26,7 +26,7 @@ def draw_orbit(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     """
     scene, truth = SpaceScene("orbit", scheme), flight.truth(row)
     radius = EARTH_RADIUS_M * _MM
-    scene.header["items"].append({"kind": "sphere", "radius": radius, "colour": "#4d8fd1"})
+    scene.header["items"].append({"kind": "sphere", "radius": radius, "colour": DAY})
     scene.header["sun"], scene.header["ambient"] = np.nan_to_num(truth.sun_direction).tolist(), 0.15
     turn = np.linspace(0.0, 2.0 * np.pi, 97)
     for angle in np.arange(-60.0, 61.0, 30.0) * DEG:
@@ -48,7 +48,7 @@ def draw_orbit(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
         entries.append((colour, name))
         farthest = max(farthest, float(np.linalg.norm(orbit, axis=1).max()))
     if np.isfinite(truth.sun_direction).all():
-        scene.add("lines", [truth.sun_direction * radius * 1.05, truth.sun_direction * radius * 1.8], "#e0a000")
+        scene.add("lines", [truth.sun_direction * radius * 1.05, truth.sun_direction * radius * 1.8], scheme.mark)
         scene.label("to the Sun", truth.sun_direction * radius * 1.85)
     scene.label("N", (0.0, 0.0, 1.12 * radius))
     here = truth.states["follower"].position_m * _MM
@@ -57,7 +57,7 @@ def draw_orbit(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     return scene
 
 
-def draw_relative(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+def draw_relative(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     """Draw the path of the follower about the first target, in the target's rtn axes [m].
 
     Parameters
@@ -80,7 +80,7 @@ def draw_relative(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScen
     return scene
 
 
-def draw_target(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+def draw_target(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     """Draw the first target in its attitude, in the Sun's light, with the field of view and the beam about it [m].
 
     Parameters
@@ -100,7 +100,7 @@ def draw_target(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     return scene
 
 
-def draw_lidar(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+def draw_lidar(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     """Draw follower, PTU and lidar with their axes, the field of view and the beam to the target [m].
 
     Parameters
@@ -120,7 +120,7 @@ def draw_lidar(flight: Flight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
     return scene
 
 
-VIEWS: dict[str, Callable[[Flight, int, Scheme], SpaceScene]] = {
+VIEWS: dict[str, Callable[[PreviewFlight, int, Scheme], SpaceScene]] = {
     "orbit": draw_orbit, "relative": draw_relative, "target": draw_target, "lidar": draw_lidar,
 }  # fmt: skip
 
@@ -131,7 +131,7 @@ def _unit(vector: np.ndarray) -> np.ndarray:
     return vector / length if length > 1e-12 else np.array([0.0, 0.0, 1.0])
 
 
-def _add_targets(scene: SpaceScene, flight: Flight, row: int, origin: np.ndarray) -> None:
+def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.ndarray) -> None:
     """Add the meshes of all targets in their attitudes, the angles of hinges included, and the Sun's light.
 
     Parameters
@@ -143,7 +143,7 @@ def _add_targets(scene: SpaceScene, flight: Flight, row: int, origin: np.ndarray
     for surface in flight.scenario.surfaces:
         pose = flight.matrix(row, surface.name)
         pose[:3, 3] -= origin
-        item = {"kind": "model", "content": surface.content, "matrix": pose.T.ravel().tolist(), "colour": "#b9bcc2"}
+        item = {"kind": "model", "content": surface.content, "matrix": pose.T.ravel().tolist(), "colour": OTHER_PART}
         scene.header["items"].append(item)
         if "." in surface.name:
             scene.label(surface.name, pose[:3, 3])
@@ -152,7 +152,7 @@ def _add_targets(scene: SpaceScene, flight: Flight, row: int, origin: np.ndarray
         scene.header["sun"] = sun.tolist()
 
 
-def _add_lidar(scene: SpaceScene, flight: Flight, row: int, origin: np.ndarray) -> None:
+def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.ndarray) -> None:
     """Add the pyramid of the field of view and the beam, as far as the first target.
 
     Parameters

@@ -12,7 +12,7 @@ from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.shipped import shipped
 from rso_lidar.studio.documents import document as module
 from rso_lidar.studio.documents.document import UNSAVED, Document, EditConflictError, list_documents
-from rso_lidar.studio.folder import Folder
+from rso_lidar.studio.root_folder import Folder
 
 FIRST, SECOND = 'name = "first"  # a comment\n', 'name = "second"\n'
 APPROACH = shipped("examples/tdrs_approach.toml").read_text(encoding="utf-8")

@@ -12,13 +12,24 @@ from rso_lidar.studio.forms.fields import (
     SCALARS,
     TABLES,
     find_part,
-    iterate_parts,
     list_fields,
     parse_value,
     show_value,
 )
 
 EXAMPLES = find_examples()
+
+
+def iterate_parts(cls):
+    """Yield a part and all parts that can stand inside it, each once."""
+    seen = {}
+    waiting = [cls]
+    while waiting:
+        part = waiting.pop()
+        if part not in seen:
+            seen[part] = None
+            yield part
+            waiting += [inner for field in list_fields(part) for inner in field.classes]
 
 
 def list_all():

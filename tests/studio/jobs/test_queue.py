@@ -14,8 +14,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.studio.folder import Folder
 from rso_lidar.studio.jobs.queue import KINDS, Job, JobQueue, JobRequest, list_recordings
+from rso_lidar.studio.root_folder import Folder
 
 
 @pytest.fixture

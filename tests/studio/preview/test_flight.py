@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.studio.preview.flight import Flight
+from rso_lidar.studio.preview.flight import PreviewFlight
 
 
 @pytest.fixture(scope="module")
-def flight() -> Flight:
-    return Flight(rl.Scenario.load("examples/tdrs_approach.toml"))
+def flight() -> PreviewFlight:
+    return PreviewFlight(rl.Scenario.load("examples/tdrs_approach.toml"))
 
 
-def test_first_and_last_frame_are_among_the_chosen(flight: Flight) -> None:
+def test_first_and_last_frame_are_among_the_chosen(flight: PreviewFlight) -> None:
     assert flight.numbers[0] == 0
     assert flight.numbers[-1] == flight.scenario.time.n_frames - 1
     assert len(flight.numbers) == 400 == len(set(flight.numbers))
 
 
 @pytest.mark.parametrize("row", [0, 201, 399])
-def test_a_frame_has_the_bits_of_a_run(flight: Flight, row: int) -> None:
+def test_a_frame_has_the_bits_of_a_run(flight: PreviewFlight, row: int) -> None:
     made = flight.frame(row, ("waveforms", "taps"))
     (flown,) = rl.simulate(flight.scenario, frames=[flight.numbers[row]])
     assert made.index == flown.index
@@ -29,6 +29,6 @@ def test_a_frame_has_the_bits_of_a_run(flight: Flight, row: int) -> None:
     np.testing.assert_array_equal(made.labels.photons, flown.labels.photons)
 
 
-def test_a_text_is_flown_once(flight: Flight) -> None:
-    one = Flight.of("same", flight.scenario.replace(time=flight.scenario.time.replace(duration_s=20)))
-    assert Flight.of("same", flight.scenario) is one
+def test_a_text_is_flown_once(flight: PreviewFlight) -> None:
+    one = PreviewFlight.of("same", flight.scenario.replace(time=flight.scenario.time.replace(duration_s=20)))
+    assert PreviewFlight.of("same", flight.scenario) is one

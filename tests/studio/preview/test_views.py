@@ -8,14 +8,14 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.picture import LIGHT
-from rso_lidar.studio.preview.flight import Flight
+from rso_lidar.studio.preview.flight import PreviewFlight
 from rso_lidar.studio.preview.space import SpaceScene
 from rso_lidar.studio.preview.views import VIEWS
 
 
 @pytest.fixture(scope="module")
-def flight() -> Flight:
-    return Flight(rl.Scenario.load("examples/tdrs_approach.toml"))
+def flight() -> PreviewFlight:
+    return PreviewFlight(rl.Scenario.load("examples/tdrs_approach.toml"))
 
 
 def read(scene: SpaceScene) -> tuple[dict, list[np.ndarray]]:
@@ -31,18 +31,18 @@ def read(scene: SpaceScene) -> tuple[dict, list[np.ndarray]]:
 
 
 @pytest.mark.parametrize("name", list(VIEWS))
-def test_a_scene_is_packed_whole(flight: Flight, name: str) -> None:
+def test_a_scene_is_packed_whole(flight: PreviewFlight, name: str) -> None:
     header, _ = read(VIEWS[name](flight, 200, LIGHT))
     assert header["name"] == name
     assert np.isfinite(header["camera"]["eye"]).all()
 
 
-def test_the_sun_of_the_orbit_lights_its_side_of_the_earth(flight: Flight) -> None:
+def test_the_sun_of_the_orbit_lights_its_side_of_the_earth(flight: PreviewFlight) -> None:
     header, _ = read(VIEWS["orbit"](flight, 0))
     np.testing.assert_allclose(header["sun"], flight.truth(0).sun_direction)
 
 
-def test_the_target_is_drawn_where_the_lidar_looks(flight: Flight) -> None:
+def test_the_target_is_drawn_where_the_lidar_looks(flight: PreviewFlight) -> None:
     header, _ = read(VIEWS["lidar"](flight, 399))
     matrix = np.array(next(item for item in header["items"] if item["kind"] == "model")["matrix"]).reshape(4, 4).T
     boresight = flight.matrix(399, "lidar")[:3, 2]
@@ -50,7 +50,7 @@ def test_the_target_is_drawn_where_the_lidar_looks(flight: Flight) -> None:
     assert boresight @ matrix[:3, 3] / flight.range_m(399) == pytest.approx(1.0, abs=1e-5)
 
 
-def test_the_path_of_the_follower_ends_300_m_behind_the_target(flight: Flight) -> None:
+def test_the_path_of_the_follower_ends_300_m_behind_the_target(flight: PreviewFlight) -> None:
     assert flight.axes == "tdrs.rtn"
     assert flight.path_m[0] == pytest.approx([0.0, -3000.0, 0.0], abs=1.0)
     assert flight.path_m[-1] == pytest.approx([0.0, -300.0, 0.0], abs=15.0)

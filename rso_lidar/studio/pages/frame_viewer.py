@@ -11,10 +11,10 @@ from nicegui import run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.reader.status import read_status
-from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
-from rso_lidar.studio.folder import RECORDINGS, Folder
+from rso_lidar.picture.style.palette import DARK, IMAGE_MARK, LIGHT, OKABE_ITO, Scheme
 from rso_lidar.studio.jobs.comparison import compare_frames, find_frame, locate_centers
 from rso_lidar.studio.preview.images import IMAGE_SIZE, choose_window, draw_difference, draw_image, mark_pixel
+from rso_lidar.studio.root_folder import RECORDINGS, Folder
 
 _PLAY_S = 0.15
 
@@ -188,7 +188,7 @@ def _draw(k: int, recording: Recording, other: Recording | None, marked: bool, s
             lines.append(f"{other.path.name} has no frame {frame.index}.")
         if marked:
             for number, (name, (row, col)) in enumerate(locate_centers(frame).items()):
-                colour, dash = (("#ff7a18", ""), ("#29b6f6", "6 4"))[name.startswith("centroid")]
+                colour, dash = ((IMAGE_MARK, ""), (OKABE_ITO[4], "6 4"))[name.startswith("centroid")]
                 lines.append(f"{name.capitalize()}: row {row}, column {col} ({'dashed, blue' if dash else 'orange'}).")
                 for x, y, side in mark_pixel(choose_window(frame), row, col):
                     x, y, r = x + side / 2, y + side / 2, 12 + 4 * number

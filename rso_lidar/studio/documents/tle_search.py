@@ -6,7 +6,7 @@ from rso_lidar.errors import CatalogError
 from rso_lidar.orbit import Tle
 from rso_lidar.orbit.sets.formats import parse_lines, read_element_sets
 from rso_lidar.studio.documents.assessment import check_file
-from rso_lidar.studio.folder import Folder
+from rso_lidar.studio.root_folder import Folder
 
 
 def check_lines(text: str) -> tuple[str, ...]:
