@@ -11,7 +11,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.scenario.examples import find_companions, find_examples
 from rso_lidar.shipped import shipped
 from rso_lidar.studio.documents.assessment import assess, check_file, describe
-from rso_lidar.studio.folder import Folder
+from rso_lidar.studio.root_folder import Folder
 
 EXAMPLES = find_examples()
 APPROACH = EXAMPLES["tdrs_approach"].read_text(encoding="utf-8")

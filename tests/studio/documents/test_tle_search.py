@@ -5,8 +5,8 @@ import pytest
 from rso_lidar.errors import CatalogError, RsoLidarError, ScenarioError
 from rso_lidar.orbit import Tle
 from rso_lidar.shipped import shipped
-from rso_lidar.studio.documents.element_sets import check_lines, search_sets
-from rso_lidar.studio.folder import Folder
+from rso_lidar.studio.documents.tle_search import check_lines, search_sets
+from rso_lidar.studio.root_folder import Folder
 
 TDRS = shipped("tle/tdrs.tle").read_text(encoding="utf-8")
 
