@@ -126,7 +126,7 @@ def replayed(count: int) -> np.ndarray:
     last = scenario.time.n_frames
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "run.h5")
-        rl.save(rl.simulate(scenario, frames=range(last - count, last)), file)
+        rl.save(file, rl.simulate(scenario, frames=range(last - count, last)))
         with rl.open(file) as recording:
             draw_image(recording[0])
             return np.array([seconds(lambda k=k: draw_image(recording[k])) for k in range(count)])
