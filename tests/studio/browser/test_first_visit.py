@@ -1,0 +1,52 @@
+"""The journey of a first visit: an empty folder, the guide, the example, a recording as the command line makes it."""
+
+import re
+import subprocess
+import sys
+
+import rso_lidar as rl
+from rso_lidar.shipped import shipped
+
+IS_DRAWN = "() => [...document.images].some((it) => it.offsetParent && it.complete && it.naturalWidth > 99)"
+
+
+def read(path):
+    with rl.open(path) as recording:
+        return {name: recording.dataset(name)[:] for name in recording.paths}
+
+
+def test_first_visit(journey, tmp_path):
+    page = journey()
+    guide = page.locator('[data-test="guide"]')
+    guide.get_by_text("Welcome (1 of 5)").wait_for()
+    for title in ("The scenario (2 of 5)", "One frame (3 of 5)", "A recording (4 of 5)"):
+        page.locator('[data-test="guide-next"]').click()
+        guide.get_by_text(title).wait_for()
+    source = tmp_path / "tdrs_approach.toml"
+    assert source.read_bytes() == shipped("examples/tdrs_approach.toml").read_bytes()
+    assert page.locator('[data-test="page-run"]').get_attribute("aria-selected") == "true"
+
+    page.get_by_label("Frames").fill("538:540")
+    page.get_by_label("Name of the result").fill("mine.h5")
+    page.get_by_text("540 frames in all").wait_for()
+    page.locator('[data-test="start"]').click()
+    jobs = page.locator('[data-test="jobs"]')
+    jobs.get_by_text("Run: mine.h5").wait_for()
+    jobs.get_by_text("done", exact=True).wait_for(timeout=240_000)  # a new installation compiles the kernels first
+    page.locator('[data-test="guide-next"]').click()
+    guide.get_by_text("That is all (5 of 5)").wait_for()
+    page.locator('[data-test="guide-next"]').click()
+    guide.wait_for(state="hidden")
+
+    row = page.locator('[data-test="recordings"] tbody tr').filter(has_text="mine.h5")
+    row.get_by_text("complete").wait_for()
+    row.locator(".q-checkbox").click()
+    page.get_by_text(re.compile("^Frame 538, 2,690.000 s")).wait_for()
+    page.wait_for_function(IS_DRAWN)
+
+    other = tmp_path / "other.h5"
+    command = [sys.executable, "-m", "rso_lidar", "run", str(source), "-o", str(other), "--frames", "538:540"]
+    subprocess.run(command, check=True, capture_output=True)
+    first, second = read(tmp_path / "mine.h5"), read(other)
+    assert first.keys() == second.keys()
+    assert [name for name in first if first[name].tobytes() != second[name].tobytes()] == []
