@@ -16,7 +16,7 @@ FREE = NetworkAddress("127.0.0.1", 0)
 
 
 def test_it_prints_folder_and_address_with_a_long_token(studio):
-    assert studio.lines[0].split(maxsplit=1) == ["studio", str(studio.root_folder)]
+    assert studio.lines[0].split(maxsplit=1) == ["studio", str(studio.folder)]
     assert studio.url.startswith(f"http://127.0.0.1:{studio.port}/?token=")
     assert len(studio.token) == 32  # 192 bits
     assert not [line for line in studio.lines if line.startswith("warning")]
