@@ -10,6 +10,7 @@ from rso_lidar.errors import RsoLidarError, ScenarioError, suppress_warnings
 from rso_lidar.part.toml_text import find_line, parse_toml
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.named_files import iterate_named_files, list_dynamics, list_fmus
+from rso_lidar.scene.library.model_index import model
 from rso_lidar.shipped import find, shipped
 from rso_lidar.studio.root_folder import Folder
 
@@ -47,6 +48,7 @@ def assess(text: str, folder: Folder, title: str) -> Assessment:
             for place, name in iterate_named_files(parse_toml(text, title, ScenarioError)):
                 check_file(name, folder, f"{title}: {place}")
             scenario = Scenario.loads(text, folder=folder.path, where=title)
+            _check_models(scenario, title)
             refusal = _find_refusal(scenario)
             if not refusal:
                 _ = scenario.bodies, scenario.pan_tilt, scenario.instrument  # these read the files that the text names
@@ -90,6 +92,16 @@ def check_file(name: str, folder: Folder, where: str) -> Path:
     if path is None or not path.is_file():
         raise ScenarioError(f"{where}: no file '{name:.80}' in the folder nor among the shipped data; upload it here")
     return path
+
+
+def _check_models(scenario: Scenario, title: str) -> None:
+    """Check that the catalogue has the models of the targets; their meshes are read when they are seen or flown."""
+    for number, target in enumerate(scenario.target):
+        try:
+            if not target.is_path and target.library is None:
+                model(target.shape)
+        except RsoLidarError as error:
+            raise ScenarioError(f"{title}: target[{number}].model: {error}") from None
 
 
 def _find_refusal(scenario: Scenario) -> str:

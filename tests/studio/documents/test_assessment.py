@@ -48,6 +48,7 @@ def test_shipped_examples_are_ready_or_refused_for_their_code(folder, name):
         ("energy_mj      = 50", "energi_mj      = 50", "lidar.laser.energi_mj", "energi_mj"),
         ("seed    = 20240917", "seed    = 1.5", "seed", "seed"),
         ("[0, -3000, 0]", "[0, -3000]", "follower.motion.position_m[2]", "motion"),
+        ('model    = "tdrs"', 'model    = "no_such_model"', "target[0].model", "no_such_model"),
         ("tle/tdrs.tle", "tle/no_such.tle", "target[0].motion.file", "no_such.tle"),
         ("reflectance = 0.30", "reflectance = 3.0", "target[0].material.reflectance", "reflectance = 3.0"),
         ("duration_s    = 2700", "duration_s    = 0", "time.duration_s", "duration_s"),
