@@ -111,7 +111,7 @@ class BuildPage:
                     f'flat dense no-caps align=left data-test="table-{place or "scenario"}"'
                     + (" aria-current=true" if is_chosen else "")
                 )
-                item.classes("w-full" + (" studio-chosen" if is_chosen else "") + ("" if present else " opacity-60"))
+                item.classes("w-full" + (" studio-chosen" if is_chosen else "") + ("" if present else " studio-absent"))
                 item.mark(f"table-{place or 'scenario'}")
             with ui.column().classes("p-2 gap-1"):
                 for field in list_fields(Scenario):
@@ -228,6 +228,8 @@ class BuildPage:
         if made is None or made.scenario is None:
             return
         self._more.props("loading")
+        self._description.text = "Describing: some seconds; longer at the first start, which compiles the kernels."
+        self._description.set_visibility(True)
         text = await run.io_bound(describe, made.scenario)
         self._more.props(remove="loading")
         if text and made is self._tab.assessment:

@@ -97,7 +97,13 @@ class TableForm:
             self._inputs[place] = (field, one)
 
     def _commit(self, field: FieldForm, place: str, one: Any, *_: Any) -> None:
-        """Put what the user typed into the document; an empty field takes its default."""
+        """Put what the user typed into the document; an empty field takes its default.
+
+        Parameters
+        ----------
+        field, place, one : the field, its place, and its input.
+        *_ : what the event brings.
+        """
         document, typed = self._tab.document, one.value
         text = typed.strip() if isinstance(typed, str) else typed
         try:
@@ -112,7 +118,13 @@ class TableForm:
                 ui.notify(str(error), type="negative", multi_line=True)
 
     def _draw_table(self, field: FieldForm, place: str, depth: int) -> None:
-        """Draw an inner table: closed where it is not set, with its type to choose where there are several."""
+        """Draw an inner table: closed where it is not set, with its type to choose where there are several.
+
+        Parameters
+        ----------
+        field, place : the table, and its place.
+        depth : levels above it in this form.
+        """
         value = self._tab.document.get(place)
         head = field.key + (f": {value['type']}" if isinstance(value, Mapping) and "type" in value else "")
         state = "" if value is not None else " (required)" if field.required else " (default)"

@@ -122,6 +122,14 @@ def _open_templates(tab: BrowserTab) -> None:
 
 
 def _take(tab: BrowserTab, text: str, path: Any, dialog: ui.dialog) -> None:
+    """Show an example, or an empty text, as a new document.
+
+    Parameters
+    ----------
+    tab : that shows it.
+    text, path : of the example; None for no example.
+    dialog : which is closed.
+    """
     needed = [one.name for one in find_companions(text, path.parent)] if path else []
     absent = [name for name in needed if not (tab.workspace.folder.path / name).exists()]
     tab.show(tab.workspace.new_document(text))

@@ -169,7 +169,13 @@ def mark_pixel(window: Window, row: int, col: int) -> list[tuple[float, float, f
 
 
 def _draw_axes(draw: ImageDraw, left: int, window: Window, scheme: Scheme) -> None:
-    """Draw the numbers of the first, middle and last rows and columns of a panel."""
+    """Draw the numbers of the first, middle and last rows and columns of a panel.
+
+    Parameters
+    ----------
+    draw : of the image.
+    left, window, scheme : left edge of the panel [pixels], what it shows, and the colours.
+    """
     right, down, step = _box(window)
     for k in sorted({0, window.width // 2, window.width - 1}):
         x = left + right + (k + 0.5) * step
