@@ -37,6 +37,14 @@ class Document:
     """
 
     def __init__(self, folder: Folder, text: str, name: str = "") -> None:
+        """Hold a text.
+
+        Parameters
+        ----------
+        folder : of the studio.
+        text : of the scenario.
+        name : of its file; empty for none.
+        """
         self.folder, self.name, self._text = folder, name, text
         self.listeners: set[Callable[[], None]] = set()
         self.notice = ""

@@ -138,6 +138,13 @@ class TableForm:
                 self._draw_variant(field, place, value, depth)
 
     def _draw_variant(self, field: FieldForm, place: str, value: Any, depth: int) -> None:
+        """Draw a table with the choice of its type, and what it holds.
+
+        Parameters
+        ----------
+        field, place, value : the table, its place, and what the text has there.
+        depth : levels above it in this form.
+        """
         chosen = field.choose(value)
         with ui.row(wrap=False).classes("w-full items-center gap-1"):
             if field.kind == "variant":
@@ -161,6 +168,13 @@ class TableForm:
             self._draw(chosen, place, depth + 1)
 
     def _draw_entries(self, field: FieldForm, place: str, entries: list[Any], depth: int) -> None:
+        """Draw a list of tables.
+
+        Parameters
+        ----------
+        field, place, entries : the list, its place, and what the text has there.
+        depth : levels above it in this form.
+        """
         for number, entry in enumerate(entries):
             chosen, here = field.choose(entry), f"{place}[{number}]"
             with ui.row().classes("items-center"):
@@ -171,6 +185,12 @@ class TableForm:
         draw_add(self._tab, field, place)
 
     def _do(self, deed: str, place: str, *value: Any) -> None:
+        """Change the document.
+
+        Parameters
+        ----------
+        deed, place, *value : as for `change_document`.
+        """
         change_document(self._tab, deed, place, *value)
 
 

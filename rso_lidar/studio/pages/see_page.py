@@ -275,6 +275,12 @@ class SeePage:
         return made
 
     def _put(self, name: str, content: bytes, kind: str) -> str:
+        """Keep what the browser is to fetch, and return its address.
+
+        Parameters
+        ----------
+        name, content, kind : name, bytes and media type.
+        """
         self.version += 1
         self.shelf[name] = (content, kind)
         return f"/studio/see/{self.key}/{name}?v={self.version}"
@@ -316,6 +322,12 @@ class SeePage:
         self.note.text = self.note.text if self.problem.visible else ""
 
     async def _show_image(self, flight: PreviewFlight, row: int, frame: Frame) -> None:
+        """Show range and intensity of a frame, and the report of the chosen pixel.
+
+        Parameters
+        ----------
+        flight, row, frame : the flight, and the frame of a row.
+        """
         png = await self._work(lambda: draw_image(frame, self.scheme, whole=self.whole))
         self.image.set_source(self._put("image", png, "image/png"))
         if self.pixel[0] < 0 or any(
