@@ -8,6 +8,28 @@ from typing import Any
 
 from rso_lidar.shipped import shipped
 
+SHORTEST = """\
+version = 1
+name = "new scenario"
+world = { axes = "local" }  # a bench; leave it out for an orbit
+
+[time]
+start_utc = 2024-09-17T12:00:00Z
+duration_s = 10
+frame_rate_hz = 1
+
+[[target]]
+name = "plate"
+model = "plate"
+motion = { type = "fixed", position_m = [300, 0, 0] }
+
+[follower]
+motion = { type = "fixed", position_m = [0, 0, 0] }
+
+[lidar]
+preset = "gsfl_1064"
+"""  # a scenario with the keys that it must have, and one target
+
 
 def find_examples() -> dict[str, Path]:
     """Return the shipped example scenarios by name."""

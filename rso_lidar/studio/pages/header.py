@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import events, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.scenario.examples import find_companions, find_examples, summarize_example
+from rso_lidar.scenario.examples import SHORTEST, find_companions, find_examples, summarize_example
 from rso_lidar.studio.documents.document import EditConflictError, list_documents
 from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.state import BrowserTab
@@ -115,9 +115,9 @@ def _open_templates(tab: BrowserTab) -> None:
                 with item.props(f'data-test="template-{name}"').mark(f"template-{name}"), ui.item_section():
                     ui.item_label(name)
                     ui.item_label(summarize_example(text)).props("caption")
-            with ui.item(on_click=lambda: _take(tab, "", None, dialog)), ui.item_section():
-                ui.item_label("empty")
-                ui.item_label("No table; the check says what is missing.").props("caption")
+            with ui.item(on_click=lambda: _take(tab, SHORTEST, None, dialog)), ui.item_section():
+                ui.item_label("shortest")
+                ui.item_label("The keys that a scenario must have, and a plate 300 m away.").props("caption")
     dialog.open()
 
 

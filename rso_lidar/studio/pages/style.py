@@ -19,6 +19,8 @@ body.body--dark .studio-header { background: #0c1c2e; }
 .studio-tables .q-btn { border-radius: 0; }
 .studio-chosen { background: #1f6feb22; font-weight: 600; }
 .studio-absent { color: #5f636b !important; font-style: italic; }
+body.body--dark .text-positive { color: #3fb950 !important; }
+body.body--dark .text-negative { color: #ff7b72 !important; }
 body.body--dark .studio-absent { color: #aeb3bc !important; }
 .studio-form { width: 440px; flex: none; padding: 12px; }
 .studio-text { flex: 1 1 0; min-width: 0; border-right: none; overflow: hidden; flex-wrap: nowrap; }

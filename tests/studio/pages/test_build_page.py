@@ -1,0 +1,128 @@
+"""The page Build without a browser: forms and text are one document, and the check follows both."""
+
+import asyncio
+import contextlib
+
+import pytest
+
+pytest.importorskip("nicegui", reason="the extra studio is not installed")
+
+from nicegui.testing.user_simulation import user_simulation
+
+from rso_lidar.scenario.examples import SHORTEST
+from rso_lidar.studio.application import make_root
+from rso_lidar.studio.state import Workspace
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "bench.toml").write_text("# by hand\n" + SHORTEST, encoding="utf-8")
+    return tmp_path
+
+
+def visit(folder, journey):
+    """Open the page of a folder as a user, and walk a journey with the workspace."""
+
+    async def walk():
+        workspace = Workspace(folder)
+        async with user_simulation(root=make_root(workspace)) as user:
+            await user.open("/")
+            await journey(user, workspace)
+        workspace.jobs.close()
+
+    asyncio.run(walk())
+
+
+async def wait_for(condition):
+    """Wait until a condition holds, at most 10 s."""
+    for _ in range(200):
+        with contextlib.suppress(AssertionError):
+            if condition():
+                return
+        await asyncio.sleep(0.05)
+    raise AssertionError("it did not come within 10 s")
+
+
+def only(user, marker):
+    (found,) = user.find(marker).elements
+    return found
+
+
+def test_a_field_changes_the_text_and_keeps_its_comment(folder):
+    async def journey(user, workspace):
+        await user.should_see("Ready to fly: 10 frames", retries=100)
+        user.find("table-time").click()
+        field = user.find("field-time.duration_s")
+        field.clear()
+        field.type("20").trigger("change")
+        document = workspace.open_document("bench.toml")
+        assert "duration_s = 20" in document.text
+        assert document.text.startswith("# by hand")
+        await user.should_see("Ready to fly: 20 frames", retries=100)
+        assert only(user, "editor").value == document.text
+
+    visit(folder, journey)
+
+
+def test_a_text_changes_the_form(folder):
+    async def journey(user, workspace):
+        await user.should_see("Ready to fly", retries=100)
+        user.find("table-time").click()
+        document = workspace.open_document("bench.toml")
+        document.set_text(document.text.replace("frame_rate_hz = 1", "frame_rate_hz = 3"))
+        await wait_for(lambda: only(user, "field-time.frame_rate_hz").value == "3")
+        await user.should_see("Ready to fly: 30 frames", retries=100)
+
+    visit(folder, journey)
+
+
+def test_a_problem_names_its_place_and_leads_there(folder):
+    async def journey(user, workspace):
+        document = workspace.open_document("bench.toml")
+        document.set_text(document.text.replace("duration_s = 10", "duration_s = -1"))
+        await user.should_see("time.duration_s", retries=100)
+        assert only(user, "go-to-problem").visible
+        user.find("go-to-problem").click()
+        assert only(user, "field-time.duration_s").value == "-1"
+        document.undo()
+        await user.should_see("Ready to fly", retries=100)
+
+    visit(folder, journey)
+
+
+def test_a_wrong_number_stays_in_the_field_and_out_of_the_text(folder):
+    async def journey(user, workspace):
+        await user.should_see("Ready to fly", retries=100)
+        user.find("table-time").click()
+        before = workspace.open_document("bench.toml").text
+        field = user.find("field-time.duration_s")
+        field.clear()
+        field.type("ten").trigger("change")
+        assert "is not a number" in only(user, "field-time.duration_s").error
+        assert workspace.open_document("bench.toml").text == before
+
+    visit(folder, journey)
+
+
+def test_targets_are_added_and_removed(folder):
+    async def journey(user, workspace):
+        await user.should_see("Ready to fly", retries=100)
+        document = workspace.open_document("bench.toml")
+        user.find("add-target").click()
+        assert [one["name"] for one in document.tables()["target"]] == ["plate", "target_1"]
+        user.find("undo").click()
+        assert len(document.tables()["target"]) == 1
+
+    visit(folder, journey)
+
+
+def test_a_text_that_is_not_toml_keeps_the_page(folder):
+    async def journey(user, workspace):
+        await user.should_see("Ready to fly", retries=100)
+        document = workspace.open_document("bench.toml")
+        document.set_text(document.text + "\n[broken\n")
+        await user.should_see("not valid TOML", retries=100)
+        document.undo()
+        await user.should_see("Ready to fly", retries=100)
+
+    visit(folder, journey)
