@@ -71,6 +71,7 @@ def test_a_text_changes_the_form(folder):
         document = workspace.open_document("bench.toml")
         document.set_text(document.text.replace("frame_rate_hz = 1", "frame_rate_hz = 3"))
         await wait_for(lambda: only(user, "field-time.frame_rate_hz").value == "3")
+        assert workspace.open_document("bench.toml").get("time.frame_rate_hz") == 3
         await user.should_see("Ready to fly: 30 frames", retries=100)
 
     visit(folder, journey)
@@ -122,6 +123,7 @@ def test_a_text_that_is_not_toml_keeps_the_page(folder):
         document = workspace.open_document("bench.toml")
         document.set_text(document.text + "\n[broken\n")
         await user.should_see("not valid TOML", retries=100)
+        assert not document.is_toml
         document.undo()
         await user.should_see("Ready to fly", retries=100)
 
