@@ -39,7 +39,7 @@ def lower_bounds(requirements: list[str]) -> list[str]:
     """Return a pin (name==version) to the lower bound of each requirement; one that states none is an error."""
     pins = []
     for requirement in requirements:
-        found = re.fullmatch(r"([\w.-]+)\s*(?:>=|==)\s*([\w.]+)", requirement)
+        found = re.fullmatch(r"([\w.-]+)\s*(?:>=|==)\s*([\w.]+)(?:,<[\w.]+)?", requirement)
         if found is None:
             raise SystemExit(f"pyproject.toml: '{requirement}': states no lower bound; write name>=version")
         pins.append(f"{found[1]}=={found[2]}")
