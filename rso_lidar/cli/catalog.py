@@ -15,11 +15,10 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence
-from rso_lidar.orbit.sets.catalog import REGIMES
+from rso_lidar.orbit.sets.catalog import REGIMES, WRITTEN_SUFFIXES
 from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.study.passes.pass_table import format_count
 
-SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")
 _FIRST = 10  # problems shown without --problems
 
 
@@ -47,7 +46,7 @@ def catalog(
     jumps: Annotated[bool, typer.Option("--jumps", help="Jumps of each --id from one set to the next.")] = False,
     problems: Annotated[bool, typer.Option("--problems", help=f"All bad records, not the first {_FIRST}.")] = False,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write these sets to .json or .csv (OMM), or .tle.")
+        Path | None, typer.Option("-o", "--output", help="Write these sets: OMM as .json, .csv, .xml or .kvn, or .tle.")
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -63,7 +62,7 @@ def catalog(
     if jumps and not numbers:
         raise ScenarioError("--jumps: is about one object; name it with --id")
     if output is not None:
-        output = check_writable(output, SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, WRITTEN_SUFFIXES, overwrite=overwrite)
     at = None if near is None else parse_instant("--near", near)
     whole = Catalog.from_file(file)
     _check_known(whole, file, numbers)

@@ -14,10 +14,7 @@ from rso_lidar.errors import CatalogError
 from rso_lidar.files import write_atomically
 from rso_lidar.orbit.sets.element_set import ElementSet, quote
 from rso_lidar.orbit.sets.formats import check_path, parse_text, read_file
-from rso_lidar.orbit.sets.omm_text import (
-    format_csv,
-    format_json,
-)
+from rso_lidar.orbit.sets.omm_text import format_csv, format_json, format_kvn, format_xml
 from rso_lidar.orbit.sets.selection import select_object
 from rso_lidar.orbit.sets.set_sequence import SetSequence
 from rso_lidar.orbit.sets.tle_text import format_tles
@@ -25,6 +22,9 @@ from rso_lidar.shipped import find
 
 Regime = Literal["leo", "meo", "geo", "heo", "other"]
 REGIMES = ("leo", "meo", "geo", "heo", "other")
+_OMM_FORMATS = {".json": format_json, ".csv": format_csv, ".xml": format_xml, ".kvn": format_kvn}
+TLE_SUFFIXES = (".tle", ".3le", ".txt")
+WRITTEN_SUFFIXES = (*_OMM_FORMATS, *TLE_SUFFIXES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,9 +210,10 @@ class Catalog:
         return SetSequence(tuple(select_object(self.sets, self.where, name, number)))
 
     def write(self, path: str | Path) -> None:
-        """Write the sets as OMM (.json, .csv), or as three-line sets (.tle, .3le, .txt) rounded to the digits of a TLE.
+        """Write the sets as OMM (.json, .csv, .xml, .kvn), or as three-line sets (.tle, .3le, .txt).
 
-        A warning counts the sets that no TLE can hold.
+        An OMM holds every digit, so what is read again is equal. A three-line set is rounded to the digits of a TLE. A
+        warning counts the sets that no TLE can hold.
 
         Parameters
         ----------
@@ -225,14 +226,13 @@ class Catalog:
         """
         path = Path(check_path(path))
         suffix = path.suffix.lower()
-        if suffix == ".json":
-            text = format_json(self.sets)
-        elif suffix == ".csv":
-            text = format_csv(self.sets)
-        elif suffix in (".tle", ".3le", ".txt"):
+        if suffix in _OMM_FORMATS:
+            text = _OMM_FORMATS[suffix](self.sets)
+        elif suffix in TLE_SUFFIXES:
             text = format_tles(self.sets, self.where)
         else:
-            raise CatalogError(f"{path}: '{suffix}' is not a format of catalogues: use .json, .csv or .tle")
+            known = ", ".join(WRITTEN_SUFFIXES)
+            raise CatalogError(f"{path}: '{suffix}' is not a format of catalogues: use one of {known}")
         with write_atomically(path) as draft:
             draft.write_text(text, encoding="utf-8")
 

@@ -7,11 +7,13 @@ record.
 from __future__ import annotations
 
 import csv
+import datetime
 import io
 import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
+from xml.sax.saxutils import escape
 
 from rso_lidar.errors import CatalogError
 from rso_lidar.orbit.sets.element_set import KEYS, KNOWN, REQUIRED, ElementSet, element_set_from_omm, make_printable
@@ -34,6 +36,12 @@ _UNITS = {
     "MEAN_MOTION_DDOT": ("rev/day**3",),
 }
 _FIRST_KEY = "CCSDS_OMM_VERS"
+_VERSION = "3.0"  # of CCSDS 502.0-B-3
+# Keys of the metadata, and of the two blocks of data (CCSDS 502.0-B-3, tables 4-2 and 4-3).
+_METADATA = ("OBJECT_NAME", "OBJECT_ID")
+_MEAN_ELEMENTS = KEYS[KEYS.index("EPOCH") : KEYS.index("MEAN_ANOMALY") + 1]
+_TLE_PARAMETERS = KEYS[KEYS.index("EPHEMERIS_TYPE") :]
+_FIXED = {"CENTER_NAME": "EARTH", "REF_FRAME": "TEME", "TIME_SYSTEM": "UTC", "MEAN_ELEMENT_THEORY": "SGP4"}
 _TWICE = "' is given twice"
 
 
@@ -304,6 +312,50 @@ def format_csv(sets: Sequence[ElementSet]) -> str:
     rows.writerow(KEYS)
     rows.writerows(entry.omm().values() for entry in sets)
     return table.getvalue()
+
+
+def format_kvn(sets: Iterable[ElementSet]) -> str:
+    """Format element sets as messages of lines KEY = value, one after the other."""
+    return "\n".join(
+        "\n".join(
+            f"{key} = {value}"
+            for block in _format_blocks(entry.omm())
+            for pairs in block
+            for key, value in pairs.items()
+        )
+        + "\n"
+        for entry in sets
+    )
+
+
+def format_xml(sets: Iterable[ElementSet]) -> str:
+    """Format element sets as one `ndm` of several `omm` (CCSDS 505.0-B)."""
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<ndm>"]
+    for entry in sets:
+        (_, header), (metadata,), (elements, parameters) = _format_blocks(entry.omm())
+        lines += [
+            f'<omm id="{_FIRST_KEY}" version="{_VERSION}">',
+            f"<header>{_format_leaves(header)}</header>",
+            f"<body><segment><metadata>{_format_leaves(metadata)}</metadata>",
+            f"<data><meanElements>{_format_leaves(elements)}</meanElements>",
+            f"<tleParameters>{_format_leaves(parameters)}</tleParameters></data></segment></body>",
+            "</omm>",
+        ]
+    return "\n".join([*lines, "</ndm>"]) + "\n"
+
+
+def _format_leaves(pairs: dict[str, Any]) -> str:
+    return "".join(f"<{key}>{escape(str(value))}</{key}>" for key, value in pairs.items())
+
+
+def _format_blocks(fields: dict[str, str | int | float]) -> tuple[tuple[dict[str, Any], ...], ...]:
+    """Return version and header, metadata, and the two blocks of data of a message."""
+    created = f"{datetime.datetime.now(datetime.UTC):%Y-%m-%dT%H:%M:%S}"
+    header = {"CREATION_DATE": created, "ORIGINATOR": "RSO_LIDAR"}
+    elements = {key: fields[key] for key in _MEAN_ELEMENTS}
+    parameters = {key: fields[key] for key in _TLE_PARAMETERS}
+    metadata = {key: fields[key] for key in _METADATA} | _FIXED
+    return ({_FIRST_KEY: _VERSION}, header), (metadata,), (elements, parameters)
 
 
 def _shorten(text: str) -> str:

@@ -3,6 +3,7 @@
 import datetime
 import json
 
+import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError
@@ -215,7 +216,7 @@ def test_filter():
             catalog.filter(**wrong)
 
 
-@pytest.mark.parametrize("suffix", [".json", ".csv", ".tle"])
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".xml", ".kvn", ".tle"])
 def test_what_is_written_is_read_again(suffix, tmp_path):
     text = "\n".join(BOTH) + ("\n" + kvn(RECORD) if suffix != ".tle" else "")
     catalog = Catalog.from_text(text)
@@ -228,6 +229,44 @@ def test_what_is_written_is_read_again(suffix, tmp_path):
         catalog.write(tmp_path / "out.xls")
     with pytest.raises(CatalogError, match="the largest of a TLE"):
         Catalog.from_text(kvn(RECORD)).write(tmp_path / "out.tle")
+
+
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".xml", ".kvn"])
+def test_no_digit_and_no_sign_of_a_name_is_lost(suffix, tmp_path):
+    names = ["", "#1", "A & B <C>", 'SAY "HI", TWICE', "DEB [2]", "SATÉLITE 日本", "X = 1"]
+    records = [
+        RECORD
+        | {
+            "OBJECT_NAME": name,
+            "NORAD_CAT_ID": 100_000_000 + k,
+            "ECCENTRICITY": 0.1 + 0.2 + 1e-17 * k,
+            "MEAN_ANOMALY": 1.0 / (3.0 + k),
+            "BSTAR": -1.234567890123e-12,
+            "EPOCH": "2024-09-17T12:00:00.123456789",
+        }
+        for k, name in enumerate(names)
+    ]
+    catalog = Catalog.from_text(json.dumps(records))
+    assert len(catalog) == len(names)
+    catalog.write(tmp_path / f"out{suffix}")
+    again = Catalog.from_file(tmp_path / f"out{suffix}")
+    assert again.problems == ()
+    assert [entry.omm() for entry in again] == [entry.omm() for entry in catalog]
+
+
+def test_written_messages_are_read_by_another_reader(tmp_path):
+    from sgp4 import omm
+    from sgp4.api import Satrec
+
+    Catalog.from_text("\n".join(TERRASAR)).write(tmp_path / "out.xml")
+    with (tmp_path / "out.xml").open(encoding="utf-8") as file:
+        (fields,) = omm.parse_xml(file)
+    satellite = Satrec()
+    omm.initialize(satellite, fields)
+    other = Satrec.twoline2rv(*TERRASAR)
+    np.testing.assert_allclose(
+        satellite.sgp4_tsince(90.0)[1], other.sgp4_tsince(90.0)[1], rtol=0.0, atol=1e-5
+    )  # km: its epoch is 0.3 us coarse
 
 
 def test_what_a_web_page_or_an_old_disk_puts_around():
