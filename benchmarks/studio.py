@@ -95,9 +95,9 @@ def _start_s() -> float:
 
 def _preview(flight: Any, row: int) -> Any:
     """Make what the page See shows of a row, and return its frame."""
-    from rso_lidar.studio.preview.images import draw_image
-    from rso_lidar.studio.preview.pixels import report_pixel
+    from rso_lidar.picture.frames.frame_image import draw_image
     from rso_lidar.studio.preview.views import VIEWS
+    from rso_lidar.study.pixel_summary import report_pixel
 
     VIEWS["target"](flight, row).pack()
     frame = flight.frame(row, KEEP)
@@ -120,7 +120,7 @@ def previewed(turns: int) -> tuple[np.ndarray, np.ndarray]:
 
 def replayed(count: int) -> np.ndarray:
     """Return the seconds to read and draw each of the last frames of a recording."""
-    from rso_lidar.studio.preview.images import draw_image
+    from rso_lidar.picture.frames.frame_image import draw_image
 
     scenario = rl.Scenario.load(SCENARIO)
     last = scenario.time.n_frames

@@ -15,6 +15,11 @@ def shipped(name: str = "") -> Path:
     return (package if inside else package.parent) / name
 
 
+def is_shipped(path: Path) -> bool:
+    """Return whether a file belongs to the shipped data, symbolic links resolved."""
+    return any(path.resolve().is_relative_to(shipped(folder).resolve()) for folder in _FOLDERS)
+
+
 def find(path: str | Path, folder: Path | None = None) -> Path | None:
     """Find the file that a user means by `path`; None if there is none.
 

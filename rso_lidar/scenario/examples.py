@@ -84,17 +84,17 @@ def find_companions(text: str, folder: Path) -> list[Path]:
     folder : in which it lies.
     """
     found: dict[Path, None] = {}
-    for value in _iterate_texts(tomllib.loads(text)):
+    for value in iterate_texts(tomllib.loads(text)):
         for word in (value, value.rpartition(":")[0]):
             if word and Path(word).name == word and (folder / word).is_file():
                 found[folder / word] = None
     return list(found)
 
 
-def _iterate_texts(tree: Any) -> Iterator[str]:
+def iterate_texts(tree: Any) -> Iterator[str]:
     """Yield all texts of a TOML tree."""
     if isinstance(tree, str):
         yield tree
     elif isinstance(tree, dict | list):
         for inner in tree.values() if isinstance(tree, dict) else tree:
-            yield from _iterate_texts(inner)
+            yield from iterate_texts(inner)

@@ -52,13 +52,16 @@ class Folder:
             raise ScenarioError(f"{name:.80}: must end with {' or '.join(suffixes)}")
         return self.require_inside(self.path / name)
 
+    def has_inside(self, path: Path) -> bool:
+        """Return whether the target of a path lies inside the folder."""
+        try:
+            return path.resolve().is_relative_to(self.path)
+        except (OSError, RuntimeError, ValueError):  # a loop of links, or a name that no file can have
+            return False
+
     def require_inside(self, path: Path) -> Path:
         """Return a path whose target lies inside the folder, or raise `ScenarioError`."""
-        try:
-            inside = path.resolve().is_relative_to(self.path)
-        except (OSError, RuntimeError, ValueError):  # a loop of links, or a name that no file can have
-            inside = False
-        if not inside:
+        if not self.has_inside(path):
             raise ScenarioError(f"{path.name}: leads outside the folder {self.path.name}; copy the file into it")
         return path
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.studio.documents.assessment import Assessment, assess
+from rso_lidar.studio.documents.assessment import Assessment, assess, check_study
 from rso_lidar.studio.documents.document import Document, list_documents
 from rso_lidar.studio.jobs.queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
 from rso_lidar.studio.root_folder import Folder
@@ -36,6 +36,8 @@ class Workspace:
         """Assess the scenario of a job as its file is now, and return the number of frames of a run (0: unknown)."""
         path = self.folder.resolve(request.source, KINDS[request.kind].reads)
         if request.kind not in FLIES_SCENARIO:
+            if path.suffix == ".toml":
+                check_study(path, self.folder)
             return 0
         try:
             found = assess(path.read_text(encoding="utf-8"), self.folder, request.source)

@@ -21,8 +21,10 @@ from rso_lidar.study.passes.pass_geometry import Encounter, reach_m
 from rso_lidar.study.passes.pass_table import Encounters
 from rso_lidar.study.passes.scenario_text import scenario_text
 from rso_lidar.study.passes.search import encounters
+from rso_lidar.study.pixel_summary import PixelReport, report_pixel
 from rso_lidar.study.recorded_runs.conversion import save
 from rso_lidar.study.recorded_runs.display import view
+from rso_lidar.study.recorded_runs.frame_comparison import FrameDifference, compare_frames
 from rso_lidar.study.time_history.timeline import Timeline, timeline
 from rso_lidar.study.track_quality.evaluation import Tracking, tracking
 from rso_lidar.study.track_quality.target_mesh import sample_target
@@ -42,9 +44,11 @@ __all__ = [
     "Encounter",
     "Encounters",
     "FoundRange",
+    "FrameDifference",
     "MapAgreement",
     "MissionParameter",
     "ParameterTable",
+    "PixelReport",
     "Requirement",
     "RequirementResult",
     "Requirements",
@@ -56,12 +60,14 @@ __all__ = [
     "budget",
     "build_elevation_map",
     "build_true_elevation",
+    "compare_frames",
     "compare_maps",
     "encounters",
     "find_hazards",
     "find_range",
     "list_parameters",
     "reach_m",
+    "report_pixel",
     "sample_target",
     "save",
     "scenario_text",

@@ -9,12 +9,13 @@ from pathlib import Path
 from rso_lidar.errors import RsoLidarError, ScenarioError, suppress_warnings
 from rso_lidar.part.toml_text import find_line, parse_toml
 from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.examples import iterate_texts
 from rso_lidar.scenario.mission.named_files import iterate_named_files, list_dynamics, list_fmus
 from rso_lidar.scene.library.model_index import model
-from rso_lidar.shipped import find, shipped
+from rso_lidar.shipped import find, is_shipped
 from rso_lidar.studio.root_folder import Folder
 
-_SHIPPED = ("tle", "models", "examples")
+_CODE = re.compile(r"\bdynamics\b|\bfmu\b", re.IGNORECASE)  # fields and files that hold Python or native code
 _PLACE = re.compile(r"([A-Za-z_][\w-]*(?:\[\d+\]|\.[\w-]+)*): ")
 
 
@@ -59,6 +60,57 @@ def assess(text: str, folder: Folder, title: str) -> Assessment:
     return Assessment(text, scenario, refusal=refusal)
 
 
+def check_study(path: Path, folder: Folder) -> None:
+    """Check that a trade study or dataset specification runs no code and names no file outside the folder.
+
+    Each text in it is judged as if it named a file, because a setting can put it into any field of the scenario.
+
+    Parameters
+    ----------
+    path : of the study, in the folder.
+    folder : of the studio.
+
+    Raises
+    ------
+    ScenarioError
+        If it names code or a file outside, or its scenario cannot be flown here.
+    """
+    title = path.relative_to(folder.path).as_posix()
+    tables = parse_toml(_read(path), title, ScenarioError)
+    for text in iterate_texts(tables):
+        for word in (text, *_list_values(text.partition("=")[2])):
+            if _CODE.search(text):
+                raise ScenarioError(f"{title}: '{text:.80}' names code: run it with `rso-lidar` on the command line")
+            has_name = word and all(len(part.encode()) < 256 for part in word.split("/"))
+            if word.startswith("~") or (has_name and not folder.has_inside(path.parent / word)):
+                raise ScenarioError(
+                    f"{title}: '{word:.80}' is outside the folder {folder.path.name}; copy the file into it"
+                )
+    named = tables.get("scenario")
+    if not isinstance(named, str):
+        return  # the command says that it is missing
+    place = path.parent / named
+    if place.is_file():
+        found = assess(_read(place), folder, named)
+        if found.scenario is None or found.refusal:
+            raise ScenarioError(found.problem or f"{named}: {found.refusal}")
+
+
+def _list_values(text: str) -> list[str]:
+    """Return the texts in the value of a setting, as TOML or as it stands."""
+    try:
+        return [text, *iterate_texts(parse_toml(f"value = {text}", "value", ScenarioError))]
+    except ScenarioError:
+        return [text]
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeError) as error:
+        raise ScenarioError(f"{path.name}: cannot be read ({error}); save it again as UTF-8 text") from None
+
+
 def describe(scenario: Scenario) -> str:
     """Return the description of a scenario with its warnings, as `rso-lidar check` prints it; it takes seconds."""
     with suppress_warnings():
@@ -84,8 +136,7 @@ def check_file(name: str, folder: Folder, where: str) -> Path:
     """
     path = find(name, folder.path)
     try:
-        inside = path is not None and any(path.resolve().is_relative_to(shipped(one).resolve()) for one in _SHIPPED)
-        if not inside:
+        if path is None or not is_shipped(path):
             folder.require_inside(path or folder.path / name)
     except (ScenarioError, OSError, ValueError):
         raise ScenarioError(f"{where}: '{name:.80}' is outside the folder {folder.path.name}; upload it here") from None
@@ -124,9 +175,9 @@ def _locate(message: str, text: str) -> tuple[str, int | None]:
     first, _, rest = place.partition(".")
     if found := re.match(r"target (\S+): ", message):  # messages of loaded bodies have names, not numbers
         first, rest = found[1], ""
-    with_names = [one for one in _list_targets(text) if one == first]
-    if with_names:
-        place = f"target[{_list_targets(text).index(first)}].{rest}".rstrip(".")
+    names = _list_targets(text)
+    if first in names:
+        place = f"target[{names.index(first)}].{rest}".rstrip(".")
     return place, find_line(text, place)
 
 

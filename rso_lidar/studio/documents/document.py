@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import copy
-import datetime
 import hashlib
 import time
-import tomllib
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
-import tomlkit
-from tomlkit.exceptions import TOMLKitError
-
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.files import check_writable, read_bytes, write_atomically
+from rso_lidar.part.toml_edits import remove_value, set_value
 from rso_lidar.part.toml_text import MOST_BYTES, parse_toml, split_place
 from rso_lidar.studio.root_folder import Folder
 
@@ -162,51 +157,23 @@ class Document:
         ScenarioError
             If the text is not TOML, or the value cannot be placed.
         """
-        self._edit(place, lambda here, key, steps: here.__setitem__(key, _make_item(here, steps, value)), value)
+        self._require_toml()
+        self.set_text(set_value(self._text, place, value), place)
 
     def remove(self, place: str) -> None:
         """Remove the value, table or entry at a place; nothing happens where there is none."""
         if self.get(place) is not None:
-            self._edit(place, lambda here, key, _: here.__delitem__(key), None)
+            self._require_toml()
+            self.set_text(remove_value(self._text, place), place)
 
     def add_entry(self, place: str, table: dict[str, Any]) -> None:
         """Add an entry at the end of the list of tables at a place, which is made if it is missing."""
         entries = self.get(place)
         self.set(f"{place}[{len(entries)}]" if entries else place, table if entries else [table])
 
-    def _edit(self, place: str, change: Callable[[Any, Any, tuple[str | int, ...]], None], value: Any) -> None:
-        """Change the text at one place, and check that nothing else changed.
-
-        Parameters
-        ----------
-        place : of the change.
-        change : of the innermost table, a key or index of it, and all steps to it.
-        value : expected there afterwards; None for nothing.
-        """
+    def _require_toml(self) -> None:
         if not self.is_toml:
             raise ScenarioError("the text is not valid TOML, or too long for forms; correct it in the editor first")
-        expected, steps = copy.deepcopy(self.tables()), split_place(place)
-        try:
-            _apply(expected, steps, value)
-            here: Any = tomlkit.parse(self._text)
-            whole = here
-            for k, step in enumerate(steps[:-1]):
-                if isinstance(step, str) and step not in here:
-                    here[step] = _make_item(here, steps[: k + 1], {})
-                here = here[step]
-            if isinstance(steps[-1], int) and value is not None and steps[-1] == len(here):
-                here.append(_make_item(here, steps, value))
-            else:
-                change(here, steps[-1], steps)
-            if isinstance(steps[-1], int) and not len(here):
-                _edit_parent(whole, steps)
-                _apply(expected, steps[:-1], None)
-            text = tomlkit.dumps(whole)
-            if tomllib.loads(text) != expected:
-                raise ValueError("other keys would change")
-        except (TOMLKitError, KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError):
-            raise ScenarioError(f"{place:.80}: cannot be changed in the form here; edit the text") from None
-        self.set_text(text, place)
 
     def save(self, *, overwrite: bool = False) -> None:
         """Write the text to its file, and remove the draft.
@@ -334,58 +301,3 @@ def _stamp(path: Path) -> tuple[int, int]:
         status = path.stat()
         return status.st_mtime_ns, status.st_size
     return 0, 0
-
-
-def _apply(tables: Any, steps: tuple[str | int, ...], value: Any) -> None:
-    """Set or remove (None) the value at a place of plain tables.
-
-    Parameters
-    ----------
-    tables : changed in place.
-    steps, value : the place and its new value.
-    """
-    for step in steps[:-1]:
-        tables = tables.setdefault(step, {}) if isinstance(step, str) else tables[step]
-    if value is None:
-        del tables[steps[-1]]
-    elif isinstance(tables, list) and steps[-1] == len(tables):
-        tables.append(value)
-    else:
-        tables[steps[-1]] = value
-
-
-def _edit_parent(whole: Any, steps: tuple[str | int, ...]) -> None:
-    """Remove the list at a place, which has become empty."""
-    for step in steps[:-2]:
-        whole = whole[step]
-    del whole[steps[-2]]
-
-
-def _make_item(here: Any, steps: tuple[str | int, ...], value: Any) -> Any:
-    """Return a value as TOML: a table of its own near the root, in one line further inside.
-
-    Parameters
-    ----------
-    here : table or list that is to hold it.
-    steps : its place.
-    value : numbers, texts, instants, lists and tables.
-    """
-    near = len(steps) <= 2 and not isinstance(here, tomlkit.items.InlineTable | tomlkit.items.Array)
-    if isinstance(value, dict):
-        made: Any = tomlkit.table() if near else tomlkit.inline_table()
-        for key, inner in value.items():
-            made[key] = _make_item(made, (*steps, key, ""), inner)
-        return made
-    if isinstance(value, list) and value and all(isinstance(one, dict) for one in value) and len(steps) == 1:
-        entries = tomlkit.aot()
-        for one in value:
-            entries.append(_make_item(entries, (*steps, 0), one))
-        return entries
-    if isinstance(value, list):
-        array = tomlkit.array()
-        for one in value:
-            array.append(_make_item(array, (*steps, "", ""), one))
-        return array
-    if isinstance(value, datetime.datetime) and value.utcoffset() == datetime.timedelta(0):
-        return tomlkit.value(value.replace(tzinfo=None).isoformat() + "Z")
-    return tomlkit.item(value)

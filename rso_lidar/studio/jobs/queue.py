@@ -68,6 +68,13 @@ class JobRequest:
     overwrite: bool = False
     resume: bool = False
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether all its values have the types that they are declared with, which a damaged journal may not."""
+        flags = (self.overwrite, self.resume)
+        texts = (self.kind, self.source, self.output, self.frames, self.seed, self.keep)
+        return all(isinstance(one, str) for one in texts) and all(isinstance(one, bool) for one in flags)
+
     def count_frames(self, n_frames: int) -> int:
         """Return how many of the frames of a scenario are asked for; the command line says what is wrong with `frames`."""
         with contextlib.suppress(ValueError):
@@ -176,8 +183,9 @@ class JobQueue:
         """Queue a job again in place of one that has ended, so that it continues where it can."""
         if job.is_active:
             return job
-        self.remove(job)
-        return self.add(replace(job.request, resume=job.request.kind in ("run", "dataset")))
+        made = self.add(replace(job.request, resume=job.request.kind in ("run", "dataset")))
+        self.remove(job)  # only now: what cannot be queued again stays in the list
+        return made
 
     def remove(self, job: Job) -> None:
         """Remove a job that has ended from the list; its files stay."""
@@ -270,7 +278,7 @@ class JobQueue:
         with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
             text = (self.folder.path / _JOURNAL).read_text(encoding="utf-8")
             requests = [JobRequest(**entry) for entry in json.loads(text)[:_MOST_JOBS]]
-            return [one for one in requests if one.kind in KINDS and not self._is_complete(one)]
+            return [one for one in requests if one.is_plain and one.kind in KINDS and not self._is_complete(one)]
         return []
 
     def _is_complete(self, request: JobRequest) -> bool:

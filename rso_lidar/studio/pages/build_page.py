@@ -16,10 +16,10 @@ from rso_lidar.scenario import Scenario
 from rso_lidar.studio.documents.assessment import describe
 from rso_lidar.studio.documents.document import EditConflictError
 from rso_lidar.studio.documents.upload import MOST_BYTES, SUFFIXES, keep_upload
-from rso_lidar.studio.forms.fields import TABLES, FieldForm, find_part, list_fields
-from rso_lidar.studio.pages.form import TableForm, change_document, draw_add
+from rso_lidar.studio.pages.form import TableForm, change_document, draw_add, draw_type
 from rso_lidar.studio.pages.header import draw_menu
 from rso_lidar.studio.state import BrowserTab
+from rso_lidar.study.mission_parameters.form_fields import TABLES, FieldForm, find_part, list_fields
 
 _NESTED = "lidar"  # its tables have forms of their own, because they are long
 _DISK_S = 2.0
@@ -163,7 +163,7 @@ class BuildPage:
                 ui.label(field.meaning).classes("text-sm opacity-80")
                 self._draw_choice(field, steps)
             if cls is not None:
-                self._form = TableForm(self._tab, cls, self._place, lambda place: _is_own(place, own))
+                self._form = TableForm(self._tab, cls, self._place, lambda place: not self._place or place in own)
 
     def _find_field(self, steps: tuple[str | int, ...]) -> FieldForm | None:
         if not steps:
@@ -180,11 +180,7 @@ class BuildPage:
         value = document.get(place)
         with ui.row().classes("w-full items-center"):
             if field.kind == "variant":
-                tag = value.get("type", field.usual) if isinstance(value, Mapping) else None
-                names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
-                select = ui.select(names, value=tag if tag in names else None, label="type").classes("grow")
-                select.props(f'dense outlined data-test="type-{place}"').mark(f"type-{place}")
-                select.on_value_change(lambda event: change_document(self._tab, "set", place, {"type": event.value}))
+                draw_type(self._tab, field, place, value)
             elif value is None:
                 ui.button(f"Set {field.key}", on_click=lambda: change_document(self._tab, "set", place, {})).props(
                     f'outline dense no-caps data-test="set-{place}"'
@@ -245,10 +241,10 @@ class BuildPage:
 
     def _go_to(self, place: str) -> None:
         """Show the form that has the field at a place, and move the focus there."""
-        steps = {place: "" for _, place, _ in self._iterate_tables()}
-        own = max(
-            (one for one in steps if place == one or place.startswith((f"{one}.", f"{one}["))), key=len, default=""
-        )
+        above = [
+            one for _, one, _ in self._iterate_tables() if place == one or place.startswith((f"{one}.", f"{one}["))
+        ]
+        own = max(above, key=len, default="")
         if own != self._place or self._form is None:
             self._choose(own)
         if self._form:
@@ -275,11 +271,6 @@ class BuildPage:
             if self._told != str(error):
                 self._told = str(error)
                 ui.notify(f"no draft was kept: {error}", type="warning", multi_line=True)
-
-
-def _is_own(place: str, own: set[str]) -> bool:
-    """Return whether a table has a form of its own, or is a list whose entries have."""
-    return place in own or any(one.startswith(f"{place}[") for one in own) or place in {"target", "sensor"}
 
 
 def _outline(tables: Any) -> Any:

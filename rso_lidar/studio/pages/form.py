@@ -11,9 +11,9 @@ from nicegui import ui
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.part import Part
-from rso_lidar.studio.forms.fields import SCALARS, FieldForm, list_fields, parse_value, show_value
 from rso_lidar.studio.pages.choosers import find_chooser
 from rso_lidar.studio.state import BrowserTab
+from rso_lidar.study.mission_parameters.form_fields import SCALARS, FieldForm, list_fields, parse_value, show_value
 
 _DEEPEST = 5  # levels of inner tables in one form; deeper ones are edited in the text
 
@@ -148,13 +148,7 @@ class TableForm:
         chosen = field.choose(value)
         with ui.row(wrap=False).classes("w-full items-center gap-1"):
             if field.kind == "variant":
-                names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
-                tag = value.get("type", field.usual) if isinstance(value, Mapping) else None
-                select = ui.select(names, value=tag if tag in names else None, label="type", with_input=True)
-                select.classes("grow").props(f'dense outlined data-test="type-{place}"').mark(f"type-{place}")
-                select.on_value_change(
-                    lambda event: self._do("set", place, {"type": event.value}) if event.value else None
-                )
+                draw_type(self._tab, field, place, value)
             elif value is None:
                 ui.button("Set", on_click=lambda: self._do("set", place, {})).props("outline dense no-caps")
             chooser = next((found for cls in field.classes if (found := find_chooser(cls, ""))), None)
@@ -192,6 +186,23 @@ class TableForm:
         deed, place, *value : as for `change_document`.
         """
         change_document(self._tab, deed, place, *value)
+
+
+def draw_type(tab: BrowserTab, field: FieldForm, place: str, value: Any) -> None:
+    """Draw the choice of the type of a table, which replaces the table.
+
+    Parameters
+    ----------
+    tab : whose document it changes.
+    field, place, value : the table, its place, and what the text has there.
+    """
+    names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
+    tag = value.get("type", field.usual) if isinstance(value, Mapping) else None
+    select = ui.select(names, value=tag if tag in names else None, label="type", with_input=True).classes("grow")
+    select.props(f'dense outlined data-test="type-{place}"').mark(f"type-{place}")
+    select.on_value_change(
+        lambda event: change_document(tab, "set", place, {"type": event.value}) if event.value else None
+    )
 
 
 def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:

@@ -11,10 +11,10 @@ from nicegui import run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.reader.status import read_status
+from rso_lidar.picture.frames.frame_image import IMAGE_SIZE, choose_window, draw_difference, draw_image, mark_pixel
 from rso_lidar.picture.style.palette import DARK, IMAGE_MARK, LIGHT, OKABE_ITO, Scheme
-from rso_lidar.studio.jobs.comparison import compare_frames, find_frame, locate_centers
-from rso_lidar.studio.preview.images import IMAGE_SIZE, choose_window, draw_difference, draw_image, mark_pixel
 from rso_lidar.studio.root_folder import RECORDINGS, Folder
+from rso_lidar.study.recorded_runs.frame_comparison import compare_frames, find_frame, locate_centers
 
 _PLAY_S = 0.15
 
@@ -183,7 +183,7 @@ def _draw(k: int, recording: Recording, other: Recording | None, marked: bool, s
         second = find_frame(other, frame.index) if other is not None else None
         if second is not None:
             images |= {"B": draw_image(second, scheme), "B − A": draw_difference(frame, second, scheme)}
-            lines += compare_frames(frame, second)
+            lines += compare_frames(frame, second).describe().splitlines()
         elif other is not None:
             lines.append(f"{other.path.name} has no frame {frame.index}.")
         if marked:

@@ -85,18 +85,16 @@ def draw_menu(tab: BrowserTab, save: Callable[[Callable[[], Any]], Any], upload:
         undo.set_enabled(tab.document.can_undo)
         redo.set_enabled(tab.document.can_redo)
 
-    async def press(event: events.KeyEventArguments) -> None:
+    def press(event: events.KeyEventArguments) -> None:
         if event.action.keydown and event.modifiers.ctrl and not event.action.repeat:
-            if event.key == "s":
-                await save_now()
-            elif event.key == "z" and not event.modifiers.shift:
+            if event.key == "z" and not event.modifiers.shift:
                 tab.document.undo()
             elif event.key == "y" or (event.key in ("z", "Z") and event.modifiers.shift):
                 tab.document.redo()
 
     show_history()
     tab.document_changed.subscribe(show_history)
-    ui.keyboard(on_key=press)  # not while a text is typed, which has an undo of its own
+    ui.keyboard(on_key=press)  # not while a text is typed, which has an undo of its own; the script below saves
     ui.add_head_html(
         "<script>addEventListener('keydown', e => {"
         " if (e.ctrlKey && e.key === 's') { e.preventDefault(); document.querySelector('[data-test=save]')?.click(); } });"

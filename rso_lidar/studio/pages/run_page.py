@@ -111,9 +111,10 @@ class RunPage:
         if problem:
             text = problem
         elif self._kind.value == "run" and found is not None and found.scenario is not None:
-            count = found.scenario.time.n_frames
+            asked = JobRequest("run", "", "", frames=(self._frames.value or "").strip())
+            count = asked.count_frames(found.scenario.time.n_frames)
             rate = next((job.rate_hz for job in reversed(self.jobs.jobs) if job.rate_hz), _USUAL_HZ)
-            text = f"{count:,} frames in all; some {max(count / rate, 1):,.0f} s, and 15 s more at the very first start"
+            text = f"{count:,} frames; some {max(count / rate, 1):,.0f} s, and 15 s more at the very first start"
         else:
             text = f"{document.title}: {kind.title.lower()}"
         self._note.set_text(text)

@@ -14,15 +14,16 @@ from nicegui import events, run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.orbit.epochs import format_utc
 from rso_lidar.picture import DARK, LIGHT
+from rso_lidar.picture.frames.frame_image import choose_window, draw_image, find_pixel, mark_pixel
+from rso_lidar.picture.viewers.space_scene import draw_cloud
 from rso_lidar.records import Frame
+from rso_lidar.studio.documents.assessment import describe
 from rso_lidar.studio.pages.space_view import SpaceView
 from rso_lidar.studio.preview.figures import FIGURES, draw_figure
 from rso_lidar.studio.preview.flight import PreviewFlight
-from rso_lidar.studio.preview.images import choose_window, draw_image, find_pixel, mark_pixel
-from rso_lidar.studio.preview.pixels import PixelReport, report_pixel
-from rso_lidar.studio.preview.space import draw_cloud
 from rso_lidar.studio.preview.views import VIEWS
 from rso_lidar.studio.state import BrowserTab, Workspace
+from rso_lidar.study.pixel_summary import PixelReport, report_pixel
 
 T = TypeVar("T")
 _EVERY_S = 0.2  # between two frames shown
@@ -303,7 +304,7 @@ class SeePage:
                 )
         elif shown == "text" and not self.text.text:
             self.note.text = "Describing."
-            self.text.text = await self._work(flight.scenario.describe)
+            self.text.text = await self._work(describe, flight.scenario)
         elif shown in ("image", "cloud"):
             keep = (
                 ("waveforms", "taps")

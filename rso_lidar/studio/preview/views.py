@@ -9,9 +9,9 @@ import numpy as np
 from rso_lidar.picture import LIGHT
 from rso_lidar.picture.plots.orbit import osculating_orbit_m
 from rso_lidar.picture.style.palette import DAY, OTHER_PART, Scheme
+from rso_lidar.picture.viewers.space_scene import SpaceScene
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.studio.preview.flight import PreviewFlight
-from rso_lidar.studio.preview.space import SpaceScene
 from rso_lidar.units import DEG, EARTH_RADIUS_M
 
 _MM = 1e-6  # 1,000 km, the unit of views of orbits
@@ -39,7 +39,7 @@ def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
     for name, colour in zip(truth.states, scheme.lines, strict=False):
         state = truth.states[name]
         if np.linalg.norm(state.position_m) < 0.9 * EARTH_RADIUS_M:
-            continue
+            continue  # a body of local axes, near their origin
         orbit = osculating_orbit_m(state.position_m, state.velocity_m_s) * _MM
         scene.path(orbit, colour, opacity=0.6)
         flown = np.stack([at.truth.states[name].position_m for at in flight.moments]) * _MM

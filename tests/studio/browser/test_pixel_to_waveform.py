@@ -7,8 +7,8 @@ import numpy as np
 from PIL import Image
 
 import rso_lidar as rl
+from rso_lidar.picture.frames.frame_image import choose_window, draw_image, mark_pixel
 from rso_lidar.shipped import shipped
-from rso_lidar.studio.preview.images import choose_window, draw_image, mark_pixel
 
 IMAGE = '[data-test="image"] img'
 IS_DRAWN = "(place) => { const it = document.querySelector(place); return it && it.complete && it.naturalWidth > 99; }"

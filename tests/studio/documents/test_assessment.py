@@ -10,7 +10,7 @@ import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scenario.examples import find_companions, find_examples
 from rso_lidar.shipped import shipped
-from rso_lidar.studio.documents.assessment import assess, check_file, describe
+from rso_lidar.studio.documents.assessment import assess, check_file, check_study, describe
 from rso_lidar.studio.root_folder import Folder
 
 EXAMPLES = find_examples()
@@ -165,3 +165,67 @@ def test_an_assessed_scenario_flies_as_the_file_does(folder, text):
     (mine,) = rl.simulate(assess(text, folder, "a.toml").scenario, frames=[0])
     (other,) = rl.simulate(rl.Scenario.loads(text), frames=[0])
     np.testing.assert_array_equal(mine.range_m, other.range_m)
+
+
+STUDY = """version = 1
+name = "Energy: 5 or 50 mJ, n/a"
+scenario = "approach.toml"
+set = ["lidar.receiver.rays_per_pixel=1"]
+frames = "0:1"
+merits = ["detection_fraction"]
+
+[[axis]]
+field = "lidar.laser.energy_mj"
+values = [5, 50]
+"""
+
+
+@pytest.fixture
+def study(folder):
+    """Return the path of a study in the folder, beside its scenario."""
+    (folder.path / "approach.toml").write_text(APPROACH, encoding="utf-8")
+    path = folder.path / "study.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    return path
+
+
+def test_studies_of_the_folder_are_allowed(folder, study):
+    shown = [study, *shipped("examples/studies").glob("trade_*.toml"), *shipped("examples/datasets").glob("*.toml")]
+    texts = [path.read_text(encoding="utf-8").replace("../tdrs_approach.toml", "approach.toml") for path in shown]
+    allowed = [text for text in texts if "../" not in text]
+    assert len(allowed) > 1
+    for text in allowed:
+        study.write_text(text, encoding="utf-8")
+        assert check_study(study, folder) is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"approach.toml"', '"../other/secret.toml"', "outside the folder"),
+        ('"approach.toml"', '"~/secret.toml"', "outside the folder"),
+        ("lidar.receiver.rays_per_pixel=1", "target[0].motion.file=../other/secret.tle", "outside the folder"),
+        (
+            '"lidar.receiver.rays_per_pixel=1"',
+            '\'target[0].motion={type="tle", file="/etc/passwd"}\'',
+            "outside the folder",
+        ),
+        ('"lidar.receiver.rays_per_pixel=1"', "'follower.motion.dynamics=\"a.py:fly\"'", "names code"),
+        ("[5, 50]", '["/etc/passwd", "../other/secret.obj"]', "outside the folder"),
+        ('"lidar.receiver.rays_per_pixel=1"', '\'ptu.response={type="fmu", file="a"}\'', "names code"),
+        ("version = 1", "version = ", "not valid TOML"),
+    ],
+)
+def test_a_study_that_names_code_or_files_outside_is_refused(folder, study, old, new, words):
+    assert STUDY.count(old) == 1
+    study.write_text(STUDY.replace(old, new), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=words):
+        check_study(study, folder)
+
+
+def test_the_scenario_of_a_study_is_assessed(folder, study):
+    (folder.path / "approach.toml").write_text(
+        APPROACH.replace("tle/tdrs.tle", "../other/secret.tle"), encoding="utf-8"
+    )
+    with pytest.raises(ScenarioError, match="outside the folder"):
+        check_study(study, folder)

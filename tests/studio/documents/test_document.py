@@ -104,7 +104,7 @@ def test_save_as_takes_no_name_that_is_there_unless_told(document):
     assert (document.name, read(document, "b.toml")) == ("b.toml", FIRST)
 
 
-@pytest.mark.parametrize("name", ["../b.toml", "/tmp/b.toml", "b.txt", ".b.toml", "", "a\n.toml"])
+@pytest.mark.parametrize("name", ["../b.toml", "/b.toml", "b.txt", ".b.toml", "", "a\n.toml"])
 def test_save_as_stays_inside_the_folder(document, name):
     with pytest.raises(ScenarioError):
         document.save_as(name)

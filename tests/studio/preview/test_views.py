@@ -8,8 +8,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.picture import LIGHT
+from rso_lidar.picture.viewers.space_scene import SpaceScene
 from rso_lidar.studio.preview.flight import PreviewFlight
-from rso_lidar.studio.preview.space import SpaceScene
 from rso_lidar.studio.preview.views import VIEWS
 
 

@@ -45,7 +45,6 @@ class FieldForm:
     required: bool
     choices: Mapping[str, str]
     classes: tuple[type[Part], ...]
-    takes_name: bool
     usual: str = ""
 
     def choose(self, tables: Any) -> type[Part] | None:
@@ -157,7 +156,6 @@ def _read_field(name: str, field: FieldInfo) -> FieldForm:
         required=field.is_required(),
         choices=choices if kind != "choice" else {str(value): "" for value in literals},
         classes=classes if kind in TABLES else (),
-        takes_name=kind == "variant" and str in (_unwrap(one, [])[0] for one in _members(annotation)),
         usual=_tag(type(default)) if isinstance(default, Part) and type(default) in classes else "",
     )
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from rso_lidar.picture.frames.frame_image import choose_scale
 from rso_lidar.picture.frames.part_colours import choose_part_colours, count_parts, find_part_name
 from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, INTENSITY_RAMP, RANGE_RAMP, apply_ramp, ramp
 from rso_lidar.picture.style.palette import LIGHT, NO_RETURN, OTHER_PART, PARTS, Scheme, split_rgb
 from rso_lidar.records import Frame
-from rso_lidar.studio.preview.images import choose_scale
 
 
 class SpaceScene:

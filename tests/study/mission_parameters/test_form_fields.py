@@ -8,7 +8,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.examples import find_examples
-from rso_lidar.studio.forms.fields import (
+from rso_lidar.study.mission_parameters.form_fields import (
     SCALARS,
     TABLES,
     find_part,

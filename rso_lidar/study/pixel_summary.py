@@ -16,7 +16,12 @@ from rso_lidar.units import NS, RANGE_PER_DELAY_M_S
 
 @dataclass(frozen=True, eq=False)
 class PixelReport:
-    """Numbers of a pixel in words, the curves of its waveform (time [ns], counts), instants [ns], and a note."""
+    """What is known of one pixel of a frame.
+
+    `numbers` are pairs of a name and a value in words. `curves` are parts of the waveform by name, each (n, 2): time since
+    emission [ns] and counts, or photoelectrons per step. `instants_ns` are the trigger, the truth and the reported return
+    [ns since emission]. `note` says why there are no curves.
+    """
 
     numbers: tuple[tuple[str, str], ...]
     curves: dict[str, np.ndarray]
@@ -32,6 +37,10 @@ def report_pixel(frame: Frame, lidar: Lidar, pixel: tuple[int, int]) -> PixelRep
     frame : made with "waveforms" and "taps" kept, where its detector has them.
     lidar : settings in force.
     pixel : row and column.
+
+    Returns
+    -------
+    PixelReport
     """
     labels, number = frame.labels, pixel[0] * frame.valid.shape[1] + pixel[1]
     target, part, true_m = int(labels.target[pixel]), int(labels.part[pixel]), float(labels.range_m[pixel])
