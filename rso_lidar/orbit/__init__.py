@@ -14,12 +14,22 @@ Everything is in GCRS axes about the Earth's centre and in SI units, unless a na
 object from several of its sets; `Fleet` propagates thousands of sets side by side. They hold the mean elements of SGP4,
 which only SGP4 may propagate. `OsculatingElements` are those of one state; `mean_from_osculating` gives those of `J2`.
 
-**Functions.** `screen` finds close approaches, `find_eclipses` passages through the Earth's shadow, and `solve_lambert` the
-orbit between two positions. `propagate_two_body` and `propagate_sgp4` need no scenario.
+**The Earth below.** `GroundStation` is a place on the ground, `find_ground_track` gives latitudes and longitudes, and
+`EarthOrientation` reads polar motion and UT1. `gcrs_from_axes` and `convert_states` know the named axes.
+
+**Functions.** `screen` finds close approaches, `find_eclipses` passages through the Earth's shadow, `find_access` when one
+object sees another, and `solve_lambert` the orbit between two positions. `propagate_two_body` and `propagate_sgp4` need no
+scenario.
 """
 
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
+from rso_lidar.orbit.earth.access import Access, find_access
+from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes
+from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
+from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
+from rso_lidar.orbit.earth.ellipsoid import Geodetic, geodetic_from_itrs, itrs_from_geodetic
+from rso_lidar.orbit.earth.ground import GroundStation, LookAngles, find_ground_track
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
 from rso_lidar.orbit.propagation.j2 import J2, mean_from_osculating, osculating_from_mean
@@ -33,9 +43,14 @@ from rso_lidar.orbit.sets.fleet import Fleet
 from rso_lidar.orbit.sets.set_sequence import SetSequence
 from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
 from rso_lidar.orbit.sets.teme import gcrs_from_teme, propagate_sgp4
-from rso_lidar.orbit.sky.earth_rotation import itrs_from_gcrs
 from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses, sunlit_fraction
-from rso_lidar.orbit.sky.geometry import beta_angle_rad, phase_angle_rad
+from rso_lidar.orbit.sky.geometry import (
+    beta_angle_rad,
+    earth_angular_radius_rad,
+    earth_limb_angle_rad,
+    line_altitude_m,
+    phase_angle_rad,
+)
 from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.orbit.trajectory import Trajectory
@@ -51,18 +66,23 @@ from rso_lidar.public_names import limit_dir
 
 __all__ = [
     "J2",
+    "Access",
     "Burn",
     "Catalog",
     "CloseApproach",
     "Drag",
+    "EarthOrientation",
     "Eclipse",
     "ElementSet",
     "Ephemeris",
     "Epochs",
     "Fleet",
     "Forces",
+    "Geodetic",
+    "GroundStation",
     "Impulse",
     "Kepler",
+    "LookAngles",
     "Numerical",
     "Omm",
     "OsculatingElements",
@@ -74,13 +94,22 @@ __all__ = [
     "Trajectory",
     "Transfer",
     "beta_angle_rad",
+    "convert_states",
+    "earth_angular_radius_rad",
+    "earth_limb_angle_rad",
     "eccentric_from_mean",
     "elements_from_state",
+    "find_access",
     "find_eclipses",
+    "find_ground_track",
     "format_utc",
+    "gcrs_from_axes",
     "gcrs_from_teme",
+    "geodetic_from_itrs",
     "integrate_orbit",
     "itrs_from_gcrs",
+    "itrs_from_geodetic",
+    "line_altitude_m",
     "mean_from_osculating",
     "mean_from_true",
     "moon_position_m",

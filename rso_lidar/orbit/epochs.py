@@ -215,6 +215,12 @@ class Epochs:
         centuries: np.ndarray = ((whole - J2000_TT_JD) + fraction) / CENTURY_DAYS
         return centuries
 
+    def tai_seconds(self) -> np.ndarray:
+        """Return TAI seconds (time,) since JD 0, to 30 us: for tables that change slowly."""
+        whole, fraction = self._tai()
+        seconds: np.ndarray = whole + fraction
+        return seconds
+
     def skyfield_time(self) -> Any:
         """Return the epochs as a skyfield Time (time,) in its full split precision."""
         seconds, fraction_s = self._tai()
@@ -227,6 +233,14 @@ class Epochs:
         whole = np.floor(self.time_s)
         carry, fraction = np.divmod((self.time_s - whole) + start_us / _MICROSECONDS, 1.0)
         return start_s + whole + carry, fraction
+
+
+def tai_from_utc_days(mjd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return TAI seconds since JD 0, and TAI - UTC [s], at modified Julian dates (row,) of UTC."""
+    begins, offsets = _leap_table()
+    utc_s = (mjd + 2_400_000.5) * units.DAY_S
+    leap_s = offsets[np.searchsorted(begins - offsets[1:], utc_s, side="right")]
+    return utc_s + leap_s, leap_s
 
 
 def skyfield_tt(whole: np.ndarray | float, fraction: np.ndarray) -> Any:

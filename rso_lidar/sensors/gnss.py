@@ -9,10 +9,10 @@ from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.two_body.orbit_axes import rtn_matrix
 from rso_lidar.part import Name, NotNegative, Positive, Vector
 from rso_lidar.pose import cross, dot, length, matrix_from_quaternion, rotate_vectors
 from rso_lidar.records import BodyMotion, GnssSamples, RelativeGnssSamples, SensorState
-from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.sensors.random_errors import ErrorProcess
 from rso_lidar.sensors.sensor_part import ErrorTerms, Impairment, SensorPart, gauss_markov
 

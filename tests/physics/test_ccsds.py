@@ -15,7 +15,7 @@ from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.ccsds.reader import read_message
-from rso_lidar.orbit.ccsds.reference_frames import gcrs_from_eme2000
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import Kepler
 

@@ -30,7 +30,8 @@ from rso_lidar.orbit.ccsds.message import (
     usable_span_s,
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
-from rso_lidar.orbit.ccsds.reference_frames import gcrs_from_eme2000, parse_frame
+from rso_lidar.orbit.ccsds.reference_frames import parse_frame
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 from rso_lidar.orbit.epochs import Epochs, format_epochs, parse_epoch_ps
 from rso_lidar.pose import quaternion_xyzw
 
@@ -271,13 +272,15 @@ def _read_axes(message: Message, segment: Segment) -> tuple[str, bool]:
             "them must be SC_BODY"
         )
     other = ends["A" if bodily == ["B"] else "B"]
+    axes: str
     if other.value.upper() in _ORBITAL:
         axes = "rtn"
     else:
         axes = parse_frame(other.value, f"{message.where}: line {other.line}")
-        if axes == "teme":
+        if axes not in ("gcrs", "eme2000"):
             raise ScenarioError(
-                f"{message.where}: line {other.line}: an attitude in TEME is not supported: write it in GCRF"
+                f"{message.where}: line {other.line}: an attitude in {other.value} is not supported: write it in GCRF or "
+                "EME2000"
             )
     entry = segment.meta.get("ATTITUDE_DIR")
     if entry is None and message.version.startswith(

@@ -14,6 +14,9 @@ from rso_lidar.errors import RecordingError
 from rso_lidar.files import write_text
 from rso_lidar.orbit.ccsds.ephemeris import DEGREE, PLACES, SPEEDS
 from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
+from rso_lidar.orbit.ccsds.reference_frames import WRITTEN_FRAMES
+from rso_lidar.orbit.earth.axes import EarthAxes, convert_states
+from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.epochs import Epochs, format_epochs
 from rso_lidar.records import BodyState
 
@@ -28,10 +31,12 @@ def write_oem(
     originator: str = "RSO_LIDAR",
     version: Literal["2.0", "3.0"] = "2.0",
     breaks_s: Sequence[float] = (),
+    axes: EarthAxes = "gcrs",
+    orientation: EarthOrientation | None = None,
     created_utc: datetime.datetime | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write GCRS states as an OEM (keyword = value; GCRF, UTC) to 1e-6 m and 1e-9 m/s.
+    """Write GCRS states as an OEM (keyword = value; UTC; GCRF unless other axes are chosen) to 1e-6 m and 1e-9 m/s.
 
     Parameters
     ----------
@@ -46,6 +51,8 @@ def write_oem(
     version : version of the format
     breaks_s : instants [s] at which the velocity jumps; a new segment begins at each, since interpolation must not
         cross them
+    axes : axes of the file: "gcrs", "eme2000", "mod", "tod", "teme" or "itrs"
+    orientation : polar motion and UT1 for "itrs"; without it the file is off by up to 0.9 arcsecond of the distance
     created_utc : CREATION_DATE, now if left out
     overwrite : whether an existing file is replaced
 
@@ -58,7 +65,11 @@ def write_oem(
     ------
     RecordingError
         if the states or epochs make no ephemeris, or the file cannot be written
+    ScenarioError
+        if the axes are unknown
     """
+    _check_rows(epochs, states)
+    states = convert_states(states, epochs, to_axes=axes, orientation=orientation)
     rows, texts = _check_rows(epochs, states), format_epochs(epochs)
     edges = np.searchsorted(epochs.time_s, np.sort(np.asarray(breaks_s, dtype=float)))
     segments = []
@@ -74,7 +85,7 @@ def write_oem(
             "OBJECT_NAME": name,
             "OBJECT_ID": object_id,
             "CENTER_NAME": "EARTH",
-            "REF_FRAME": "GCRF",
+            "REF_FRAME": WRITTEN_FRAMES[axes],
             "TIME_SYSTEM": "UTC",
             "START_TIME": texts[part[0]],
             "STOP_TIME": texts[part[-1]],

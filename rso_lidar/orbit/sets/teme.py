@@ -1,22 +1,18 @@
-"""States by SGP4, and the only module with TEME axes.
+"""States by SGP4 in TEME axes.
 
-SGP4 is the sgp4 library's (Vallado et al., AIAA 2006-6753, WGS72). TEME to GCRS is skyfield's rotation: IAU 2000A
-nutation, IAU 2006 precession and the frame bias. It is computed at whole hours TT and interpolated by a cubic through
-the four hours around an epoch. That is within skyfield's own rounding (1e-13 rad, 5 um at GEO) and far faster. The
-hours are absolute, so the bits of a state do not depend on the other epochs. Velocity is only rotated, as in skyfield:
-the axes turn by 1e-11 rad/s.
+SGP4 is the sgp4 library's (Vallado et al., AIAA 2006-6753, WGS72). TEME to GCRS is skyfield's rotation. Velocity is only
+rotated, as in skyfield: the axes turn by 1e-11 rad/s.
 """
 
 from __future__ import annotations
-
-import functools
 
 import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, warn
-from rso_lidar.orbit.epochs import J2000_TT_JD, Epochs, skyfield_tt
+from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sky.axes_of_date import gcrs_from_axes_of_date
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 
@@ -165,40 +161,4 @@ def gcrs_from_teme(at: Epochs) -> np.ndarray:
     -------
     (time, 3, 3)
     """
-    whole, fraction = at.tt_julian()
-    in_hours = fraction * 24.0
-    hours = np.floor(in_hours)
-    first = ((whole - J2000_TT_JD) * 24.0 + hours).astype(np.int64) - 1  # first of the four hours around an epoch
-    wanted, row = np.unique(first, return_inverse=True)
-    nodes = np.array([[_hour_matrix(int(hour) + k) for hour in wanted] for k in range(4)]).reshape(4, -1, 3, 3)
-    total = np.zeros((len(at), 3, 3))
-    for around, weight in zip(nodes, _lagrange(in_hours - hours), strict=True):
-        total += weight[:, None, None] * around[row]
-    return total
-
-
-def _lagrange(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the weights of values at -1, 0, 1, 2 for the cubic through them, at u in [0, 1]."""
-    a, b, c, d = u + 1.0, u, u - 1.0, u - 2.0
-    return -b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0
-
-
-def _hour_matrix(hour: int) -> np.ndarray:
-    """Return gcrs_from_teme (3, 3) at a whole hour TT since J2000.0."""
-    matrix: np.ndarray = _day_of_matrices(hour // 24)[hour % 24]
-    return matrix
-
-
-@functools.lru_cache(maxsize=4096)
-def _day_of_matrices(day: int) -> np.ndarray:
-    """Return gcrs_from_teme (24, 3, 3) at the whole hours of a day since J2000.0.
-
-    It is always a whole day, because the bits of skyfield's sums depend on the number of instants.
-    """
-    from skyfield.sgp4lib import TEME
-
-    time = skyfield_tt(np.full(24, J2000_TT_JD + day), np.arange(24) / 24.0)
-    teme_from_gcrs = TEME.rotation_at(time)  # (3, 3, time)
-    nodes: np.ndarray = np.ascontiguousarray(teme_from_gcrs.transpose(2, 1, 0))
-    nodes.flags.writeable = False
-    return nodes
+    return gcrs_from_axes_of_date("teme", at)

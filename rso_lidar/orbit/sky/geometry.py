@@ -52,7 +52,16 @@ def phase_angle_rad(target_m: np.ndarray, observer_m: np.ndarray, sun_m: np.ndar
 
 
 def earth_angular_radius_rad(position_m: np.ndarray) -> np.ndarray:
-    """Return the angular radius (time,) [rad] of the Earth's disk; pi / 2 on the surface, NaN below it."""
+    """Return the angular radius of the Earth's disk.
+
+    Parameters
+    ----------
+    position_m : (time, 3) position of the observer [m]
+
+    Returns
+    -------
+    (time,) [rad], pi / 2 on the surface, NaN below it
+    """
     distance = np.sqrt(np.sum(position_m * position_m, axis=-1))
     with np.errstate(divide="ignore", invalid="ignore"):
         radius: np.ndarray = np.arcsin(units.EARTH_RADIUS_M / distance)
@@ -60,7 +69,17 @@ def earth_angular_radius_rad(position_m: np.ndarray) -> np.ndarray:
 
 
 def earth_limb_angle_rad(boresight: np.ndarray, position_m: np.ndarray) -> np.ndarray:
-    """Return the angle (time,) [rad] from a boresight (root axes) to the Earth's limb, negative where the disk covers it."""
+    """Return the angle from a boresight to the Earth's limb.
+
+    Parameters
+    ----------
+    boresight : (time, 3) direction in root axes, of any length
+    position_m : (time, 3) position of the observer [m]
+
+    Returns
+    -------
+    (time,) [rad], negative where the disk covers the boresight
+    """
     angle: np.ndarray = angle_rad(boresight, -position_m) - earth_angular_radius_rad(position_m)
     return angle
 
@@ -97,7 +116,16 @@ def is_earth_lit(boresight: np.ndarray, position_m: np.ndarray, sun_m: np.ndarra
 
 
 def line_altitude_m(a_m: np.ndarray, b_m: np.ndarray) -> np.ndarray:
-    """Return the lowest altitude (time,) [m] of the straight line from a to b over the Earth; negative if it is blocked."""
+    """Return the lowest altitude of the straight line from a to b over the Earth.
+
+    Parameters
+    ----------
+    a_m, b_m : (time, 3) positions [m]
+
+    Returns
+    -------
+    (time,) [m], negative where the Earth blocks the line
+    """
     line = b_m - a_m
     length2 = np.sum(line * line, axis=-1)
     share = np.clip(-np.sum(a_m * line, axis=-1) / np.where(length2 > 0.0, length2, 1.0), 0.0, 1.0)

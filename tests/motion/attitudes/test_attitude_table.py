@@ -14,7 +14,7 @@ from rso_lidar.motion.attitudes.spin import Tumble
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.motions.prescribed_motion import Fixed
 from rso_lidar.motion.truth import truth
-from rso_lidar.orbit.ccsds.reference_frames import gcrs_from_eme2000
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import Kepler
 
@@ -221,7 +221,7 @@ def test_xml(tmp_path):
         ),
         (HEAD + segment(rows(QUARTER), ATTITUDE_DIR="AB"), "line 10: ATTITUDE_DIR AB: write A2B or B2A"),
         (HEAD + segment(rows(QUARTER), REF_FRAME_B="STAR_TRACKER_1"), "one of them must be SC_BODY"),
-        (HEAD + segment(rows(QUARTER), REF_FRAME_A="ITRF-97"), "line 8: reference frame ITRF-97 turns with the Earth"),
+        (HEAD + segment(rows(QUARTER), REF_FRAME_A="ITRF-97"), "line 8: an attitude in ITRF-97 is not supported"),
         (HEAD + segment(rows(QUARTER), REF_FRAME_A="TEME"), "line 8: an attitude in TEME"),
         (HEAD + segment(rows(QUARTER)[:1]), "line 4: the segment has 1 rows"),
         (HEAD + segment(["2024-09-17T12:00:00 0 0 1", *rows(QUARTER, 1)]), "line 16: has 4 words"),

@@ -1,6 +1,7 @@
 """Ephemerides: read, interpolated, written, refused."""
 
 import datetime
+import re
 
 import numpy as np
 import pytest
@@ -8,12 +9,14 @@ import pytest
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.ccsds.interpolation import interpolate_hermite, interpolate_lagrange
-from rso_lidar.orbit.ccsds.reference_frames import gcrs_from_eme2000
 from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
+from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.orbit.two_body.kepler import Kepler
 from rso_lidar.records import BodyState
+from tests.orbit.earth.earth_for_tests import finals
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 LOW = Kepler(
@@ -293,7 +296,7 @@ def test_a_number_is_written_in_ascii_digits(tmp_path, word):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (HEAD + segment(straight(range(5)), "ITRF2014"), "line 8: reference frame ITRF2014 turns with the Earth"),
+        (HEAD + segment(straight(range(5)), "TDR"), "line 8: reference frame TDR is not supported"),
         (HEAD + segment(straight(range(5)), "MOON_ME"), "line 8: reference frame MOON_ME is not supported"),
         (
             HEAD + segment(straight(range(5)), "TEME", extra="REF_FRAME_EPOCH = 2000-01-01T00:00:00\n"),
@@ -383,3 +386,32 @@ def test_what_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(RecordingError, match="two or more that grow"):
         write_oem(tmp_path / "a", "A", "1", epochs.at(slice(None, None, -1)), states)
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("axes", ["gcrs", "eme2000", "mod", "tod", "teme", "itrs"])
+def test_states_written_in_any_axes_are_read_again(axes, tmp_path):
+    epochs = Epochs(START, np.arange(0.0, 3600.0, 60.0))
+    late_s = float(epochs.skyfield_time().dut1[0])
+    (tmp_path / "finals.all").write_text(finals(range(60568, 60574), 0.21, 0.45, late_s), encoding="utf-8")
+    known = EarthOrientation.from_file(tmp_path / "finals.all")
+    path = write_oem(tmp_path / "a.oem", "A", "1", epochs, LOW.states(epochs), axes=axes, orientation=known)
+    named = {"earth_orientation_file": str(tmp_path / "finals.all")} if axes == "itrs" else {}
+    flown = Ephemeris(file=str(path), **named)
+    between = Epochs(START, np.arange(10.0, 3500.0, 37.0))
+    states, expected = flown.states(between), LOW.states(between)
+    # axes of date are taken not to turn, though precession and nutation turn them by up to 1e-11 rad/s: 7e-5 m/s here
+    of_date = axes in ("mod", "tod", "teme")
+    np.testing.assert_allclose(states.position_m, expected.position_m, rtol=0, atol=1e-3 if of_date else 2e-5)
+    # axes of date are taken not to turn, though precession and nutation turn them by up to 1e-11 rad/s
+    np.testing.assert_allclose(
+        states.velocity_m_s, expected.velocity_m_s, rtol=0, atol=2e-4 if axes != "itrs" else 1e-7
+    )
+    assert flown.validity(between) == []
+    if axes == "itrs":
+        plain = Ephemeris(file=str(path))
+        (line,) = plain.validity(between)
+        assert re.search(
+            r"is in ITRF, and without polar motion and UT1 it is off by up to 30 m: name finals2000A", line
+        )
+        off_m = np.linalg.norm(plain.states(between).position_m - expected.position_m, axis=1)
+        assert 5.0 < off_m.max() < 30.0
