@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence as ListLike
 from typing import Any
 
 import numpy as np
@@ -101,7 +101,7 @@ def check_lines(owner: object, method: str, found: object) -> list[str]:
     ------
     ScenarioError : if that is not a list of texts.
     """
-    if isinstance(found, Sequence) and not isinstance(found, str) and all(isinstance(line, str) for line in found):
+    if isinstance(found, ListLike) and not isinstance(found, str) and all(isinstance(line, str) for line in found):
         return [" ".join(line.split("\n")) for line in found]
     raise make_answer_error(owner, method, found, "return a list of texts, one for each line")
 

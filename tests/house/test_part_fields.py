@@ -34,6 +34,7 @@ NO_SUFFIX = {  # name: why it needs none
     "pattern": "a number that only names one of many alike",
     "camera_seed": "a number that only names a camera",
     "coefficient": "a ratio",
+    "corridor_axis": "a direction, of any length",
     "count": "a number of values",
     "counts_per_photon": "a ratio whose name says both units",
     "damping": "share of critical damping",

@@ -38,6 +38,7 @@ from rso_lidar.rpo import (
     RelativeElements,
     Rendezvous,
     SafetyEllipse,
+    Sequence,
     StationKeeping,
     Teardrop,
     VBarApproach,
@@ -103,6 +104,7 @@ DescribedMotion = Annotated[
     | Waypoints
     | Rendezvous
     | Lambert
+    | Sequence
     | StateSpace
     | FmuMotion
     | Fixed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import functools
 from abc import abstractmethod
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -14,8 +14,10 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.part import NotNegative
+from rso_lidar.part import Direction, NotNegative, Positive
+from rso_lidar.records import BodyState
 from rso_lidar.rpo.limits import FASTEST_M_S, LONGEST_S, format_years
+from rso_lidar.rpo.plans.keep_out import KeepOutSphere
 from rso_lidar.rpo.plans.plan import Plan
 from rso_lidar.rpo.relative import hill
 from rso_lidar.rpo.relative.relative_motion import RelativeMotion
@@ -37,6 +39,21 @@ class ProximityOperation(RelativeMotion):
         default=0.0,
         description="Radius of a sphere about the body's origin that the path may not enter [m]; 0 disables the check.",
     )
+    corridor_axis: Direction | None = Field(
+        default=None,
+        description=(
+            "Centre line, from the body's origin outward in its rtn axes, of a cone through which the path may enter the "
+            "keep-out sphere. If omitted, it may not enter."
+        ),
+    )
+    corridor_half_angle_deg: Annotated[Positive, Field(lt=90)] = Field(
+        default=10.0, description="Half angle of that cone [deg]."
+    )
+
+    @property
+    def keep_out(self) -> KeepOutSphere:
+        """Sphere that the path may not enter, with its corridor."""
+        return KeepOutSphere(self.keep_out_m, self.corridor_axis, self.corridor_half_angle_deg)
 
     @property
     def name(self) -> str:
@@ -55,6 +72,19 @@ class ProximityOperation(RelativeMotion):
         -------
         the plan in rtn axes of that body, from time 0
         """
+
+    def make_plan_about(self, chief: BodyState) -> Plan:
+        """Make the plan about a chief of which the state is known, without checks.
+
+        Parameters
+        ----------
+        chief : its inertial state (3,) at the start of the plan
+
+        Returns
+        -------
+        the plan in rtn axes of the chief, from time 0
+        """
+        return self.make_plan(hill.mean_motion_of_state(chief.position_m, chief.velocity_m_s))
 
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
         """Return the plan: legs, impulses, costs and safety.
@@ -85,11 +115,19 @@ class ProximityOperation(RelativeMotion):
             if the path enters the keep-out sphere at an epoch
         """
         position, velocity = self.plan(epochs.start_utc, chief).relative(epochs.time_s)
-        distance = np.sqrt(np.sum(position * position, axis=1))
-        if len(distance) and distance.min() < self.keep_out_m:
-            k = int(np.argmin(distance))
-            raise _keep_out_error(self.keep_out_m, float(distance[k]), float(epochs.time_s[k]), position[k])
+        self.check_positions(epochs, chief, position)
         return position, velocity
+
+    def check_positions(self, epochs: Epochs, chief: Trajectory, position_m: np.ndarray) -> None:
+        """Check that the path does not enter the keep-out sphere at some epochs; else raise `ScenarioError`.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        position_m : (time, 3) positions at the epochs in rtn axes [m]
+        """
+        self.keep_out.check_positions(epochs.time_s, position_m)
 
     def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
         """Return the instants at which the legs of the plan begin."""
@@ -136,37 +174,7 @@ class ProximityOperation(RelativeMotion):
 @functools.lru_cache(maxsize=128)
 def _make_checked_plan(operation: ProximityOperation, mean_motion_rad_s: float) -> Plan:
     check_lengths(operation, mean_motion_rad_s)
-    return check_keep_out(check_plan(operation.make_plan(mean_motion_rad_s), operation), operation.keep_out_m)
-
-
-def check_keep_out(plan: Plan, keep_out_m: float) -> Plan:
-    """Check that a plan does not enter a sphere about the body's origin [m], and return it; else raise `ScenarioError`."""
-    if keep_out_m > 0.0:
-        nearest_m, at_s = plan.nearest()
-        if nearest_m < keep_out_m:
-            raise _keep_out_error(keep_out_m, nearest_m, at_s, plan.relative(np.array([at_s]))[0][0])
-    return plan
-
-
-def _keep_out_error(keep_out_m: float, nearest_m: float, at_s: float, position_m: np.ndarray) -> ScenarioError:
-    """Make the error of a path that enters the keep-out sphere.
-
-    Parameters
-    ----------
-    keep_out_m : radius of the sphere [m]
-    nearest_m : distance from the body [m]
-    at_s : time of the plan [s]
-    position_m : position (3,) in rtn axes [m]
-
-    Returns
-    -------
-    the error
-    """
-    where = ", ".join(f"{part:.4g}" for part in position_m)
-    return ScenarioError(
-        f"keep_out_m: at {at_s:.1f} s the path is {nearest_m:.4g} m from the body ({where} m in rtn), inside the sphere of "
-        f"{keep_out_m:g} m: go round it, end farther out, or make the sphere smaller"
-    )
+    return operation.keep_out.check(check_plan(operation.make_plan(mean_motion_rad_s), operation))
 
 
 def check_lengths(operation: Any, mean_motion_rad_s: float) -> None:

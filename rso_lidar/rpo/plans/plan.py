@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rso_lidar import units
 from rso_lidar.rpo.limits import check_horizon
 from rso_lidar.rpo.plans.minimum_distance import find_closest_approach
+from rso_lidar.rpo.plans.plan_text import format_length, format_rows
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -184,7 +184,7 @@ class Plan:
     def thrust(self) -> tuple[tuple[float, float, float], ...]:
         """Intervals of continuous thrust up to `duration_s`: begin [s], end [s], delta-v [m/s]."""
         return tuple(
-            (begin_s, end_s, self._held_m_s(begin_s, end_s))
+            (begin_s, end_s, self.continuous_between_m_s(begin_s, end_s))
             for leg, begin_s, end_s in self.stretches()
             if leg.acceleration_m_s2 is not None and end_s > begin_s
         )
@@ -346,8 +346,13 @@ class Plan:
             spans.append((fine_s, until_s, later_s))
         return spans
 
-    def _held_m_s(self, begin_s: float, end_s: float) -> float:
-        """Return the integral of |a_control| between two instants [m/s], by Gauss-Legendre quadrature in panels."""
+    def continuous_between_m_s(self, begin_s: float, end_s: float) -> float:
+        """Return the integral of |a_control| between two instants [m/s], by Gauss-Legendre quadrature in panels.
+
+        Parameters
+        ----------
+        begin_s, end_s : the two instants [s]
+        """
         edges = np.linspace(begin_s, end_s, _PANELS + 1)
         half = 0.5 * np.diff(edges)
         times = (edges[:-1] + half)[:, None] + half[:, None] * _NODES
@@ -370,26 +375,19 @@ class Plan:
     def describe(self) -> str:
         """Return the plan as lines of text: maneuvers, totals, least distance as planned, and passive safety."""
         rows = self.table()
-        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = [f"{self.name}: {self.duration_s:.1f} s, {self.duration_s / self.revolution_s:.3f} revolutions"]
         if len(rows) > 1:
-            lines += [
-                "  " + "  ".join(word.rjust(width) for word, width in zip(row, widths, strict=True)) for row in rows
-            ]
+            lines += format_rows(rows)
         nearest_m, at_s = self.nearest()
         safety, free = self.passive_safety(), len(rows) == 1
         lines += [
             f"  delta-v {self.delta_v_m_s:.5f} m/s (impulses {self.impulsive_delta_v_m_s:.5f}, "
             f"continuous {self.continuous_delta_v_m_s:.5f})",
-            f"  nearest as planned {_format_length(nearest_m)}, at {at_s:.1f} s",
-            f"  passive safety {_format_length(safety.distance_m)}, at {safety.nearest_s:.1f} s, "
+            f"  nearest as planned {format_length(nearest_m)}, at {at_s:.1f} s",
+            f"  passive safety {format_length(safety.distance_m)}, at {safety.nearest_s:.1f} s, "
             + f"within {safety.horizon_s:.0f} s "
             + (
                 "of free drift after the plan" if free else f"of free drift if thrust stops at {safety.failure_s:.1f} s"
             ),
         ]
         return "\n".join(lines)
-
-
-def _format_length(length_m: float) -> str:
-    return f"{length_m:.2f} m" if length_m < 10.0 * units.KM else f"{length_m / units.KM:.3f} km"

@@ -23,7 +23,7 @@ from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.limits import MOST_PIECES, TransferTime, Velocity, Wait
-from rso_lidar.rpo.plans.operation import ProximityOperation, check_keep_out, check_plan
+from rso_lidar.rpo.plans.operation import ProximityOperation, check_plan
 from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast, make_line
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative import hill
@@ -246,6 +246,19 @@ class Lambert(ProximityOperation):
         speed = radius * mean_motion_rad_s
         return _plan_lambert(self, (radius, 0.0, 0.0), (0.0, speed, 0.0))
 
+    def make_plan_about(self, chief: BodyState) -> Plan:
+        """Make the plan about a chief of which the state is known, and check it.
+
+        Parameters
+        ----------
+        chief : its inertial state (3,) at the start of the plan
+
+        Returns
+        -------
+        the plan in rtn axes of the chief, from time 0
+        """
+        return _plan_lambert(self, tuple(chief.position_m.tolist()), tuple(chief.velocity_m_s.tolist()))
+
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
         """Return the plan: legs, impulses, costs and safety.
 
@@ -259,9 +272,8 @@ class Lambert(ProximityOperation):
         ScenarioError
             if there is no such transfer, or it meets the Earth, exceeds a limit, or enters the keep-out sphere
         """
-        position, velocity = hill.find_start_state(chief, start_utc)
         hill.find_mean_motion_rad_s(chief, start_utc)  # raises an error if the orbit is open
-        return _plan_lambert(self, tuple(position.tolist()), tuple(velocity.tolist()))
+        return self.make_plan_about(BodyState(*hill.find_start_state(chief, start_utc)))
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
         """Return one sentence for each limit of the model that these epochs exceed."""
@@ -334,7 +346,7 @@ def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[fl
             f"duration_s: the transfer comes within {least_m / units.KM:.0f} km of the Earth's centre, and hits it: "
             "change the duration, the revolutions or the way"
         )
-    return check_keep_out(check_plan(plan, part, far=True), part.keep_out_m)
+    return part.keep_out.check(check_plan(plan, part, far=True))
 
 
 def _find_lowest_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:

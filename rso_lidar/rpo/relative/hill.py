@@ -233,8 +233,12 @@ def find_mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> f
     ScenarioError
         if the orbit is open
     """
-    position, velocity = find_start_state(chief, start_utc)
-    alpha = float(2.0 / np.linalg.norm(position) - np.sum(velocity * velocity) / GM)
+    return mean_motion_of_state(*find_start_state(chief, start_utc))
+
+
+def mean_motion_of_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+    """Return the mean motion [rad/s] of the osculating orbit of a state (3,), (3,); `ScenarioError` if it is open."""
+    alpha = float(2.0 / np.linalg.norm(position_m) - np.sum(velocity_m_s * velocity_m_s) / GM)
     if alpha <= 0.0:
         raise ScenarioError(
             "relative_to: its orbit is open and has no mean motion: use motion 'nonlinear' about it, or 'state'"

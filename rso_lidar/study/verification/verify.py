@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from collections.abc import Sequence as ListLike
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -36,7 +37,7 @@ _AXES = ("right", "down", "ahead")
 
 def verify(
     requirements: Requirements | str | Path,
-    subject: Scenario | Study | Trade | Sequence[Frame],
+    subject: Scenario | Study | Trade | ListLike[Frame],
     *,
     folder: Path | None = None,
     threads: int | None = None,
@@ -79,7 +80,7 @@ def verify(
             return _verify_frames(
                 asked, lambda ready: SimulatedFrames(subject, asked.target, ready, asked.seeds, threads), tell
             )
-    if not isinstance(subject, Sequence) or isinstance(subject, str):
+    if not isinstance(subject, ListLike) or isinstance(subject, str):
         raise ScenarioError(
             f"requirements: need a Scenario, a Study, a Trade or a recording, not {subject!r:.60}; load it from its file"
         )
