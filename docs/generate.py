@@ -87,6 +87,7 @@ def pages(*names: str) -> dict[Path, str]:
         "physics.md": {"budget": budget, "detection": detection, "defaults": defaults},
         "instrument.md": {"constants": constants, "presets": presets},
         "sensors.md": {"presets": sensor_presets},
+        "orbits.md": {"rotations": spin_presets},
         "studies.md": {"merits": merits, "study keys": study_keys},
         "requirements.md": {"requirement keys": requirement_keys},
         "protocol.md": {"requests": request_keys},
@@ -253,7 +254,7 @@ def _preset_keys(cls: type[part.Part]) -> set[str]:
     if "preset" not in cls.model_fields:
         return set()
     kind = cls.model_fields["type"].default if "type" in cls.model_fields else None
-    presets = load_presets() if kind is None else rl.sensors.load_sensor_presets()
+    presets = load_presets() if kind is None else rl.sensors.load_sensor_presets() | rl.motion.load_spin_presets()
     return {key for preset in presets.values() if preset.get("type") == kind for key in preset} - {"type"}
 
 
@@ -527,6 +528,15 @@ def presets() -> str:
     """Return the shipped cameras by name, with what in them is sourced and what assumed."""
     rows = [(f"`{name}`", " ".join(table["what"].split())) for name, table in load_presets().items()]
     return _table(("`[lidar] preset`", "what it is"), rows)
+
+
+def spin_presets() -> str:
+    """Return the rotations of real objects by name, with what in them is sourced and what assumed."""
+    shipped = rl.motion.load_spin_presets()
+    rows = [
+        (f"`{name}`", f"{table['rate_deg_s']:g}", " ".join(table["what"].split())) for name, table in shipped.items()
+    ]
+    return _table(("`preset`", "deg/s", "what it is"), rows)
 
 
 def sensor_presets() -> str:

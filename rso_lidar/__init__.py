@@ -91,7 +91,7 @@ from rso_lidar.scenario import (
 )
 from rso_lidar.scene import Lambertian, Phong
 from rso_lidar.simulation import Simulation, flash, simulate
-from rso_lidar.study import budget, save, timeline, trade, view
+from rso_lidar.study import budget, save, timeline, trade, truth, view
 
 __version__ = _version("rso-lidar")
 
@@ -173,6 +173,7 @@ __all__ = [
     "timeline",
     "track",
     "trade",
+    "truth",
     "units",
     "view",
 ]

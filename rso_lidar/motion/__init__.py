@@ -10,6 +10,7 @@ from rso_lidar.motion.attitudes.look_at import LookAt
 from rso_lidar.motion.attitudes.situation import Attitude, Orientation, Situation
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.attitudes.spin import Spin, Tumble
+from rso_lidar.motion.attitudes.spin_presets import load_spin_presets
 from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Axes, Body
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle
@@ -74,6 +75,7 @@ __all__ = [
     "check_angles",
     "compute_demand",
     "count_dynamics",
+    "load_spin_presets",
     "make_demand",
     "sense",
     "start",

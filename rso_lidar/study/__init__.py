@@ -26,6 +26,7 @@ from rso_lidar.study.recorded_runs.conversion import save
 from rso_lidar.study.recorded_runs.display import view
 from rso_lidar.study.recorded_runs.frame_comparison import FrameDifference, compare_frames
 from rso_lidar.study.time_history.timeline import Timeline, timeline
+from rso_lidar.study.time_history.truth_at_epochs import truth
 from rso_lidar.study.track_quality.evaluation import Tracking, tracking
 from rso_lidar.study.track_quality.target_mesh import sample_target
 from rso_lidar.study.trades.definition import Study
@@ -74,6 +75,7 @@ __all__ = [
     "timeline",
     "tracking",
     "trade",
+    "truth",
     "verify",
     "view",
 ]

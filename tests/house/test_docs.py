@@ -76,6 +76,7 @@ def test_generated_pages_are_up_to_date(generator):
         "physics.md",
         "instrument.md",
         "models.md",
+        "orbits.md",
         "protocol.md",
         "sensors.md",
         "requirements.md",

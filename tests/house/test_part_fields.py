@@ -30,6 +30,7 @@ NO_SUFFIX = {  # name: why it needs none
     "adc_bits": "a number of bits",
     "afterpulse_probability": "a probability",
     "axis": "a direction, of any length",
+    "direction": "a direction, of any length",
     "ratio": "of two gains",
     "pattern": "a number that only names one of many alike",
     "camera_seed": "a number that only names a camera",

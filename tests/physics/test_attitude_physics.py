@@ -198,6 +198,36 @@ def test_a_body_spun_about_its_middle_axis_flips_again_and_again(validation):
     assert rotation.apply([0, 1, 0])[:, 1].min() == pytest.approx(-1.0, abs=1e-6)
 
 
+def test_spin_fixed_in_rtn_axes_is_that_of_the_paper():
+    # Kucharski et al. 2014 (IEEE TGRS 52, 7651): Envisat's axis is 61.86 deg from nadir, 90.69 deg from along-track, and
+    # on the side against the orbit normal
+    start = datetime.datetime(2013, 9, 25, tzinfo=datetime.UTC)
+    orbit_ = orbit.Kepler(
+        epoch_utc=start, semi_major_axis_km=7144.0, eccentricity=0.0001, inclination_deg=98.4, raan_deg=2.0,
+        argument_of_perigee_deg=80.0, true_anomaly_deg=280.0,
+    )  # fmt: skip
+    epochs = orbit.Epochs(start, np.linspace(0.0, 6000.0, 601))
+    body = motion.Body(name="envisat", motion=orbit_, attitude=Spin(preset="envisat_2013"))
+    truth = motion.truth([body], epochs)
+    state = truth.states["envisat"]
+    radial, velocity = (v / np.linalg.norm(v, axis=1)[:, None] for v in (state.position_m, state.velocity_m_s))
+    axis = truth.pose("inertial", "envisat").rotation.apply([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(np.degrees(np.arccos(np.sum(axis * -radial, axis=1))), 61.86, atol=0.01)
+    # along-track is across the radius, which the velocity is within 2 e = 0.01 deg
+    np.testing.assert_allclose(np.degrees(np.arccos(np.sum(axis * velocity, axis=1))), 90.69, atol=0.02)
+    assert np.all(np.sum(axis * np.cross(radial, velocity), axis=1) < -0.8)
+    after = Rotation.from_matrix(truth.pose("envisat.rtn", "envisat").rotation.as_matrix())
+    turn = (after[1:] * after[:-1].inv()).magnitude() / 10.0
+    np.testing.assert_allclose(turn, math.tau / 134.74, rtol=1e-6)
+    # the rate that the truth states is that of the attitude: 2.67 deg/s about the axis, and the orbit's about its normal
+    rate = truth.rates("inertial", "envisat")[1]
+    turning = truth.pose("inertial", "envisat").rotation.apply(np.array(rate))
+    normal = np.cross(radial, velocity)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    mean_motion = math.sqrt(EARTH_GM_M3_S2 / 7144e3**3)
+    np.testing.assert_allclose(turning, axis * math.tau / 134.74 + normal * mean_motion, atol=4e-7)
+
+
 def test_spin_is_a_tumble_about_a_principal_axis(validation):
     time = np.linspace(0.0, 5000.0, 101)
     spin = Spin(axis=(0, 1, 0), rate_deg_s=-3.0, quaternion_xyzw=(0.6, 0, 0, 0.8)).orientation(time)

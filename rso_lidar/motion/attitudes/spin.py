@@ -11,7 +11,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from rso_lidar import units
 from rso_lidar.motion.attitudes.free_rotation import rotate_freely
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.part import GREATEST, Direction, Number, Part, Quaternion, Vector
+from rso_lidar.motion.attitudes.spin_presets import merge_spin_preset
+from rso_lidar.part import GREATEST, Direction, Number, Part, Quaternion, Text, Vector
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -20,14 +21,63 @@ _IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 class Spin(Part):
-    """Spin at a constant rate about an axis in body axes; `quaternion_xyzw` is inertial_from_body at t = 0."""
+    """Spin at a constant rate about an axis that is fixed in the body, and in inertial or in rtn axes.
+
+    A dead satellite whose axis is fixed in rtn axes is held there by torques. `preset` names the rotation of a real object,
+    with its source.
+    """
 
     type: Literal["spin"] = "spin"
-    axis: Direction = Field(description="Rotation axis in body axes, of any length.")
-    rate_deg_s: Number = Field(description="Rotation rate, right-handed about `axis` [deg/s].")
-    quaternion_xyzw: Quaternion = Field(
-        default=_IDENTITY, description="Unit quaternion inertial_from_body at `start_utc`."
+    preset: Text | None = Field(
+        default=None,
+        description="Name of a real object, whose rotation applies where no values are given here (docs/orbits.md).",
     )
+    axis: Direction = Field(description="Rotation axis in body axes, of any length.")
+    rate_deg_s: Number = Field(description="Rotation rate relative to `axes`, right-handed about `axis` [deg/s].")
+    axes: Literal["inertial", "rtn"] = Field(
+        default="inertial",
+        description="Axes in which the rotation axis is fixed: the root's, or the body's own rtn axes if it orbits.",
+    )
+    direction: Direction | None = Field(
+        default=None,
+        description=(
+            "Direction of the rotation axis in `axes`, of any length: at `start_utc` the smallest rotation from `axes` "
+            "takes `axis` there. Give at most one of this and `quaternion_xyzw`."
+        ),
+    )
+    quaternion_xyzw: Quaternion = Field(
+        default=_IDENTITY, description="Unit quaternion axes_from_body at `start_utc`, with `axes` as above."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_preset(cls, given: Any) -> Any:
+        return merge_spin_preset(given) if isinstance(given, dict) else given
+
+    @model_validator(mode="after")
+    def _one_start(self) -> Self:
+        if self.direction is not None and self.quaternion_xyzw != _IDENTITY:
+            raise ValueError("direction and quaternion_xyzw both state where the axis points: give one")
+        return self
+
+    @property
+    def needs_orbit(self) -> bool:
+        """Whether the body must orbit."""
+        return self.axes == "rtn"
+
+    @property
+    def axes_from_body(self) -> Rotation:
+        """Attitude at `start_utc`, in `axes`."""
+        from scipy.spatial.transform import Rotation
+
+        if self.direction is None:
+            return Rotation.from_quat(self.quaternion_xyzw)
+        a, b = (np.asarray(vector, dtype=float) / np.linalg.norm(vector) for vector in (self.axis, self.direction))
+        across, along = np.cross(a, b), float(a @ b)
+        if np.linalg.norm(across) > 1e-12:
+            return Rotation.from_rotvec(across / np.linalg.norm(across) * np.arctan2(np.linalg.norm(across), along))
+        aside = np.cross(a, np.eye(3)[np.argmin(np.abs(a))])  # half a turn about any direction across it
+        return Rotation.from_rotvec(aside / np.linalg.norm(aside) * (np.pi if along < 0.0 else 0.0))
 
     @property
     def body_rate_rad_s(self) -> np.ndarray:
@@ -45,7 +95,7 @@ class Spin(Part):
 
         Returns
         -------
-        inertial_from_body (…), and the body rates (…, 3) [rad/s].
+        axes_from_body (…), and the body rates (…, 3) [rad/s] relative to those axes.
 
         Examples
         --------
@@ -63,17 +113,15 @@ class Spin(Part):
     @cached_property
     def _rodrigues(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Constant, cosine and sine terms (3, 3) of the attitude matrix by Rodrigues' formula, and the rate [rad/s]."""
-        from scipy.spatial.transform import Rotation
-
         x, y, z = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
-        start = Rotation.from_quat(self.quaternion_xyzw).as_matrix()
+        start = self.axes_from_body.as_matrix()
         along = np.matmul(start, np.outer((x, y, z), (x, y, z)))
         out = np.matmul(start, np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
         return along, start - along, out, self.body_rate_rad_s
 
     def orient(self, situation: Situation) -> Orientation:
-        """Return the attitude and body rates in root axes."""
-        return Orientation(*self.orientation(situation.epochs.time_s))
+        """Return the attitude and body rates in root axes, or in the body's rtn axes."""
+        return Orientation(*self.orientation(situation.epochs.time_s), in_origin=self.axes == "rtn")
 
 
 def _check_inertia(inertia: Any) -> Any:
