@@ -396,6 +396,16 @@ def test_element_sets_are_what_make_synthetic_writes():
         assert entry["sha256"] == hashlib.sha256(blob).hexdigest()
 
 
+def test_conjunction_messages_are_what_make_synthetic_writes():
+    messages = runpy.run_path(str(ROOT / "tle" / "make_synthetic.py"), run_name="sets")["MESSAGES"]
+    index = tomllib.loads((ROOT / "tle" / "index.toml").read_text(encoding="utf-8"))["conjunction_messages"]
+    assert {entry["file"] for entry in index} == {file.name for file in (ROOT / "tle").glob("*.cdm")}
+    for entry in index:
+        blob = (ROOT / "tle" / entry["file"]).read_bytes()
+        assert (entry["what"], blob.decode("ascii")) == messages[entry["name"]]
+        assert (entry["size_bytes"], entry["sha256"]) == (len(blob), hashlib.sha256(blob).hexdigest())
+
+
 # -------------------------------------------------------------------------------------------------- safety_ellipse
 
 

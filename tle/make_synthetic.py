@@ -1,7 +1,7 @@
-"""Write the synthetic element sets of this folder, and the index of all that lies here: `python tle/make_synthetic.py`.
+"""Write the synthetic files of this folder, and the index of all that lies here: `python tle/make_synthetic.py`.
 
-The sets are invented: round elements, exported by the sgp4 package, catalogue numbers 99001 on. They look like the orbits
-of the craft they are named after and are nobody's.
+The element sets are invented: round elements, exported by the sgp4 package, catalogue numbers 99001 on. They look like the
+orbits of the craft they are named after and are nobody's. So are the states and covariances of the conjunction message.
 """
 
 import hashlib
@@ -63,26 +63,91 @@ SETS = {
 }
 # fmt: on
 
+RADIUS_KM, SPEED_KM_S = 7078.137, 7.504_359_0  # a circular orbit 700 km up
+CROSSING_DEG = 0.19  # between the planes, so that the two pass at 25 m/s
+SIGMAS_RTN = {  # standard deviations of radial, along-track and cross-track position [m] and velocity [m/s]
+    "FOLLOWER (SYNTHETIC)": (10.0, 60.0, 8.0, 0.060, 0.010, 0.008),
+    "ROCKET BODY (SYNTHETIC)": (20.0, 150.0, 15.0, 0.150, 0.020, 0.015),
+}
+
+
+def conjunction_message():
+    """Return a conjunction data message (CDM): both objects on the x axis of GCRF, 120 m apart, radial and along-track."""
+    c, s = (SPEED_KM_S * f(97.6 * DEG) for f in (math.cos, math.sin))
+    c2, s2 = (SPEED_KM_S * f((97.6 + CROSSING_DEG) * DEG) for f in (math.cos, math.sin))
+    x, y, z = 0.040, 0.113_137 * c / SPEED_KM_S, 0.113_137 * s / SPEED_KM_S
+    states = ((RADIUS_KM, 0.0, 0.0, 0.0, c, s), (RADIUS_KM + x, y, z, 0.0, c2, s2))
+    lines = [
+        "CCSDS_CDM_VERS = 1.0",
+        "COMMENT Invented by tle/make_synthetic.py: nobody's objects",
+        "CREATION_DATE = 2024-09-16T12:00:00",
+        "ORIGINATOR = RSO_LIDAR",
+        "MESSAGE_ID = SYNTHETIC-1",
+        "TCA = 2024-09-17T12:00:00.000",
+        "MISS_DISTANCE = 120 [m]",
+        "RELATIVE_SPEED = 25 [m/s]",
+        "COMMENT HBR = 6 [m]",
+    ]
+    axes = ("R", "T", "N", "RDOT", "TDOT", "NDOT")
+    for k, ((name, sigmas), state) in enumerate(zip(SIGMAS_RTN.items(), states, strict=True), start=1):
+        lines += [
+            f"OBJECT = OBJECT{k}",
+            f"OBJECT_DESIGNATOR = {99004 - k}",
+            "CATALOG_NAME = SATCAT",
+            f"OBJECT_NAME = {name}",
+            f"INTERNATIONAL_DESIGNATOR = 2024-002{'BC'[2 - k]}",
+            "EPHEMERIS_NAME = NONE",
+            "COVARIANCE_METHOD = DEFAULT",
+            "MANEUVERABLE = N/A",
+            "REF_FRAME = GCRF",
+        ]
+        units = ("[km]",) * 3 + ("[km/s]",) * 3
+        names = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+        lines += [f"{key} = {value:.9f} {unit}" for key, value, unit in zip(names, state, units, strict=True)]
+        for row in range(6):
+            for column in range(row + 1):
+                # an error along the track comes from the period, and so from the radial one's rate
+                share = 1.0 if row == column else -0.9 if (row, column) == (3, 1) else 0.0
+                value = share * sigmas[row] * sigmas[column]
+                unit = "[m**2]" if row < 3 else "[m**2/s]" if column < 3 else "[m**2/s**2]"
+                lines.append(f"C{axes[row]}_{axes[column]} = {value:.6e} {unit}")
+    return "\n".join(lines) + "\n"
+
+
+# what is in the message, and its text, by name
+MESSAGES = {
+    "flyby": (
+        "A conjunction of two objects in low Earth orbit: 120 m and 25 m/s, 17 September 2024",
+        conjunction_message(),
+    )
+}
+
+
+def write(path, text, what, source):
+    """Write a file, and return its entry of the index."""
+    path.write_text(text, encoding="ascii")
+    blob = path.read_bytes()
+    return {
+        "name": path.stem,
+        "file": path.name,
+        "what": what,
+        "source": source,
+        "licence": "MIT",
+        "size_bytes": len(blob),
+        "sha256": hashlib.sha256(blob).hexdigest(),
+    }
+
 
 def main():
-    """Write each set to its file, and the index with sizes and sums."""
-    entries = []
-    for stem, (what, sets) in SETS.items():
-        path = HERE / f"{stem}.tle"
-        path.write_text("".join(sets), encoding="ascii")
-        blob = path.read_bytes()
-        entries.append(
-            {
-                "name": stem,
-                "file": path.name,
-                "what": what,
-                "source": "synthetic: tle/make_synthetic.py, with the exporter of the sgp4 package",
-                "licence": "MIT",
-                "size_bytes": len(blob),
-                "sha256": hashlib.sha256(blob).hexdigest(),
-            }
-        )
-    (HERE / "index.toml").write_text(tomli_w.dumps({"element_sets": entries}), encoding="utf-8")
+    """Write each set and message to its file, and the index with sizes and sums."""
+    made_by = "synthetic: tle/make_synthetic.py"
+    sets = [
+        write(HERE / f"{stem}.tle", "".join(texts), what, f"{made_by}, with the exporter of the sgp4 package")
+        for stem, (what, texts) in SETS.items()
+    ]
+    messages = [write(HERE / f"{stem}.cdm", text, what, made_by) for stem, (what, text) in MESSAGES.items()]
+    index = tomli_w.dumps({"element_sets": sets, "conjunction_messages": messages})
+    (HERE / "index.toml").write_text(index, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -10,8 +10,10 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
-from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
 from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
+from rso_lidar.scenario import Constraints, Lidar, Scenario
+from rso_lidar.scenario.tables.presets import load_presets
 
 ScenarioFile = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]
@@ -102,3 +104,16 @@ def select_frames(read: export.Recording, frames: str | None) -> list[int]:
         held = f"{numbers.size} from {numbers.min()} to {numbers.max()}"
         raise RecordingError(f"--frames {frames}: {read.path.name} holds none of them, but {held}")
     return list(places)
+
+
+def load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
+    """Load the camera of that name, or the camera and the constraints of a scenario file."""
+    if text in load_presets():
+        return Lidar(preset=text), None  # type: ignore[call-arg]
+    if Path(text).suffix.lower() == ".toml" or Path(text).exists():
+        scenario = Scenario.load(text)
+        return scenario.instrument, scenario.constraints
+    raise ScenarioError(
+        f"--lidar {text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
+        "or a scenario file)"
+    )

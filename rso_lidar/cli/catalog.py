@@ -17,6 +17,7 @@ from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence
 from rso_lidar.orbit.sets.catalog import REGIMES, WRITTEN_SUFFIXES
 from rso_lidar.orbit.sets.formats import read_element_sets
+from rso_lidar.study import estimate_set_errors
 from rso_lidar.study.passes.pass_table import format_count
 
 _FIRST = 10  # problems shown without --problems
@@ -44,6 +45,9 @@ def catalog(
         typer.Option("--max-age-days", metavar="D", help="Greatest distance of an epoch from --near (days)."),
     ] = None,
     jumps: Annotated[bool, typer.Option("--jumps", help="Jumps of each --id from one set to the next.")] = False,
+    errors: Annotated[
+        bool, typer.Option("--errors", help="Differences between the sets of each --id by their age, as their errors.")
+    ] = False,
     problems: Annotated[bool, typer.Option("--problems", help=f"All bad records, not the first {_FIRST}.")] = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write these sets: OMM as .json, .csv, .xml or .kvn, or .tle.")
@@ -59,8 +63,9 @@ def catalog(
         guess = did_you_mean(regime, REGIMES)
         raise ScenarioError(f"--regime {regime}: unknown regime{guess or ';'} (known: {', '.join(REGIMES)})")
     numbers = _parse_numbers(ids or [])
-    if jumps and not numbers:
-        raise ScenarioError("--jumps: is about one object; name it with --id")
+    for option, wanted in (("--jumps", jumps), ("--errors", errors)):
+        if wanted and not numbers:
+            raise ScenarioError(f"{option}: is about one object; name it with --id")
     if output is not None:
         output = check_writable(output, WRITTEN_SUFFIXES, overwrite=overwrite)
     at = None if near is None else parse_instant("--near", near)
@@ -79,6 +84,8 @@ def catalog(
     lines = _format_table(objects)
     if jumps:
         lines += [line for sets in objects for line in _describe_jumps(sets)]
+    if errors:
+        lines += [line for sets in objects for line in estimate_set_errors(sets).table().splitlines()]
     if output is not None:  # first, so that what cannot be written is all that is said
         _write(chosen, output)
     for line in (*lines, _summarise(file, whole, chosen, len(objects))):

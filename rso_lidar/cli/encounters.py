@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from rso_lidar import picture, units
-from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme, parse_instant, parse_length_m
+from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme, load_lidar, parse_instant, parse_length_m
 from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
@@ -18,8 +18,7 @@ from rso_lidar.files import check_suffix, check_writable, write_text
 from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.picture.style.palette import Scheme
-from rso_lidar.scenario import Constraints, Lidar, Scenario
-from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.scenario import Constraints
 from rso_lidar.study import Encounters, scenario_text
 from rso_lidar.study import encounters as find
 from rso_lidar.study.passes.pass_table import format_count
@@ -105,7 +104,7 @@ def encounters(
     if sort not in _ORDERS:
         raise ScenarioError(f"--sort {sort}: unknown order{did_you_mean(sort, _ORDERS)} (known: {', '.join(_ORDERS)})")
     within_m, start_utc = parse_length_m("--within", within), parse_instant("--start", start)
-    camera, asked = _load_lidar(lidar)
+    camera, asked = load_lidar(lidar)
     angles = {"sun": sun_exclusion, "moon": moon_exclusion, "earth": earth_exclusion}
     asked = _choose_constraints(asked, angles, None if keep_out is None else parse_length_m("--keep-out", keep_out))
     if not min_duration >= 0.0:
@@ -246,16 +245,3 @@ def _choose_constraints(
             raise ScenarioError(f"--keep-out: {keep_out_m:g} m is not a radius; give more than 0 and at most 10,000 km")
         changes["keep_out_m"] = keep_out_m
     return (asked or Constraints()).replace(**changes) if changes else asked
-
-
-def _load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
-    """Load the camera of that name, or the camera and the constraints of a scenario file."""
-    if text in load_presets():
-        return Lidar(preset=text), None  # type: ignore[call-arg]
-    if Path(text).suffix.lower() == ".toml" or Path(text).exists():
-        scenario = Scenario.load(text)
-        return scenario.instrument, scenario.constraints
-    raise ScenarioError(
-        f"--lidar {text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
-        "or a scenario file)"
-    )

@@ -17,13 +17,20 @@ which only SGP4 may propagate. `OsculatingElements` are those of one state; `mea
 **The Earth below.** `GroundStation` is a place on the ground, `find_ground_track` gives latitudes and longitudes, and
 `EarthOrientation` reads polar motion and UT1. `gcrs_from_axes` and `convert_states` know the named axes.
 
+**Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability` and `sample_collisions` give the probability of
+collision of two `UncertainState`s.
+
 **Functions.** `screen` finds close approaches, `find_eclipses` passages through the Earth's shadow, `find_access` when one
 object sees another, and `solve_lambert` the orbit between two positions. `propagate_two_body` and `propagate_sgp4` need no
 scenario.
 """
 
+from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
+from rso_lidar.orbit.collision.foster import foster_probability
+from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
+from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState
 from rso_lidar.orbit.earth.access import Access, find_access
 from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
@@ -70,6 +77,8 @@ __all__ = [
     "Burn",
     "Catalog",
     "CloseApproach",
+    "ConjunctionMessage",
+    "ConjunctionObject",
     "Drag",
     "EarthOrientation",
     "Eclipse",
@@ -87,12 +96,15 @@ __all__ = [
     "Omm",
     "OsculatingElements",
     "RadiationPressure",
+    "SampledProbability",
     "ScreeningResult",
     "SetSequence",
     "State",
     "Tle",
     "Trajectory",
     "Transfer",
+    "UncertainSeparation",
+    "UncertainState",
     "beta_angle_rad",
     "convert_states",
     "earth_angular_radius_rad",
@@ -103,6 +115,7 @@ __all__ = [
     "find_eclipses",
     "find_ground_track",
     "format_utc",
+    "foster_probability",
     "gcrs_from_axes",
     "gcrs_from_teme",
     "geodetic_from_itrs",
@@ -117,6 +130,7 @@ __all__ = [
     "phase_angle_rad",
     "propagate_sgp4",
     "propagate_two_body",
+    "sample_collisions",
     "screen",
     "solve_lambert",
     "solve_lambert_all",

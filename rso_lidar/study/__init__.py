@@ -17,10 +17,13 @@ from rso_lidar.study.elevation import (
 )
 from rso_lidar.study.mission_parameters.parameter_list import MissionParameter
 from rso_lidar.study.mission_parameters.parameter_table import ParameterTable, list_parameters
+from rso_lidar.study.passes.conjunction_assessment import ConjunctionAssessment, assess_conjunction
+from rso_lidar.study.passes.conjunction_scenario import conjunction_scenario_text
 from rso_lidar.study.passes.pass_geometry import Encounter, reach_m
 from rso_lidar.study.passes.pass_table import Encounters
 from rso_lidar.study.passes.scenario_text import scenario_text
 from rso_lidar.study.passes.search import encounters
+from rso_lidar.study.passes.set_errors import SetErrors, estimate_set_errors
 from rso_lidar.study.pixel_summary import PixelReport, report_pixel
 from rso_lidar.study.recorded_runs.conversion import save
 from rso_lidar.study.recorded_runs.display import view
@@ -41,6 +44,7 @@ __all__ = [
     "UNKNOWN",
     "Budget",
     "BudgetCurve",
+    "ConjunctionAssessment",
     "ElevationMap",
     "Encounter",
     "Encounters",
@@ -53,17 +57,21 @@ __all__ = [
     "Requirement",
     "RequirementResult",
     "Requirements",
+    "SetErrors",
     "Study",
     "Timeline",
     "Tracking",
     "Trade",
     "VerificationMatrix",
+    "assess_conjunction",
     "budget",
     "build_elevation_map",
     "build_true_elevation",
     "compare_frames",
     "compare_maps",
+    "conjunction_scenario_text",
     "encounters",
+    "estimate_set_errors",
     "find_hazards",
     "find_range",
     "list_parameters",

@@ -251,3 +251,17 @@ def test_a_mean_motion_of_no_orbit_is_a_bad_record(call, file, tmp_path, turns):
     status, out, err = call(source)
     assert (status, err, len(out)) == (0, [], 4)
     assert "not that of an orbit about the Earth" in out[-1]
+
+
+def test_errors_of_the_sets_of_an_object(call, file, tmp_path):
+    status, out, err = call(file, "--id", 25544, "--errors")
+    assert (status, err) == (0, [])
+    assert "ISS (ZARYA) (NORAD 25544): differences between its own element sets by age" in out[2]
+    assert any(line.startswith("consistency, not accuracy") for line in out)
+    assert [line.split()[3] for line in out[4:10]] == ["0", "0", "1", "1", "1", "0"]  # pairs: after 1, 2 and 3 days
+    status, out, err = call(file, "--errors")
+    assert (status, out) == (2, [])
+    assert err == ["error: --errors: is about one object; name it with --id"]
+    status, _, err = call(file, "--id", 28358, "--errors")
+    assert (status, len(err)) == (2, 1)
+    assert "has one element set; differences need two or more" in err[0]

@@ -3,41 +3,33 @@
 from __future__ import annotations
 
 import datetime
-import json
 import math
-import re
-from typing import Any
 
 import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.element_set import ElementSet, make_printable
+from rso_lidar.orbit.sets.element_set import make_printable
 from rso_lidar.orbit.sets.fleet import Fleet
-from rso_lidar.orbit.sets.sgp4_motion import Omm
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.pose import rotate_vectors
-from rso_lidar.rpo.relative.rtn import rtn_axes
-from rso_lidar.scenario import Lidar
+from rso_lidar.records import BodyState
 from rso_lidar.study.passes.exclusion import keep_out_radius_m, select_rtn_corridors
 from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter
 from rso_lidar.study.passes.pass_table import Encounters
+from rso_lidar.study.passes.scenario_lines import (
+    choose_attitude,
+    guess_model,
+    name_target,
+    write_elements,
+    write_lidar,
+    write_value,
+)
 
 _LONGEST_S, _SHORTEST_S = 1200.0, 10.0
 _MOST_FRAMES = 1250
 _MARGIN_S = 5.0
-
-# Patterns of an object's name. The model is a guess, as the file states.
-_HINTS = (
-    (r"\bDEB\b|DEBRIS|\bFRAG", "debris_plate"),
-    (r"\bSL-16\b|ZENIT", "zenit_stage"),
-    (r"\bR/B\b|ROCKET|STAGE|CENTAUR|BREEZE|FREGAT|\bH-2A\b|\bSL-\d|\bCZ-\d", "rocket_body"),
-    (r"\bTDRS\b", "tdrs"),
-    (r"ENVISAT", "envisat"),
-    (r"INTELSAT|GALAXY|\bSES\b|EUTELSAT|ASTRA|MEV", "comsat"),
-    (r"JUNO", "juno"),
-)
 
 
 def scenario_text(table: Encounters, number: int) -> str:
@@ -71,15 +63,15 @@ def scenario_text(table: Encounters, number: int) -> str:
     row = table.rows[number - 1]
     _check_separate(table, number)
     start_utc, duration_s, rate_hz = _choose_time(table, row)
-    name = _name_target(row)
-    pan, pitch, roll = _choose_attitude(table, row)
-    model, why = _guess_model(row.name)
+    name = name_target(row.name, row.norad_id)
+    pan, pitch, roll = choose_attitude(*_states(table, row))
+    model, why = guess_model(row.name)
     title = f"{row.label} past {table.follower.name or table.follower.label}, {row.range_m / units.KM:.3g} km"
     lines = [
         *map(make_printable, _write_facts(table, number)),  # a foreign name must not end a comment's line
         *map(make_printable, _write_warnings(table, row)),
         "version = 1",
-        f"name    = {_write_value(title)}",
+        f"name    = {write_value(title)}",
         f"seed    = {row.norad_id % 2**31}",
         "",
         "[time]",
@@ -88,21 +80,21 @@ def scenario_text(table: Encounters, number: int) -> str:
         f"frame_rate_hz = {rate_hz:g}",
         "",
         "[[target]]",
-        f"name     = {_write_value(name)}",
-        f"model    = {_write_value(model)}   # {why}: size and material are as uncertain; put your own here",
-        f"motion   = {_write_motion(row.elements)}",
+        f"name     = {write_value(name)}",
+        f"model    = {write_value(model)}   # {why}: size and material are as uncertain; put your own here",
+        f"motion   = {write_elements(row.elements)}",
         'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
         "",
         "[follower]",
-        f"motion   = {_write_motion(row.follower)}",
+        f"motion   = {write_elements(row.follower)}",
         f'attitude = {{ type = "rtn", euler_zyx_deg = [{pan:.4f}, {pitch:.4f}, {roll:.4f}] }}   # +x to it',
         "",
         "[ptu]                                   # the rate of the drive is the limit that was asked about",
-        f'point    = {{ type = "track", at = {_write_value(name)} }}',
+        f'point    = {{ type = "track", at = {write_value(name)} }}',
         'response = { type = "second_order", natural_hz = 4.0, damping = 0.7, '
         f"max_rate_deg_s = {table.max_slew_deg_s:g} }}",
         "",
-        _write_lidar(table),
+        write_lidar(table.lidar),
         *_write_constraints(table, name),
     ]
     return "\n".join(lines)
@@ -156,28 +148,14 @@ def _choose_time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, 
     return start_utc, duration_s, rate_hz
 
 
-def _choose_attitude(table: Encounters, row: Encounter) -> tuple[float, float, float]:
-    """Return the intrinsic angles z, y, x [deg] of the follower's body in its rtn axes."""
-    from scipy.spatial.transform import Rotation
-
+def _states(table: Encounters, row: Encounter) -> tuple[BodyState, BodyState]:
+    """Return the states of follower and object at the closest approach in GCRS axes."""
     epochs = Epochs(table.start_utc, np.array([row.time_s]))
-    fleet = Fleet([row.elements, row.follower], table.start_utc)
+    fleet = Fleet([row.follower, row.elements], table.start_utc)
     position, velocity = fleet.at(np.array([0, 1]), np.repeat(epochs.time_s, 2))
     rotation = np.repeat(gcrs_from_teme(epochs), 2, axis=0)
     position, velocity = rotate_vectors(rotation, position), rotate_vectors(rotation, velocity)
-    ahead, rate = position[0] - position[1], velocity[0] - velocity[1]
-    up = np.cross(ahead, rate)
-    if np.linalg.norm(up) < max(1e-6 * float(np.linalg.norm(ahead) * np.linalg.norm(rate)), 1e-12):
-        up = np.cross(position[1], velocity[1])
-    if np.linalg.norm(np.cross(ahead, up)) == 0.0:
-        return 90.0, 0.0, 0.0  # along the orbit normal, which leaves the roll open
-    x = ahead / np.linalg.norm(ahead)
-    y = np.cross(up, x)
-    y /= np.linalg.norm(y)
-    inertial_from_body = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=1))
-    inertial_from_rtn = rtn_axes(position[1:], velocity[1:])[0][0]
-    angles = (inertial_from_rtn.inv() * inertial_from_body).as_euler("ZYX", degrees=True)
-    return float(angles[0]), float(angles[1]), float(angles[2])
+    return BodyState(position[0], velocity[0]), BodyState(position[1], velocity[1])
 
 
 def _write_warnings(table: Encounters, row: Encounter) -> list[str]:
@@ -211,52 +189,3 @@ def _write_constraints(table: Encounters, name: str) -> list[str]:
     if corridors:
         tree["corridor"] = [corridor.model_dump(exclude_unset=True, exclude_none=True) for corridor in corridors]
     return [tomli_w.dumps({"constraints": tree})] if tree else []
-
-
-def _write_motion(elements: ElementSet) -> str:
-    """Write the inline table of a motion: the two lines of its element set, or the fields of its message."""
-    if elements.line1 and elements.line2:
-        named = f", name = {_write_value(elements.name)}" if elements.name else ""
-        first, second = _write_value(elements.line1), _write_value(elements.line2)
-        return f'{{ type = "tle"{named}, lines = [\n    {first},\n    {second},\n] }}'
-    fields = Omm.of(elements).model_dump(exclude_none=True)
-    return "{ " + ", ".join(f"{key} = {_write_value(value)}" for key, value in fields.items()) + " }"
-
-
-def _write_lidar(table: Encounters) -> str:
-    import tomli_w
-
-    tree: dict[str, Any] = table.lidar.model_dump(exclude_unset=True, exclude_none=True, mode="python")
-    preset = table.lidar.preset
-    if preset is not None and table.lidar == Lidar(preset=preset):  # type: ignore[call-arg]
-        tree = {"preset": preset}  # the preset's own values need not be repeated
-    return tomli_w.dumps({"lidar": tree})
-
-
-def _guess_model(name: str) -> tuple[str, str]:
-    """Return a model of the catalogue for an object, and the reason for it."""
-    for pattern, model in _HINTS:
-        if re.search(pattern, name.upper()):
-            return model, "guessed from the object's name"
-    return "cubesat_3u", "a stand-in, for nothing in the object's name says what it is"
-
-
-def _name_target(row: Encounter) -> str:
-    words = re.sub(r"[^a-z0-9]+", "_", row.name.lower()).strip("_")
-    return (
-        f"norad_{row.norad_id}"
-        if not words
-        else words
-        if words[0].isalpha() and words not in _TAKEN
-        else f"object_{words}"
-    )
-
-
-_TAKEN = ("inertial", "follower", "ptu", "lidar", "sun_direction")
-
-
-def _write_value(value: Any) -> str:
-    """Write a value as TOML."""
-    if isinstance(value, datetime.datetime):
-        return value.astimezone(datetime.UTC).isoformat().replace("+00:00", "Z")
-    return json.dumps(make_printable(value) if isinstance(value, str) else value, ensure_ascii=False)

@@ -419,6 +419,6 @@ def test_a_row_that_is_not_there(table, number, message):
     ],
 )
 def test_an_object_is_drawn_as_its_name_suggests(name, model):
-    from rso_lidar.study.passes.scenario_text import _guess_model
+    from rso_lidar.study.passes.scenario_lines import guess_model
 
-    assert _guess_model(name)[0] == model
+    assert guess_model(name)[0] == model

@@ -1,0 +1,47 @@
+"""`rso-lidar conjunction`: miss distance and probability of collision of a CDM, and its scenario."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar.cli.arguments import Overwrite, load_lidar, parse_length_m
+from rso_lidar.cli.completion import list_cameras
+from rso_lidar.cli.terminal import echo
+from rso_lidar.files import check_writable, write_text
+from rso_lidar.study import assess_conjunction, conjunction_scenario_text
+
+
+def conjunction(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Conjunction data message (CCSDS CDM, KVN or XML).")],
+    radius: Annotated[
+        str | None,
+        typer.Option("--radius", metavar="LENGTH", help="Combined hard-body radius, with its unit: 10m."),
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option("--samples", min=0, help="Monte Carlo draws; 0: none. Else for some 1000 hits.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws, and of the scenario.")] = 0,
+    follower: Annotated[int, typer.Option("--follower", min=1, max=2, help="Object with the lidar: 1 or 2.")] = 1,
+    lidar: Annotated[
+        str,
+        typer.Option(
+            "--lidar",
+            metavar="PRESET|FILE",
+            help="Camera by name, or a scenario file with one.",
+            autocompletion=list_cameras,
+        ),
+    ] = "long_range_1064",
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write a scenario of it to this .toml.")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Compute the probability of collision of a conjunction message."""
+    if output is not None:
+        output = check_writable(output, (".toml",), overwrite=overwrite)
+    camera, _ = load_lidar(lidar)
+    radius_m = None if radius is None else parse_length_m("--radius", radius)
+    found = assess_conjunction(file, radius_m, samples=samples, seed=seed)
+    text = None if output is None else conjunction_scenario_text(found, follower, lidar=camera, seed=seed)
+    echo(found.text())
+    if text is not None and output is not None:
+        echo(f"{write_text(output, text, overwrite=overwrite)}")

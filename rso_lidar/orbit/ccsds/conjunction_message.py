@@ -1,0 +1,276 @@
+"""Conjunction data messages (CCSDS 508.0-B, CDM): two states at the closest approach with their covariances."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.ccsds.conjunction_keywords import ConjunctionKeywords, StatedValue, read_conjunction_keywords
+from rso_lidar.orbit.ccsds.message import parse_number
+from rso_lidar.orbit.ccsds.reader import find_table, read_table_text
+from rso_lidar.orbit.ccsds.reference_frames import parse_frame
+from rso_lidar.orbit.earth.axes import convert_states
+from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, parse_epoch_ps
+from rso_lidar.records import BodyState
+
+_AXES = ("R", "T", "N", "RDOT", "TDOT", "NDOT")
+_STATE = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+_RELATIVE = ("R", "T", "N")
+
+
+@dataclass(frozen=True, eq=False)
+class ConjunctionObject:
+    """One of the two objects of a conjunction data message.
+
+    Parameters
+    ----------
+    name, designator, international_designator : as the message gives them; empty where it does not
+    norad_id : catalogue number where the designator is one, else 0
+    frame : reference frame of the state in the message
+    position_m, velocity_m_s : (3,) state at the closest approach in GCRS axes [m], [m/s]
+    covariance_rtn : (6, 6) covariance in the object's own rtn axes [m2, m2/s, m2/s2]
+    has_velocity_covariance : whether the message gives the terms of velocity, which are 0 otherwise
+    area_m2 : AREA_PC, the area of the object; None where it is not given [m2]
+    """
+
+    name: str
+    designator: str
+    international_designator: str
+    norad_id: int
+    frame: str
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    covariance_rtn: np.ndarray
+    has_velocity_covariance: bool
+    area_m2: float | None
+
+    @property
+    def label(self) -> str:
+        """Name and designator."""
+        return f"{self.name} ({self.designator})" if self.name and self.designator else self.name or self.designator
+
+    @property
+    def state(self) -> BodyState:
+        """State at the closest approach in GCRS axes."""
+        return BodyState(self.position_m, self.velocity_m_s)
+
+
+@dataclass(frozen=True, eq=False)
+class ConjunctionMessage:
+    """A conjunction data message: two states at the time of closest approach (TCA), with their covariances.
+
+    States are converted to GCRS axes. Those in ITRF lack polar motion, some 10 m on the ground, which both share.
+
+    Parameters
+    ----------
+    where : name of the source
+    message_id, originator : as the message gives them
+    tca_utc : time of closest approach, to a microsecond
+    first, second : the objects; the first is the one for which the message was made
+    stated_miss_m, stated_speed_m_s : miss distance [m] and relative speed [m/s] of the message, None where not given
+    stated_position_m : (3,) position of the second in the rtn axes of the first by the message [m], or None
+    stated_probability, stated_method : probability of collision of the message, and its method; None and empty
+    stated_radius_m : combined hard-body radius of the message, by its keyword or comment HBR [m], or None
+    """
+
+    where: str
+    message_id: str
+    originator: str
+    tca_utc: datetime.datetime
+    first: ConjunctionObject
+    second: ConjunctionObject
+    stated_miss_m: float | None
+    stated_speed_m_s: float | None
+    stated_position_m: np.ndarray | None
+    stated_probability: float | None
+    stated_method: str
+    stated_radius_m: float | None
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> ConjunctionMessage:
+        """Read a message in keyword = value notation or XML.
+
+        Parameters
+        ----------
+        path : path of the file; a relative one is looked up in the working folder, then among the shipped data
+
+        Returns
+        -------
+        ConjunctionMessage
+
+        Raises
+        ------
+        ScenarioError
+            if the file cannot be read, or does not follow the format; the message names the line
+        """
+        found = find_table(str(path))[0]
+        return cls.from_text(read_table_text(found), str(path))
+
+    @classmethod
+    def from_text(cls, text: str, where: str = "CDM") -> ConjunctionMessage:
+        """Read a message from a text.
+
+        Parameters
+        ----------
+        text : the message in keyword = value notation or XML
+        where : name of the text, for messages
+
+        Returns
+        -------
+        ConjunctionMessage
+
+        Raises
+        ------
+        ScenarioError
+            if the text does not follow the format; the message names the line
+        """
+        known = read_conjunction_keywords(text, where)
+        fields = _Fields(known, known.common, "the message")
+        tca = fields.require("TCA")
+        ps = parse_epoch_ps(tca.value, "UTC", f"{where}: line {tca.line}")
+        second, second_ps = floor_to_utc_second(ps)
+        tca_utc = second + datetime.timedelta(microseconds=round((ps - second_ps) / (PS_PER_S // 1_000_000)))
+        objects = [_read_object(_Fields(known, one, f"OBJECT{k}"), tca_utc) for k, one in enumerate(known.objects, 1)]
+        place = [fields.number(f"RELATIVE_POSITION_{axis}", "m") for axis in _RELATIVE]
+        return cls(
+            where=where,
+            message_id=fields.text("MESSAGE_ID"),
+            originator=fields.text("ORIGINATOR"),
+            tca_utc=tca_utc,
+            first=objects[0],
+            second=objects[1],
+            stated_miss_m=fields.number("MISS_DISTANCE", "m"),
+            stated_speed_m_s=fields.number("RELATIVE_SPEED", "m/s"),
+            stated_position_m=None if None in place else np.array(place, dtype=float),
+            stated_probability=fields.number("COLLISION_PROBABILITY", "", 0.0, 1.0),
+            stated_method=fields.text("COLLISION_PROBABILITY_METHOD"),
+            stated_radius_m=fields.number("HBR", "m", 1e-9, 1e5),
+        )
+
+
+@dataclass(frozen=True)
+class _Fields:
+    """Keywords of one part of a message, and the name of the part."""
+
+    known: ConjunctionKeywords
+    entries: dict[str, StatedValue]
+    part: str
+
+    def require(self, key: str) -> StatedValue:
+        """Return a mandatory entry.
+
+        Raises
+        ------
+        ScenarioError
+            if the part lacks it
+        """
+        if key not in self.entries:
+            raise ScenarioError(f"{self.known.where}: {self.part} lacks {key}, which the standard requires: add it")
+        return self.entries[key]
+
+    def text(self, key: str) -> str:
+        return self.entries[key].value if key in self.entries else ""
+
+    def number(self, key: str, unit: str, low: float = -math.inf, high: float = math.inf) -> float | None:
+        """Return a number, or None where the part lacks it.
+
+        Parameters
+        ----------
+        key, unit : keyword, and the unit that the standard sets for it
+        low, high : limits of the value
+
+        Raises
+        ------
+        ScenarioError
+            if it is not a number within the limits, or in another unit
+        """
+        entry = self.entries.get(key)
+        if entry is None:
+            return None
+        at = f"{self.known.where}: line {entry.line}"
+        if entry.unit.lower() not in ("", unit.lower()):
+            raise ScenarioError(f"{at}: {key} in {entry.unit}: write it in {unit or 'no unit'}, as the standard does")
+        value = parse_number(at, key, entry.value)
+        if not low <= value <= high:
+            raise ScenarioError(f"{at}: {key} is {value:g}: give {low:g} to {high:g}")
+        return value
+
+    def require_number(self, key: str, unit: str) -> float:
+        """Return a mandatory number in a unit; `ScenarioError` without it."""
+        self.require(key)
+        value = self.number(key, unit)
+        assert value is not None
+        return value
+
+
+def _read_object(fields: _Fields, tca_utc: datetime.datetime) -> ConjunctionObject:
+    """Read one object of a message.
+
+    Parameters
+    ----------
+    fields : its keywords
+    tca_utc : time of its state
+    """
+    where = fields.known.where
+    center = fields.entries.get("ORBIT_CENTER")
+    if center is not None and center.value.upper() != "EARTH":
+        raise ScenarioError(f"{where}: line {center.line}: ORBIT_CENTER {center.value}: only EARTH is supported")
+    frame = fields.require("REF_FRAME")
+    state = [fields.require_number(key, "km" if k < 3 else "km/s") * units.KM for k, key in enumerate(_STATE)]
+    position, velocity = _to_gcrs(np.array(state[:3]), np.array(state[3:]), frame, where, tca_utc)
+    radius = float(np.linalg.norm(position))
+    if not units.EARTH_RADIUS_M < radius < 1e9:
+        raise ScenarioError(
+            f"{where}: {fields.part}: its position is {radius / units.KM:,.0f} km from the Earth's centre, which is no "
+            "orbit: give X, Y, Z in km"
+        )
+    designator = fields.text("OBJECT_DESIGNATOR")
+    covariance, has_velocity = _read_covariance(fields)
+    return ConjunctionObject(
+        name=fields.text("OBJECT_NAME"),
+        designator=designator,
+        international_designator=fields.text("INTERNATIONAL_DESIGNATOR"),
+        norad_id=int(designator) if designator.isascii() and designator.isdigit() and len(designator) <= 9 else 0,
+        frame=frame.value,
+        position_m=position,
+        velocity_m_s=velocity,
+        covariance_rtn=covariance,
+        has_velocity_covariance=has_velocity,
+        area_m2=fields.number("AREA_PC", "m**2", 0.0),
+    )
+
+
+def _to_gcrs(
+    position_m: np.ndarray, velocity_m_s: np.ndarray, frame: StatedValue, where: str, tca_utc: datetime.datetime
+) -> tuple[np.ndarray, np.ndarray]:
+    """Convert a state of a message to GCRS axes.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (3,) state in the frame of the message
+    frame : REF_FRAME
+    where : name of the file, for messages
+    tca_utc : time of the state
+    """
+    axes = parse_frame(frame.value, f"{where}: line {frame.line}")
+    given = BodyState(position_m[None], velocity_m_s[None])
+    there = convert_states(given, Epochs(tca_utc, np.zeros(1)), from_axes=axes)
+    return there.position_m[0], there.velocity_m_s[0]
+
+
+def _read_covariance(fields: _Fields) -> tuple[np.ndarray, bool]:
+    """Return the covariance (6, 6) in rtn axes, and whether the message gives its terms of velocity."""
+    matrix = np.zeros((6, 6))
+    given = [f"C{row}_{column}" in fields.entries for k, row in enumerate(_AXES) if k > 2 for column in _AXES[: k + 1]]
+    for row in range(6 if any(given) else 3):
+        for column in range(row + 1):
+            unit = "m**2" + ("" if row < 3 else "/s" if column < 3 else "/s**2")
+            value = fields.require_number(f"C{_AXES[row]}_{_AXES[column]}", unit)
+            matrix[row, column] = matrix[column, row] = value
+    return matrix, any(given)

@@ -1,0 +1,227 @@
+"""Assessment of a conjunction data message: geometry, probability of collision by two methods, and what a scenario needs."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
+from rso_lidar.orbit.collision.foster import foster_probability
+from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
+from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
+from rso_lidar.orbit.epochs import format_utc
+from rso_lidar.rpo.relative.rtn import rtn_matrix
+
+_DIFFERENT = 0.01  # share by which a figure of the message may differ from its states, beside rounding
+_ROUNDED_M, _ROUNDED_M_S = 1.0, 1.0  # messages state whole metres and metres per second
+_LATE_S = 1e-2  # time between the message's instant and the closest approach of its states that is worth a note
+_CURVED_S = 60.0  # length of an encounter beyond which straight lines are worth a note
+
+
+@dataclass(frozen=True, eq=False)
+class ConjunctionAssessment:
+    """Geometry and probability of collision of a conjunction.
+
+    `miss_m`, `speed_m_s` and `position_rtn_m` (3) are those of the message's states; the position is that of the second
+    object in the rtn axes of the first. `miss_sigma_m` is the standard deviation of the position along the miss vector.
+    `radius_m` is the combined hard-body radius, and `radius_source` its origin; without one there is no probability.
+    `foster` is None without a radius, and where there is no relative velocity. `notes` state what differs or is missing.
+    """
+
+    message: ConjunctionMessage
+    first: UncertainState
+    second: UncertainState
+    miss_m: float
+    speed_m_s: float
+    position_rtn_m: np.ndarray
+    miss_sigma_m: float
+    radius_m: float | None
+    radius_source: str
+    foster: float | None
+    monte_carlo: SampledProbability | None
+    notes: tuple[str, ...]
+
+    def text(self) -> str:
+        """Return the assessment as lines of text."""
+        message, place = self.message, self.position_rtn_m
+        lines = [
+            f"{message.first.label} and {message.second.label}, closest approach {format_utc(message.tca_utc, 0.0)}",
+            f"miss distance    {self.miss_m:,.1f} m, standard deviation along it {self.miss_sigma_m:,.1f} m"
+            + _state(message.stated_miss_m, ",.6g", " m"),
+            f"  radial {place[0]:,.1f}, along-track {place[1]:,.1f}, cross-track {place[2]:,.1f} m, in the rtn axes of "
+            f"{message.first.name or 'OBJECT1'}",
+            f"relative speed   {self.speed_m_s:,.2f} m/s" + _state(message.stated_speed_m_s, ",.6g", " m/s"),
+        ]
+        if self.radius_m is None:
+            lines.append("no probability: no hard-body radius is given; state the sum of both radii")
+        else:
+            lines.append(f"hard-body radius {self.radius_m:g} m ({self.radius_source})")
+            method = f", {message.stated_method}" if message.stated_method else ""
+            known = "none: no relative velocity" if self.foster is None else f"{self.foster:.4g}"
+            lines.append(f"Pc by Foster     {known}" + _state(message.stated_probability, ".4g", method))
+        if self.monte_carlo is not None:
+            found = self.monte_carlo
+            lines.append(
+                f"Pc, Monte Carlo  {found.probability:.4g}, standard error {found.standard_error:.2g}, 95 % from "
+                f"{found.low:.3g} to {found.high:.3g} ({found.hits:,} of {found.samples:,} draws, within "
+                f"{found.window_s:,.3g} s of the closest approach)"
+            )
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+
+
+def assess_conjunction(
+    message: ConjunctionMessage | str | Path,
+    radius_m: float | None = None,
+    *,
+    samples: int | None = None,
+    seed: int = 0,
+) -> ConjunctionAssessment:
+    """Compute miss distance, relative speed and probability of collision of a conjunction data message (CDM).
+
+    Without a radius, that of the message counts: its HBR, else the sum of the radii of discs of both AREA_PC.
+
+    Parameters
+    ----------
+    message : the message, or the path of its file.
+    radius_m : combined hard-body radius, the sum of both objects' (None: the message's) [m].
+
+    Other Parameters
+    ----------------
+    samples : number of Monte Carlo draws (None: for some 1000 hits, from 1e5 to 4e6; 0: no Monte Carlo).
+    seed : of the draws.
+
+    Returns
+    -------
+    ConjunctionAssessment
+
+    Raises
+    ------
+    ScenarioError
+        For a file that is not a CDM, a radius or number of draws without meaning, and covariances of no distribution.
+    """
+    if not isinstance(message, ConjunctionMessage):
+        message = ConjunctionMessage.from_file(message)
+    if isinstance(seed, bool) or not isinstance(seed, numbers.Integral) or seed < 0:
+        raise ScenarioError(f"seed: {seed!r:.40} is not a seed; give a whole number, 0 or more")
+    notes: list[str] = []
+    first, second = (_make_state(message, one, notes) for one in (message.first, message.second))
+    between = UncertainSeparation.between(first, second)
+    miss_m = float(np.linalg.norm(between.position_m))
+    rtn = rtn_matrix(first.position_m, first.velocity_m_s)[0]
+    line = between.position_m / miss_m if miss_m > 0.0 else np.zeros(3)
+    place = rtn.T @ between.position_m
+    notes += _compare(message, miss_m, between.speed_m_s, place)
+    if abs(between.closest_s) > _LATE_S:
+        notes.append(
+            f"the states are closest {between.closest_s:+.3g} s from the message's time, on straight lines; Foster's "
+            "probability holds there"
+        )
+    radius, source = _choose_radius(message, radius_m)
+    foster, drawn = None, None
+    if radius is not None:
+        if between.speed_m_s > 0.0:
+            foster = foster_probability(first, second, radius)
+        if samples is None or samples != 0:
+            drawn = sample_collisions(first, second, radius, rng=np.random.default_rng(int(seed)), samples=samples)
+            if drawn.window_s > _CURVED_S:
+                notes.append(
+                    f"the encounter lasts minutes ({drawn.window_s:,.0f} s on each side): relative motion is not straight, "
+                    "as Foster assumes; Monte Carlo flies two-body orbits"
+                )
+    return ConjunctionAssessment(
+        message=message,
+        first=first,
+        second=second,
+        miss_m=miss_m,
+        speed_m_s=between.speed_m_s,
+        position_rtn_m=place,
+        miss_sigma_m=math.sqrt(max(float(line @ between.covariance_m2 @ line), 0.0)),
+        radius_m=radius,
+        radius_source=source,
+        foster=foster,
+        monte_carlo=drawn,
+        notes=tuple(notes),
+    )
+
+
+def _state(value: float | None, form: str, unit: str) -> str:
+    """Return what the message states of a figure, in parentheses.
+
+    Parameters
+    ----------
+    value : of the message, None where it states none.
+    form, unit : format, and what follows the number.
+    """
+    return "" if value is None else f" (message: {value:{form}}{unit})"
+
+
+def _make_state(message: ConjunctionMessage, one: ConjunctionObject, notes: list[str]) -> UncertainState:
+    """Turn the state of an object to inertial axes, with its covariance.
+
+    Parameters
+    ----------
+    message : for error messages.
+    one : the object.
+    notes : added to.
+    """
+    turn = np.kron(np.eye(2), rtn_matrix(one.position_m, one.velocity_m_s)[0])
+    covariance = turn @ one.covariance_rtn @ turn.T
+    if not one.has_velocity_covariance:
+        notes.append(f"{one.label}: the message gives no covariance of velocity, which counts as known")
+        covariance = covariance[:3, :3]
+    try:
+        return UncertainState(one.position_m, one.velocity_m_s, covariance)
+    except ScenarioError as error:
+        if one.has_velocity_covariance:
+            try:
+                state = UncertainState(one.position_m, one.velocity_m_s, covariance[:3, :3])
+            except ScenarioError:
+                raise ScenarioError(f"{message.where}: {one.label}: {error}") from None
+            notes.append(
+                f"{one.label}: its 6 x 6 covariance is not positive semidefinite; only the part of the position is used"
+            )
+            return state
+        raise ScenarioError(f"{message.where}: {one.label}: {error}") from None
+
+
+def _choose_radius(message: ConjunctionMessage, radius_m: float | None) -> tuple[float | None, str]:
+    """Return the combined hard-body radius [m], or None, and where it comes from."""
+    if radius_m is not None:
+        return check_radius(radius_m), "as given"
+    if message.stated_radius_m is not None:
+        return message.stated_radius_m, "HBR of the message"
+    areas = message.first.area_m2, message.second.area_m2
+    if areas[0] and areas[1]:
+        return sum(math.sqrt(area / math.pi) for area in areas if area), "discs of both AREA_PC of the message"
+    return None, ""
+
+
+def _compare(message: ConjunctionMessage, miss_m: float, speed_m_s: float, place_m: np.ndarray) -> list[str]:
+    """Compare the figures of a message with those of its states, and return a note for each that differs.
+
+    Parameters
+    ----------
+    message : the message.
+    miss_m, speed_m_s, place_m : distance, relative speed and position of its states.
+    """
+    stated: list[tuple[str, Any, Any, float, str]] = [
+        ("MISS_DISTANCE", message.stated_miss_m, miss_m, _ROUNDED_M, "m"),
+        ("RELATIVE_SPEED", message.stated_speed_m_s, speed_m_s, _ROUNDED_M_S, "m/s"),
+    ]
+    notes = [
+        f"{name} of the message is {value:,.6g} {unit}, but its states give {found:,.6g} {unit}"
+        for name, value, found, rounded, unit in stated
+        if value is not None and abs(value - found) > rounded + _DIFFERENT * found
+    ]
+    position_m = message.stated_position_m
+    if position_m is not None:
+        off_m = float(np.linalg.norm(position_m - place_m))
+        if off_m > _ROUNDED_M + _DIFFERENT * miss_m:
+            notes.append(f"RELATIVE_POSITION of the message is {off_m:,.6g} m from that of its states in rtn axes")
+    return notes

@@ -1,0 +1,107 @@
+"""Lines of scenario files that are written for encounters: motions, attitude, camera, and the names of targets."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import re
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.orbit.sets.element_set import ElementSet, make_printable
+from rso_lidar.orbit.sets.sgp4_motion import Omm
+from rso_lidar.part import Part
+from rso_lidar.records import BodyState
+from rso_lidar.rpo.relative.rtn import rtn_axes
+from rso_lidar.scenario import Lidar
+
+# Patterns of an object's name. The model is a guess, as the file states.
+_HINTS = (
+    (r"\bDEB\b|DEBRIS|\bFRAG", "debris_plate"),
+    (r"\bSL-16\b|ZENIT", "zenit_stage"),
+    (r"\bR/B\b|ROCKET|STAGE|CENTAUR|BREEZE|FREGAT|\bH-2A\b|\bSL-\d|\bCZ-\d", "rocket_body"),
+    (r"\bTDRS\b", "tdrs"),
+    (r"ENVISAT", "envisat"),
+    (r"INTELSAT|GALAXY|\bSES\b|EUTELSAT|ASTRA|MEV", "comsat"),
+    (r"JUNO", "juno"),
+)
+_TAKEN = ("inertial", "follower", "ptu", "lidar", "sun_direction")
+
+
+def choose_attitude(follower: BodyState, target: BodyState) -> tuple[float, float, float]:
+    """Choose the attitude whose +x points at the target, with the axis about which the line of sight turns as +z.
+
+    Parameters
+    ----------
+    follower, target : states at the closest approach, in the same inertial axes.
+
+    Returns
+    -------
+    tuple of float
+        Intrinsic angles z, y, x [deg] of the follower's body in its rtn axes.
+    """
+    from scipy.spatial.transform import Rotation
+
+    ahead, rate = target.position_m - follower.position_m, target.velocity_m_s - follower.velocity_m_s
+    up = np.cross(ahead, rate)
+    if np.linalg.norm(up) < max(1e-6 * float(np.linalg.norm(ahead) * np.linalg.norm(rate)), 1e-12):
+        up = np.cross(follower.position_m, follower.velocity_m_s)
+    if np.linalg.norm(np.cross(ahead, up)) == 0.0:
+        return 90.0, 0.0, 0.0  # along the orbit normal, which leaves the roll open
+    x = ahead / np.linalg.norm(ahead)
+    y = np.cross(up, x)
+    y /= np.linalg.norm(y)
+    inertial_from_body = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=1))
+    inertial_from_rtn = rtn_axes(follower.position_m[None], follower.velocity_m_s[None])[0][0]
+    angles = (inertial_from_rtn.inv() * inertial_from_body).as_euler("ZYX", degrees=True)
+    return float(angles[0]), float(angles[1]), float(angles[2])
+
+
+def write_elements(elements: ElementSet) -> str:
+    """Write the inline table of a motion by SGP4: the two lines of its element set, or the fields of its message."""
+    if elements.line1 and elements.line2:
+        named = f", name = {write_value(elements.name)}" if elements.name else ""
+        first, second = write_value(elements.line1), write_value(elements.line2)
+        return f'{{ type = "tle"{named}, lines = [\n    {first},\n    {second},\n] }}'
+    return write_part(Omm.of(elements))
+
+
+def write_part(part: Part) -> str:
+    """Write a part without tables of its own as an inline table."""
+    fields = part.model_dump(exclude_none=True)
+    return "{ " + ", ".join(f"{key} = {write_value(value)}" for key, value in fields.items()) + " }"
+
+
+def write_lidar(lidar: Lidar) -> str:
+    """Write the table of a camera: the name of its preset, or the fields that were set."""
+    import tomli_w
+
+    tree: dict[str, Any] = lidar.model_dump(exclude_unset=True, exclude_none=True, mode="python")
+    preset = lidar.preset
+    if preset is not None and lidar == Lidar(preset=preset):  # type: ignore[call-arg]
+        tree = {"preset": preset}  # the preset's own values need not be repeated
+    return tomli_w.dumps({"lidar": tree})
+
+
+def guess_model(name: str) -> tuple[str, str]:
+    """Return a model of the catalogue for an object, and the reason for it."""
+    for pattern, model in _HINTS:
+        if re.search(pattern, name.upper()):
+            return model, "guessed from the object's name"
+    return "cubesat_3u", "a stand-in, for nothing in the object's name says what it is"
+
+
+def name_target(name: str, norad_id: int) -> str:
+    """Name a target after its object, or after its catalogue number where it has no name."""
+    words = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+    if not words:
+        return f"norad_{norad_id}"
+    return words if words[0].isalpha() and words not in _TAKEN else f"object_{words}"
+
+
+def write_value(value: Any) -> str:
+    """Write a value as TOML."""
+    if isinstance(value, datetime.datetime):
+        return value.astimezone(datetime.UTC).isoformat().replace("+00:00", "Z")
+    return json.dumps(make_printable(value) if isinstance(value, str) else value, ensure_ascii=False)

@@ -1,0 +1,133 @@
+"""Conjunction data messages: both notations, frames, and what a wrong file is told."""
+
+import datetime
+import re
+
+import numpy as np
+import pytest
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
+from rso_lidar.shipped import shipped
+
+TEXT = shipped("tle/flyby.cdm").read_text(encoding="ascii")
+
+
+def to_xml(text):
+    """Return the message in XML, with the containers of the standard."""
+    leaves = [
+        re.fullmatch(r"(\w+) = (.*?)(?: \[(.*)\])?", line).groups()
+        for line in text.splitlines()
+        if not line.startswith("COMMENT")
+    ]
+
+    def write(some):
+        return "".join(
+            f"<{key}" + (f' units="{unit}"' if unit else "") + f">{value}</{key}>\n" for key, value, unit in some
+        )
+
+    version, rest = leaves[0][1], leaves[1:]
+    edges = [k for k, leaf in enumerate(rest) if leaf[0] == "OBJECT"]
+    header, first, second = rest[: edges[0]], rest[edges[0] : edges[1]], rest[edges[1] :]
+    body = "".join(
+        f"<segment><metadata>{write(part[:9])}</metadata><data><stateVector>{write(part[9:15])}</stateVector>"
+        f"<covarianceMatrix>{write(part[15:])}</covarianceMatrix></data></segment>"
+        for part in (first, second)
+    )
+    return (
+        f'<?xml version="1.0"?><cdm id="CCSDS_CDM_VERS" version="{version}"><header><COMMENT>none</COMMENT>'
+        f"{write(header[:3])}</header><body><relativeMetadataData>{write(header[3:])}</relativeMetadataData>{body}"
+        "</body></cdm>"
+    )
+
+
+def test_the_shipped_message_is_read():
+    message = ConjunctionMessage.from_file("tle/flyby.cdm")
+    assert (message.message_id, message.originator) == ("SYNTHETIC-1", "RSO_LIDAR")
+    assert message.tca_utc == datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
+    assert (message.stated_miss_m, message.stated_speed_m_s, message.stated_radius_m) == (120.0, 25.0, 6.0)
+    assert message.stated_probability is None
+    first, second = message.first, message.second
+    assert (first.norad_id, second.norad_id) == (99003, 99002)
+    assert first.label == "FOLLOWER (SYNTHETIC) (99003)"
+    assert first.position_m == pytest.approx([7_078_137.0, 0.0, 0.0])
+    assert np.linalg.norm(second.position_m - first.position_m) == pytest.approx(120.0, abs=0.01)
+    assert np.sqrt(np.diag(second.covariance_rtn)) == pytest.approx([20.0, 150.0, 15.0, 0.15, 0.02, 0.015])
+    assert second.covariance_rtn[3, 1] == second.covariance_rtn[1, 3] == pytest.approx(-0.9 * 0.15 * 150.0)
+
+
+def test_xml_says_the_same_as_keywords():
+    text, xml = ConjunctionMessage.from_text(TEXT), ConjunctionMessage.from_text(to_xml(TEXT))
+    assert xml.tca_utc == text.tca_utc
+    assert xml.stated_radius_m is None  # the radius is in a comment, which XML readers skip
+    for one, other in ((text.first, xml.first), (text.second, xml.second)):
+        assert one.label == other.label
+        assert np.array_equal(one.position_m, other.position_m)
+        assert np.array_equal(one.covariance_rtn, other.covariance_rtn)
+
+
+def test_eme2000_is_turned_by_the_frame_bias():
+    message = ConjunctionMessage.from_text(TEXT.replace("REF_FRAME = GCRF", "REF_FRAME = EME2000"))
+    plain = ConjunctionMessage.from_text(TEXT)
+    assert message.first.position_m == pytest.approx(gcrs_from_eme2000() @ plain.first.position_m)
+    assert 0.1 < np.linalg.norm(message.first.position_m - plain.first.position_m) < 2.0  # 23 mas at 7000 km
+
+
+def test_terms_of_velocity_may_be_left_out_but_not_a_part_of_them():
+    short = "\n".join(line for line in TEXT.splitlines() if "DOT_" not in line.partition("=")[0])
+    message = ConjunctionMessage.from_text(short)
+    assert not message.first.has_velocity_covariance
+    assert not message.first.covariance_rtn[3:].any()
+    with pytest.raises(ScenarioError, match=r"^CDM: OBJECT1 lacks CTDOT_N, which the standard requires"):
+        ConjunctionMessage.from_text("\n".join(line for line in TEXT.splitlines() if "CTDOT_N " not in line))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("CCSDS_CDM_VERS = 1.0", "CCSDS_OEM_VERS = 2.0", "CDM: line 1: begins with 'CCSDS_OEM_VERS = 2.0': a CDM"),
+        ("CCSDS_CDM_VERS = 1.0", "CCSDS_CDM_VERS = 7.0", "CDM: CCSDS_CDM_VERS 7.0 is not supported"),
+        ("TCA = ", "TCB = ", "CDM: the message lacks TCA"),
+        ("TCA = 2024-09-17", "TCA = 2024-19-17", "CDM: line 6: epoch '2024-19-17"),
+        ("OBJECT = OBJECT2", "OBJECT = OBJECT3", "CDM: line .*: OBJECT OBJECT3: a message has OBJECT1 and then"),
+        ("REF_FRAME = GCRF", "REF_FRAME = MOON_ME", "CDM: line 18: reference frame MOON_ME is not supported"),
+        ("CR_R = 1.000000e+02 [m**2]", "CR_R = 1e2 [km**2]", r"CDM: line 25: CR_R in km\*\*2: write it in m\*\*2"),
+        ("CR_R = 1.000000e+02", "CR_R = many", "CDM: line 25: CR_R 'many' is not a number"),
+        ("X = 7078.137000000", "X = 7.078", "CDM: OBJECT1: its position is 7 km from the Earth's centre"),
+        (
+            "MISS_DISTANCE = 120",
+            "MISS_DISTANCE = 120\nMISS_DISTANCE = 120",
+            "CDM: line 8: MISS_DISTANCE is given twice",
+        ),
+        ("MISS_DISTANCE = 120", "as far as 120", "CDM: line 7: 'as far as 120 .m.' is not KEYWORD = value"),
+        ("RELATIVE_SPEED = 25 [m/s]", "COLLISION_PROBABILITY = 1.5", "CDM: line 8: COLLISION_PROBABILITY is 1.5: give"),
+        ("CATALOG_NAME = SATCAT", "ORBIT_CENTER = MOON", "CDM: line 12: ORBIT_CENTER MOON: only EARTH"),
+        ("HBR = 6 [m]", "HBR = -6 [m]", "CDM: line 9: HBR is -6: give"),
+    ],
+)
+def test_a_wrong_line_is_named(old, new, said):
+    assert old in TEXT
+    with pytest.raises(ScenarioError, match=f"^{said}"):
+        ConjunctionMessage.from_text(TEXT.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<cdm><header>", "CDM: line 1: is not well-formed XML"),
+        ("<!DOCTYPE cdm><cdm/>", "CDM: has a DOCTYPE"),
+        ("<oem version='2.0'/>", "CDM: does not contain <cdm>"),
+        ("<ndm><cdm version='1.0'/><cdm version='1.0'/></ndm>", "CDM: holds several <cdm>"),
+        ("COMMENT nothing", "CDM: is empty"),
+        (TEXT.partition("OBJECT = OBJECT2")[0], "CDM: holds 1 of the two objects"),
+    ],
+)
+def test_a_file_that_is_none_is_refused(text, said):
+    with pytest.raises(ScenarioError, match=f"^{said}"):
+        ConjunctionMessage.from_text(text)
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(ScenarioError, match=r"^nowhere\.cdm: no such file"):
+        ConjunctionMessage.from_file("nowhere.cdm")

@@ -1,0 +1,96 @@
+"""Monte Carlo: where lines are straight it is Foster's, its two ways agree, and it says how sure it is."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rso_lidar import units
+from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.orbit.collision.foster import foster_probability
+from rso_lidar.orbit.collision.monte_carlo import MOST_SAMPLES, SampledProbability, choose_samples, sample_collisions
+from rso_lidar.orbit.collision.uncertain_state import UncertainState
+
+RADIUS = 7e6
+SPEED = math.sqrt(units.EARTH_GM_M3_S2 / RADIUS)
+
+
+def make_pair(miss_m=(10.0, 25.0, 0.0), angle_deg=30.0, sigma_m=20.0):
+    """Return two objects on circular orbits that cross at an angle."""
+    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    covariance = np.diag([sigma_m**2, 4.0 * sigma_m**2, sigma_m**2, 1e-4, 1e-4, 1e-4])
+    first = UncertainState([RADIUS, 0.0, 0.0], [0.0, SPEED, 0.0], covariance)
+    return first, UncertainState([RADIUS + miss_m[0], miss_m[1], miss_m[2]], [0.0, SPEED * c, SPEED * s], covariance)
+
+
+def test_a_fast_encounter_is_fosters():
+    first, second = make_pair()
+    found = sample_collisions(first, second, 12.0, rng=np.random.default_rng(4), samples=200_000)
+    expected = foster_probability(first, second, 12.0)
+    assert abs(found.probability - expected) < 4.0 * found.standard_error
+    assert found.low < expected < found.high
+    assert found.window_s < 1.0
+
+
+def test_both_ways_of_counting_find_the_same_hits():
+    """A window of a quarter turn makes the same draws be flown from node to node."""
+    first, second = make_pair(angle_deg=0.5)
+    short = sample_collisions(first, second, 30.0, rng=np.random.default_rng(4), samples=20_000)
+    long = sample_collisions(first, second, 30.0, rng=np.random.default_rng(4), samples=20_000, window_s=400.0)
+    assert short.hits > 500
+    assert long.hits == pytest.approx(short.hits, abs=3)
+
+
+def test_draws_are_those_of_the_generator():
+    first, second = make_pair()
+    hits = [
+        sample_collisions(first, second, 12.0, rng=np.random.default_rng(seed), samples=20_000).hits
+        for seed in (1, 1, 2)
+    ]
+    assert hits[0] == hits[1] != hits[2]
+
+
+def test_objects_side_by_side_collide_where_their_errors_overlap():
+    """No relative velocity, errors of position alone along the radius: a normal number within the radius of the miss."""
+    covariance = np.diag([8.0, 1e-12, 1e-12])
+    first = UncertainState([RADIUS, 0.0, 0.0], [0.0, SPEED, 0.0], covariance)
+    second = UncertainState([RADIUS, 0.0, 5.0], [0.0, SPEED, 0.0], covariance)
+    found = sample_collisions(first, second, 6.0, rng=np.random.default_rng(4), samples=20_000, window_s=1e-3)
+    expected = math.erf(math.sqrt(6.0**2 - 5.0**2) / 4.0 / math.sqrt(2.0))
+    assert abs(found.probability - expected) < 4.0 * found.standard_error
+
+
+def test_the_interval_holds_for_no_hit_and_for_all():
+    none, every = SampledProbability(1000, 0, 1.0), SampledProbability(1000, 1000, 1.0)
+    assert (none.probability, none.standard_error, none.low) == (0.0, 0.0, 0.0)
+    assert none.high == pytest.approx(1.0 - 0.025 ** (1.0 / 1000.0))  # Clopper and Pearson
+    assert every.low == pytest.approx(0.025 ** (1.0 / 1000.0))
+    assert every.high == 1.0
+
+
+def test_the_number_of_draws_follows_the_probability():
+    first, second = make_pair()
+    wanted = choose_samples(first, second, 1.0)
+    assert 1000.0 <= wanted * foster_probability(first, second, 1.0) < 3000.0
+    assert choose_samples(*make_pair(miss_m=(5e3, 0.0, 0.0)), 1.0) == MOST_SAMPLES
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"samples": 0}, "samples: 0 is not a number of draws"),
+        ({"samples": 2.5}, r"samples: 2\.5"),
+        ({"samples": True}, "samples: True"),
+        ({"samples": 10, "window_s": -1.0}, r"window_s: -1\.0 is not a window"),
+        ({"samples": 10, "window_s": float("nan")}, "window_s: nan"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(more, said):
+    with pytest.raises(ScenarioError, match=f"^{said}"):
+        sample_collisions(*make_pair(), 10.0, rng=np.random.default_rng(1), **more)
+
+
+def test_draws_that_leave_the_earth_are_refused():
+    wild = UncertainState([RADIUS, 0.0, 0.0], [0.0, SPEED, 0.0], np.diag([1.0] * 3 + [9e6] * 3))
+    with pytest.raises(PropagationError, match="are not on an ellipse about the Earth"):
+        sample_collisions(wild, make_pair()[1], 10.0, rng=np.random.default_rng(1), samples=200, window_s=600.0)
