@@ -3,6 +3,8 @@
 from rso_lidar.public_names import limit_dir
 from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
 from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
+from rso_lidar.rpo.plans.free_holds import Perch, PulsedStationKeeping
+from rso_lidar.rpo.plans.glideslope import Glideslope
 from rso_lidar.rpo.plans.operation import ProximityOperation
 from rso_lidar.rpo.plans.plan import Plan
 from rso_lidar.rpo.plans.transfers import Hop, Lambert, Rendezvous, Waypoints
@@ -29,9 +31,12 @@ from rso_lidar.rpo.sequences.legs import (
     CoEllipticLeg,
     DriftLeg,
     ForcedCircumnavigationLeg,
+    GlideslopeLeg,
     HoldLeg,
     HopLeg,
     LambertLeg,
+    PerchLeg,
+    PulsedHoldLeg,
     RBarLeg,
     SafetyEllipseLeg,
     TeardropLeg,
@@ -54,6 +59,8 @@ __all__ = [
     "DriftLeg",
     "ForcedCircumnavigation",
     "ForcedCircumnavigationLeg",
+    "Glideslope",
+    "GlideslopeLeg",
     "Hill",
     "HoldLeg",
     "Hop",
@@ -62,9 +69,13 @@ __all__ = [
     "Lambert",
     "LambertLeg",
     "Nonlinear",
+    "Perch",
+    "PerchLeg",
     "Plan",
     "PlannedLeg",
     "ProximityOperation",
+    "PulsedHoldLeg",
+    "PulsedStationKeeping",
     "RBarApproach",
     "RBarLeg",
     "RelativeElements",

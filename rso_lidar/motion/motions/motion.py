@@ -30,10 +30,13 @@ from rso_lidar.rpo import (
     Circumnavigation,
     CoElliptic,
     ForcedCircumnavigation,
+    Glideslope,
     Hill,
     Hop,
     Lambert,
     Nonlinear,
+    Perch,
+    PulsedStationKeeping,
     RBarApproach,
     RelativeElements,
     Rendezvous,
@@ -93,8 +96,11 @@ DescribedMotion = Annotated[
     | RelativeElements
     | Nonlinear
     | StationKeeping
+    | PulsedStationKeeping
+    | Perch
     | VBarApproach
     | RBarApproach
+    | Glideslope
     | Hop
     | CoElliptic
     | Circumnavigation

@@ -17,10 +17,10 @@ from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 
 
-def _make_ellipse(
-    n: float, radial_m: float, cross_m: float, phase_rad: float, ahead_rad: float, height_m: float, centre_m: float
-) -> Leg:
-    """Make a leg of free flight on a 2:1 ellipse.
+def _find_ellipse_states(
+    n: float, axes_m: tuple[float, float], phase_rad: np.ndarray, ahead_rad: float, centre_m: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the states of free flight on a 2:1 ellipse at its begin, by phase.
 
     x = h + b cos(u), y = c - 3/2 n h t - 2 b sin(u), z = q sin(u + a), u = n t + phase (the relative orbit elements of
     Lovell & Spencer, J. Astronaut. Sci. 61, 2014).
@@ -28,22 +28,20 @@ def _make_ellipse(
     Parameters
     ----------
     n : mean motion of the body [rad/s]
-    radial_m, cross_m : amplitudes b and q [m]
-    phase_rad, ahead_rad : phase, and phase difference a [rad]
-    height_m, centre_m : height h and initial along-track position c of the centre [m]
+    axes_m : amplitudes b and q [m]
+    phase_rad : (…) phases [rad]
+    ahead_rad : phase difference a [rad]
+    centre_m : height h and initial along-track position c of the centre [m]
 
     Returns
     -------
-    the leg, which begins at time 0
+    position [m] and velocity [m/s], each (…, 3)
     """
-    s, c = math.sin(phase_rad), math.cos(phase_rad)
-    position = (height_m + radial_m * c, centre_m - 2.0 * radial_m * s, cross_m * math.sin(phase_rad + ahead_rad))
-    velocity = (
-        -n * radial_m * s,
-        -1.5 * n * height_m - 2.0 * n * radial_m * c,
-        n * cross_m * math.cos(phase_rad + ahead_rad),
-    )
-    return make_coast(0.0, np.array(position), np.array(velocity), n)
+    (b, q), (h, c) = axes_m, centre_m
+    sine, cosine = np.sin(phase_rad), np.cos(phase_rad)
+    position = h + b * cosine, c - 2.0 * b * sine, q * np.sin(phase_rad + ahead_rad)
+    velocity = -n * b * sine, -1.5 * n * h - 2.0 * n * b * cosine, n * q * np.cos(phase_rad + ahead_rad)
+    return np.stack(position, axis=-1), np.stack(velocity, axis=-1)
 
 
 class Circumnavigation(ProximityOperation):
@@ -78,13 +76,27 @@ class Circumnavigation(ProximityOperation):
         ),
     )
 
+    def find_states(self, phase_deg: np.ndarray, mean_motion_rad_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (…, 3) with which the motion begins at some phases.
+
+        Parameters
+        ----------
+        phase_deg : (…) phases on the ellipse [deg]
+        mean_motion_rad_s : mean motion of the body that is approached [rad/s]
+        """
+        return _find_ellipse_states(
+            mean_motion_rad_s,
+            (self.radial_m, self.cross_track_m),
+            np.asarray(phase_deg) * units.DEG,
+            self.phase_difference_deg * units.DEG,
+            (0.0, self.center_along_track_m),
+        )
+
     def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
-        angles = self.phase_deg * units.DEG, self.phase_difference_deg * units.DEG
-        leg = _make_ellipse(
-            mean_motion_rad_s, self.radial_m, self.cross_track_m, *angles, 0.0, self.center_along_track_m
-        )
-        return Plan(self.name, mean_motion_rad_s, self.duration_s or math.tau / mean_motion_rad_s, (leg,))
+        n = mean_motion_rad_s
+        leg = make_coast(0.0, *self.find_states(np.array(self.phase_deg), n), n)
+        return Plan(self.name, n, self.duration_s or math.tau / n, (leg,))
 
 
 class SafetyEllipse(ProximityOperation):
@@ -163,10 +175,26 @@ class SafetyEllipse(ProximityOperation):
             centre, width = float(angles[np.argmin(projected_distance(angles))]), width / 500.0
         return float(projected_distance(np.array([centre]))[0])
 
+    def find_states(self, phase_deg: np.ndarray, mean_motion_rad_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (…, 3) with which the motion begins at some phases.
+
+        Parameters
+        ----------
+        phase_deg : (…) phases on the ellipse [deg]
+        mean_motion_rad_s : mean motion of the body that is approached [rad/s]
+        """
+        return _find_ellipse_states(
+            mean_motion_rad_s,
+            (self.radial_m, self.cross_track_m),
+            np.asarray(phase_deg) * units.DEG,
+            self.phase_difference_deg * units.DEG,
+            (self.height_m, self.center_along_track_m),
+        )
+
     def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
-        n, angles = mean_motion_rad_s, (self.phase_deg * units.DEG, self.phase_difference_deg * units.DEG)
-        leg = _make_ellipse(n, self.radial_m, self.cross_track_m, *angles, self.height_m, self.center_along_track_m)
+        n = mean_motion_rad_s
+        leg = make_coast(0.0, *self.find_states(np.array(self.phase_deg), n), n)
         return Plan(self.name, n, self.duration_s or math.tau / n, (leg,))
 
 

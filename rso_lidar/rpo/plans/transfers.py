@@ -111,17 +111,18 @@ def _plan_transfer(
 
 
 class Waypoints(ProximityOperation):
-    """Two-impulse transfers through a list of positions, from rest at the first to rest at the last, which is then held.
+    """Two-impulse transfers through a list of positions, from rest at the first to the last, which is then held.
 
     `times_s` are the times of arrival, the first 0. Or `speed_m_s` is the mean speed along each straight line between.
     One impulse turns the path at each position; with `stop` the body comes to rest there first, and stays for `hold_s`.
+    Without `end_at_rest` it passes the last position and flies on.
     """
 
     type: Literal["waypoints"] = "waypoints"
     positions_m: Annotated[tuple[Vector, ...], Field(min_length=2, max_length=MOST_PIECES)] = Field(
         description=(
-            "Two or more positions in the body's rtn axes [m]. The craft starts at rest at the first and holds the "
-            "last."
+            "Two or more positions in the body's rtn axes [m]. The craft starts at rest at the first and, with "
+            "`end_at_rest`, holds the last."
         )
     )
     times_s: tuple[Wait, ...] | None = Field(
@@ -138,6 +139,12 @@ class Waypoints(ProximityOperation):
     hold_s: Wait = Field(
         default=0.0,
         description="Time for which thrust holds the craft at each intermediate position [s]; it needs `stop`.",
+    )
+    end_at_rest: Flag = Field(
+        default=True,
+        description=(
+            "Whether a closing impulse stops the craft at the last position, which it then holds. If false, it flies on."
+        ),
     )
 
     @model_validator(mode="after")
@@ -190,8 +197,10 @@ class Waypoints(ProximityOperation):
             impulses.append(PlannedImpulse(now_s, departure - arrival))
             arrival = legs[-1].path(np.array([each_s]))[1][0]
             now_s = self.times_s[k + 1] if self.times_s is not None else now_s + each_s
-        legs.append(make_line(now_s, places[-1]))
-        return Plan(self.name, n, now_s, tuple(legs), (*impulses, PlannedImpulse(now_s, -arrival)))
+        if self.end_at_rest:
+            legs.append(make_line(now_s, places[-1]))
+            impulses.append(PlannedImpulse(now_s, -arrival))
+        return Plan(self.name, n, now_s, tuple(legs), tuple(impulses))
 
 
 class Lambert(ProximityOperation):

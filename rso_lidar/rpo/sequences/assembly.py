@@ -11,13 +11,14 @@ import numpy as np
 from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.orbit.two_body.kepler import propagate_two_body
 from rso_lidar.records import BodyState
+from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, SafetyEllipse
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere
 from rso_lidar.rpo.plans.operation import check_plan
 from rso_lidar.rpo.plans.plan import Leg, Path, Plan, PlannedImpulse, make_coast
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative.hill import mean_motion_of_state
 from rso_lidar.rpo.sequences.leg_flight import LegFlight, SunOverChief
-from rso_lidar.rpo.sequences.leg_transfer import find_transfer_s
+from rso_lidar.rpo.sequences.leg_transfer import find_insertion, find_transfer_s
 from rso_lidar.rpo.sequences.legs import LambertLeg, SequenceLeg, State
 from rso_lidar.rpo.sequences.sequence_plan import PlannedLeg, SequencePlan
 
@@ -171,10 +172,14 @@ class Assembly:
         -------
         the plan of the operation from the arrival on
         """
+        here, duration_s = (self.position_m, self.before_m_s), leg.transfer_s
+        operation = leg.make_operation((self.position_m, self.velocity_m_s)) if leg.has_free_phase else None
+        if isinstance(operation, Circumnavigation | SafetyEllipse):
+            phase_deg, duration_s = find_insertion(here, operation.find_states, self.n, keep_out, duration_s)
+            leg = leg.replace(phase_deg=phase_deg)
+            own = self._plan_operation(leg)
         position, velocity = own.relative(np.zeros(1))
-        duration_s = leg.transfer_s
         if duration_s is None:
-            here = self.position_m, self.before_m_s
             duration_s = find_transfer_s(here, (position[0], velocity[0]), self.n, keep_out)
         with add_place("transfer_s"):
             departure = solve_departure_m_s(self.position_m, position[0], duration_s, self.n)

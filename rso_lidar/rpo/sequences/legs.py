@@ -13,6 +13,8 @@ from rso_lidar.records import BodyState
 from rso_lidar.rpo.limits import Duration, TransferTime
 from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
 from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
+from rso_lidar.rpo.plans.free_holds import Perch, PulsedStationKeeping
+from rso_lidar.rpo.plans.glideslope import Glideslope
 from rso_lidar.rpo.plans.operation import ProximityOperation, check_lengths
 from rso_lidar.rpo.plans.plan import Plan, make_coast
 from rso_lidar.rpo.plans.transfers import Hop, Lambert, Waypoints
@@ -55,6 +57,11 @@ class SequenceLeg(ProximityOperation):
             "omitted, that of the least delta-v up to a revolution that keeps out of the keep-out sphere."
         ),
     )
+
+    @property
+    def has_free_phase(self) -> bool:
+        """Whether the leg may begin at any phase of an ellipse."""
+        return False
 
     def start_values(self, state: State | None) -> dict[str, Any]:
         """Return the start of the operation, where the leg leaves it out.
@@ -137,6 +144,45 @@ class HopLeg(SequenceLeg, Hop):
         return {} if self.from_m is not None else {"from_m": tuple(_need(state, "from_m")[0].tolist())}
 
 
+class GlideslopeLeg(SequenceLeg, Glideslope):
+    """Leg of a sequence: a straight line flown by pulses at a commanded speed; see `Glideslope`."""
+
+    operation = Glideslope
+    from_m: Vector | None = Field(  # type: ignore[assignment]
+        default=None, description="Initial position in rtn axes [m]. If omitted, where the last leg ended."
+    )
+
+    @model_validator(mode="after")
+    def _some_length(self) -> Self:
+        if self.from_m is not None:
+            self.make_operation(None)
+        return self
+
+    def start_values(self, state: State | None) -> dict[str, Any]:
+        """Return the start of the operation; see `SequenceLeg`."""
+        return {} if self.from_m is not None else {"from_m": tuple(_need(state, "from_m")[0].tolist())}
+
+
+class PerchLeg(SequenceLeg, Perch):
+    """Leg of a sequence: rest on the V-bar in free flight; see `Perch`."""
+
+    is_endless = True
+    operation = Perch
+
+
+class PulsedHoldLeg(SequenceLeg, PulsedStationKeeping):
+    """Leg of a sequence: a position kept by pulses; see `PulsedStationKeeping`."""
+
+    operation = PulsedStationKeeping
+    position_m: Vector | None = Field(  # type: ignore[assignment]
+        default=None, description="Position that is kept, in rtn axes [m]. If omitted, where the last leg ended."
+    )
+
+    def start_values(self, state: State | None) -> dict[str, Any]:
+        """Return the start of the operation; see `SequenceLeg`."""
+        return {} if self.position_m is not None else {"position_m": tuple(_need(state, "position_m")[0].tolist())}
+
+
 class HoldLeg(SequenceLeg, StationKeeping):
     """Leg of a sequence: a position held in rtn axes; see `StationKeeping`."""
 
@@ -206,17 +252,33 @@ class CoEllipticLeg(_AxisLeg, CoElliptic):
         return super().start_values(state) | endless
 
 
-class CircumnavigationLeg(SequenceLeg, Circumnavigation):
-    """Leg of a sequence: natural motion round the body; see `Circumnavigation`."""
+class _EllipseLeg(SequenceLeg):
+    """Base of legs on an ellipse, on which the craft may begin at any phase."""
 
     is_endless = True
+    phase_deg: Number | None = Field(
+        default=None,
+        description=(
+            "Initial phase on the ellipse [deg]: 0 above, 90 behind its centre, 180 below. If omitted, that of the "
+            "transfer with the least delta-v, and 0 in a first leg."
+        ),
+    )
+
+    @property
+    def has_free_phase(self) -> bool:
+        """Whether the leg may begin at any phase of the ellipse."""
+        return self.phase_deg is None
+
+
+class CircumnavigationLeg(_EllipseLeg, Circumnavigation):
+    """Leg of a sequence: natural motion round the body; see `Circumnavigation`."""
+
     operation = Circumnavigation
 
 
-class SafetyEllipseLeg(SequenceLeg, SafetyEllipse):
-    """Leg of a sequence: a walking safety ellipse; see `SafetyEllipse`."""
+class SafetyEllipseLeg(_EllipseLeg, SafetyEllipse):
+    """Leg of a sequence: insertion onto a walking safety ellipse, and flight on it; see `SafetyEllipse`."""
 
-    is_endless = True
     operation = SafetyEllipse
 
 
@@ -284,7 +346,10 @@ class DriftLeg(SequenceLeg):
 AnyLeg = Annotated[
     HopLeg
     | HoldLeg
+    | PulsedHoldLeg
+    | PerchLeg
     | DriftLeg
+    | GlideslopeLeg
     | VBarLeg
     | RBarLeg
     | CoEllipticLeg

@@ -10,12 +10,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import Positive, Vector
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.limits import LONGEST_S, MOST_PIECES, Velocity, format_years
+from rso_lidar.rpo.limits import MOST_PIECES, Velocity
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere
 from rso_lidar.rpo.plans.operation import ProximityOperation, check_lengths
 from rso_lidar.rpo.plans.plan import Plan
@@ -23,9 +22,8 @@ from rso_lidar.rpo.relative.hill import find_mean_motion_rad_s, find_start_state
 from rso_lidar.rpo.sequences.assembly import assemble
 from rso_lidar.rpo.sequences.leg_flight import SunOverChief
 from rso_lidar.rpo.sequences.legs import AnyLeg, SequenceLeg
+from rso_lidar.rpo.sequences.plan_limits import PlanLimits
 from rso_lidar.rpo.sequences.sequence_plan import SequencePlan
-
-_SAMPLES = 200  # of the thrust of a forced stretch
 
 
 class Sequence(ProximityOperation):
@@ -59,6 +57,16 @@ class Sequence(ProximityOperation):
     max_acceleration_m_s2: Positive | None = Field(
         default=None, description="Greatest acceleration of continuous thrust [m/s²]. If omitted, no limit."
     )
+    plume_half_angle_deg: Annotated[Positive, Field(lt=180)] | None = Field(
+        default=None,
+        description=(
+            "Least angle between the exhaust and the direction to the body, while nearer than `plume_range_m` [deg]. If "
+            "omitted, no limit."
+        ),
+    )
+    plume_range_m: Positive | None = Field(
+        default=None, description="Distance from the body within which the plume is limited [m]."
+    )
 
     @model_validator(mode="after")
     def _one_body(self) -> Self:
@@ -70,7 +78,20 @@ class Sequence(ProximityOperation):
                 )
         if self.velocity_m_s is not None and self.position_m is None:
             raise ValueError("velocity_m_s: needs position_m: give it, or leave velocity_m_s out")
+        if (self.plume_half_angle_deg is None) != (self.plume_range_m is None):
+            raise ValueError("plume_half_angle_deg: belongs to plume_range_m: give both, or neither")
         return self
+
+    @property
+    def limits(self) -> PlanLimits:
+        """Limits of the whole plan."""
+        return PlanLimits(
+            self.max_delta_v_m_s,
+            self.max_impulse_m_s,
+            self.max_acceleration_m_s2,
+            self.plume_half_angle_deg,
+            self.plume_range_m,
+        )
 
     def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Make the plan about a body on a circular orbit; conditions of the Sun need `plan`, which knows the date."""
@@ -148,38 +169,6 @@ def _plan_sequence(
     if part.position_m is not None:
         start = np.array(part.position_m), np.array(part.velocity_m_s or (0.0, 0.0, 0.0))
     legs = [(leg, part.sphere_of(leg)) for leg in part.legs]
-    return _check_limits(assemble(part.name, legs, SunOverChief(start_utc, chief), start), part)
-
-
-def _check_limits(plan: SequencePlan, part: Sequence) -> SequencePlan:
-    """Check the limits of the whole plan, and return it; else raise `ScenarioError`."""
-    if plan.duration_s > LONGEST_S:
-        raise ScenarioError(
-            f"legs: the plan takes {format_years(plan.duration_s)} years, and plans are for up to "
-            f"{format_years(LONGEST_S)}: give shorter legs"
-        )
-    total_m_s, most_m_s = plan.delta_v_m_s, part.max_delta_v_m_s
-    if most_m_s is not None and total_m_s > most_m_s:
-        raise ScenarioError(
-            f"max_delta_v_m_s: the plan needs {total_m_s:.5g} m/s, more than {most_m_s:g} m/s: give longer transfers or "
-            "shorter holds, or raise the limit"
-        )
-    largest = max(plan.impulses, key=lambda impulse: impulse.size_m_s, default=None)
-    if part.max_impulse_m_s is not None and largest is not None and largest.size_m_s > part.max_impulse_m_s:
-        raise ScenarioError(
-            f"max_impulse_m_s: the impulse at {largest.time_s:.1f} s is {largest.size_m_s:.5g} m/s, more than "
-            f"{part.max_impulse_m_s:g} m/s: give a longer transfer, or raise the limit"
-        )
-    if part.max_acceleration_m_s2 is not None:
-        for leg, begin_s, end_s in plan.stretches():
-            if leg.acceleration_m_s2 is None or end_s <= begin_s:
-                continue
-            times_s = np.linspace(begin_s, end_s, _SAMPLES, endpoint=False)
-            size = np.linalg.norm(plan.control_m_s2(times_s), axis=1)
-            if (found := float(size.max())) > part.max_acceleration_m_s2:
-                raise ScenarioError(
-                    f"max_acceleration_m_s2: at {times_s[np.argmax(size)]:.1f} s thrust accelerates by {found:.4g} "
-                    f"m/s2, more than {part.max_acceleration_m_s2:g} m/s2: fly slower or nearer to the V-bar, or raise "
-                    "the limit"
-                )
+    plan = assemble(part.name, legs, SunOverChief(start_utc, chief), start)
+    part.limits.check(plan)
     return plan

@@ -53,6 +53,11 @@ EACH = [
         hold_s=60.0,
     ),
     rpo.Rendezvous(**C, position_m=(-900.0, -8000.0, 100.0), velocity_m_s=(0.0, 1.5, 0.0), duration_s=3000.0),
+    rpo.Perch(**C, along_track_m=-80.0),
+    rpo.PulsedStationKeeping(**C, position_m=(30.0, -100.0, 10.0), arc_m=3.0),
+    rpo.Glideslope(
+        **C, from_m=(-60.0, -400.0, 30.0), to_m=(0.0, -20.0, 0.0), initial_speed_m_s=0.8, final_speed_m_s=0.05, pulses=7
+    ),
     rpo.Lambert(**C, from_m=(-1000.0, -8000.0, 100.0), to_m=(0.0, -100.0, 0.0), duration_s=3000.0),
 ]
 

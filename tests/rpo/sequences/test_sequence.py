@@ -44,6 +44,9 @@ MISSION = (
     {"type": "r_bar_approach", "from_m": -200.0, "to_m": -100.0, "speed_m_s": 0.2},
     {"type": "co_elliptic", "radial_m": -500.0, "from_m": -3000.0, "to_m": -1000.0},
     {"type": "safety_ellipse", "radial_m": 100.0, "cross_track_m": 100.0, "drift_m": 50.0, "duration_s": 3000.0},
+    {"type": "perch", "along_track_m": -400.0, "duration_s": 500.0},
+    {"type": "glideslope", "to_m": (0.0, -60.0, 0.0), "initial_speed_m_s": 0.5, "final_speed_m_s": 0.1, "pulses": 5},
+    {"type": "pulsed_station_keeping", "position_m": (20.0, -60.0, 0.0), "arc_m": 2.0, "duration_s": 900.0},
     {"type": "lambert", "to_m": (0.0, -500.0, 0.0), "duration_s": 2000.0},
 )  # fmt: skip
 
@@ -74,6 +77,7 @@ def leg_classes():
     return (
         rpo.HopLeg, rpo.HoldLeg, rpo.CircumnavigationLeg, rpo.VBarLeg, rpo.DriftLeg, rpo.ForcedCircumnavigationLeg,
         rpo.TeardropLeg, rpo.WaypointsLeg, rpo.RBarLeg, rpo.CoEllipticLeg, rpo.SafetyEllipseLeg, rpo.LambertLeg,
+        rpo.PerchLeg, rpo.GlideslopeLeg, rpo.PulsedHoldLeg,
     )  # fmt: skip
 
 
@@ -216,6 +220,17 @@ def test_limits_of_thrust_hold_for_the_whole():
             plan(HOP, LINE, **{key: 0.9999 * value})
 
 
+def test_a_plume_does_not_point_at_the_body_near_by():
+    """Behind the body, the impulse that brakes blows ahead, at it; on the way in, the line is held by radial thrust."""
+    near = {"plume_half_angle_deg": 30.0, "plume_range_m": 60.0}
+    with pytest.raises(ScenarioError, match=r"^plume_half_angle_deg: at [\d.]+ s, 50 m away, the body is 0.0 deg off"):
+        plan(HOP, LINE, **near)
+    plan(HOP, LINE, **near | {"plume_range_m": 49.0})
+    plan(HOP, LINE, {"type": "drift", "duration_s": 10.0}, **near | {"plume_range_m": 49.0})
+    with pytest.raises(ScenarioError, match=r"the body is 90\.0 deg off the exhaust, less than 95 deg"):
+        plan(HOP, LINE, **near | {"plume_half_angle_deg": 95.0, "plume_range_m": 400.0})
+
+
 @pytest.mark.parametrize(
     ("legs", "fields", "message"),
     [
@@ -228,6 +243,7 @@ def test_limits_of_thrust_hold_for_the_whole():
         ((HOP | {"until": {"type": "time"}},), {}, r"needs exactly one of duration_s and at_s"),
         ((HOP | {"speed": 1.0},), {}, r"legs\[0\]: unknown key 'speed'"),
         ((HOP,), {"velocity_m_s": (0.0, 0.0, 0.0)}, "velocity_m_s: needs position_m"),
+        ((HOP,), {"plume_range_m": 9.0}, "plume_half_angle_deg: belongs to plume_range_m"),
         ((HOP, HOLD | {"until": {"type": "time", "at_s": 10.0}}), {}, r"legs\[1\]: until.at_s: the leg begins at 2700"),
         (
             (HOP | {"until": {"type": "range", "at_most_m": 9.0}},),
