@@ -185,6 +185,27 @@ def test_two_bodies_confirm_a_lambert_leg_late_in_a_sequence():
     np.testing.assert_allclose(arrived[0], [0.0, -400.0, 0.0], rtol=0, atol=1e-5)
 
 
+def test_two_bodies_fly_the_impulses_within_the_stated_error():
+    """The impulses of free legs, given to two propagated orbits: off by 6 pi rho^2 / r a revolution at most, see `Hill`."""
+    whole = plan(HOP | {"stop": False}, {"type": "hop", "to_m": (50.0, -600.0, 20.0), "duration_s": 2000.0}, ROUND)
+    position, velocity = whole.relative(np.zeros(1))
+    state = position[0], velocity[0] - whole.impulses[0].delta_v_m_s
+    edges = [one.time_s for one in whole.impulses] + [whole.duration_s]
+    for one, end_s in zip(whole.impulses, edges[1:], strict=True):
+        now = STATION.states(Epochs(START, np.array([one.time_s])))
+        chief = rl.orbit.State(
+            epoch_utc=START, position_m=tuple(now.position_m[0]), velocity_m_s=tuple(now.velocity_m_s[0])
+        )
+        motion = rpo.Nonlinear(
+            relative_to="station", position_m=tuple(state[0]), velocity_m_s=tuple(state[1] + one.delta_v_m_s)
+        )
+        flown = motion.relative(Epochs(START, np.array([end_s - one.time_s])), chief)
+        state = flown[0][0], flown[1][0]
+    off_m = float(np.linalg.norm(state[0] - whole.relative(np.array([whole.duration_s]))[0][0]))
+    allowed_m = 6.0 * math.pi * 3000.0**2 / 6.878e6 * whole.duration_s / REVOLUTION
+    assert 1e-3 * allowed_m < off_m < allowed_m
+
+
 def test_a_description_has_the_legs_and_the_maneuvers():
     text = plan(*MISSION).describe().splitlines()
     assert text[0].startswith("sequence: ") and len(text) > len(MISSION) + 20
