@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Name, NotNegative, Number, Vector
@@ -343,7 +343,14 @@ class DriftLeg(SequenceLeg):
         return Plan(self.name, n, self.duration_s or 2.0 * np.pi / n, (make_coast(0.0, *state, n),))
 
 
-AnyLeg = Annotated[
+def _take_operation(value: Any) -> Any:
+    """Return the fields of an operation that stands where a leg is needed; leave anything else as it is."""
+    if not isinstance(value, ProximityOperation) or isinstance(value, SequenceLeg):
+        return value
+    return {name: getattr(value, name) for name in value.model_fields_set} | {"type": value.name}
+
+
+_DescribedLeg = Annotated[
     HopLeg
     | HoldLeg
     | PulsedHoldLeg
@@ -361,3 +368,4 @@ AnyLeg = Annotated[
     | LambertLeg,
     Field(discriminator="type"),
 ]
+AnyLeg = Annotated[_DescribedLeg, BeforeValidator(_take_operation)]

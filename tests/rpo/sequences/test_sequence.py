@@ -295,6 +295,12 @@ def test_legs_in_python_are_parts():
     assert again.plan(START, STATION).duration_s == 3300.0
     assert again == sequence(HOP, {"type": "station_keeping", "until": {"type": "time", "duration_s": 600.0}})
     assert again.make_plan(N).duration_s == 3300.0
+    about = {"relative_to": "station"}
+    operations = rpo.Hop(**about, **{**HOP, "keep_out_m": 90.0}), rpo.StationKeeping(**about, position_m=HOP["to_m"])
+    assert sequence(*operations).legs[0].keep_out_m == 90.0
+    assert sequence(*operations).plan(START, STATION).duration_s == pytest.approx(2700.0 + REVOLUTION)
+    with pytest.raises(ScenarioError, match="unknown type 'rendezvous'"):
+        sequence(rpo.Rendezvous(**about, position_m=(0.0, -9.0, 0.0), duration_s=99.0))
 
 
 def test_a_scenario_flies_a_sequence_from_its_text(tmp_path):
