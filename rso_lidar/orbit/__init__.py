@@ -15,7 +15,8 @@ object from several of its sets; `Fleet` propagates thousands of sets side by si
 which only SGP4 may propagate. `OsculatingElements` are those of one state; `mean_from_osculating` gives those of `J2`.
 
 **The Earth below.** `GroundStation` is a place on the ground, `find_ground_track` gives latitudes and longitudes, and
-`EarthOrientation` reads polar motion and UT1. `gcrs_from_axes` and `convert_states` know the named axes.
+`EarthOrientation` reads polar motion and UT1. `gcrs_from_axes` and `convert_states` know the named axes. `JplEphemeris`
+reads Sun, Moon and planets from a user's kernel.
 
 **Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability` and `sample_collisions` give the probability of
 collision of two `UncertainState`s.
@@ -58,6 +59,7 @@ from rso_lidar.orbit.sky.geometry import (
     line_altitude_m,
     phase_angle_rad,
 )
+from rso_lidar.orbit.sky.jpl_ephemeris import JplEphemeris
 from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.orbit.trajectory import Trajectory
@@ -90,6 +92,7 @@ __all__ = [
     "Geodetic",
     "GroundStation",
     "Impulse",
+    "JplEphemeris",
     "Kepler",
     "LookAngles",
     "Numerical",

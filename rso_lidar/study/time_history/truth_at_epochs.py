@@ -59,11 +59,7 @@ def truth(
             pan_tilt_rad = still if ptu is None else motion.compute_demand(ptu, scenario.bodies, found)
         poses = motion.add_lidar(found.poses, ptu, pan_tilt_rad, still, scenario.lidar.mount)
         return Truth(found.time_s, poses, found.states, found.sun_direction, None, found.sunlit)
-    if (
-        isinstance(scenario, str)
-        or not isinstance(scenario, Sequence)
-        or not all(isinstance(one, Body) for one in scenario)
-    ):
+    if not isinstance(scenario, list | tuple) or not all(hasattr(one, "motion") for one in scenario):
         raise ScenarioError("truth: needs a Scenario, or a list of bodies; Scenario.load reads a file")
     if not isinstance(epochs, orbit.Epochs):
         raise ScenarioError("truth: bodies alone have no start_utc; give rl.orbit.Epochs(start_utc, seconds)")
