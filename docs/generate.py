@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import datetime
 import importlib
 import re
 import sys
 import tomllib
 import types
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -87,7 +89,7 @@ def pages(*names: str) -> dict[Path, str]:
         "physics.md": {"budget": budget, "detection": detection, "defaults": defaults},
         "instrument.md": {"constants": constants, "presets": presets},
         "sensors.md": {"presets": sensor_presets},
-        "orbits.md": {"rotations": spin_presets},
+        "orbits.md": {"rotations": spin_presets, "flown plans": flown_plans},
         "studies.md": {"merits": merits, "study keys": study_keys},
         "requirements.md": {"requirement keys": requirement_keys},
         "protocol.md": {"requests": request_keys},
@@ -469,6 +471,97 @@ def detection() -> str:
         found, noise_m = float(detector.detection_probability(n)), float(detector.range_noise_m(n, fwhm_s))
         rows.append((f"{photons:,}", f"{found:.3f}", f"{noise_m * 100:.1f} cm", f"{float(detector.counts(n)):,.0f}"))
     return _table(("photons", "P(detect)", "range noise", "counts"), rows)
+
+
+# ------------------------------------------------------------------------------------------------ orbits.md
+
+
+def flown_plans() -> str:
+    """Return how far plans end off under real forces: blindly, and corrected with less and more knowledge."""
+    rows = []
+    for name, plan, height_km, eccentricity in _flown_cases():
+        chief = rl.Kepler(
+            epoch_utc=datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC), semi_major_axis_km=6378.137 + height_km,
+            eccentricity=eccentricity, inclination_deg=51.6 if height_km < 3e4 else 0.05, raan_deg=40.0,
+            argument_of_perigee_deg=15.0, true_anomaly_deg=30.0,
+        )  # fmt: skip
+        duration_s = plan.plan(chief.epoch_utc, chief).duration_s
+        times_s = [one.time_s for one in plan.plan(chief.epoch_utc, chief).impulses]
+        arcs_s = list(pairwise(times_s)) or [(0.0, duration_s)]
+        often: dict[str, Any] = {"at_s": tuple(begin_s + 0.4 * (end_s - begin_s) for begin_s, end_s in arcs_s)}
+        if (
+            plan.plan(chief.epoch_utc, chief).continuous_delta_v_m_s > 0.0
+        ):  # a path held by thrust, led back again and again
+            often = {"every_s": duration_s / 20.0}
+        ways = (
+            None,
+            rl.rpo.TwoImpulseGuidance(model="clohessy_wiltshire", **often),
+            rl.rpo.TwoImpulseGuidance(forces=rl.orbit.Forces(), **often),
+            rl.rpo.TwoImpulseGuidance(**often),
+        )
+        misses = []
+        for guidance in ways:
+            flown = rl.rpo.Flown(plan=plan, forces=_REAL, guidance=guidance).fly(chief.epoch_utc, chief)
+            misses.append(_two_digits(float(np.linalg.norm(flown.find_miss_m()))))
+        rows.append((name, f"{height_km:,.0f} km, {eccentricity:g}", *misses))
+    header = (
+        "plan",
+        "height, eccentricity",
+        "off the plan at its end",
+        "corrected, by Clohessy–Wiltshire",
+        "corrected, with J2 known",
+        "corrected, with all forces known",
+    )
+    return _table(header, rows)
+
+
+def _two_digits(length_m: float) -> str:
+    """Format a length with two digits."""
+    if length_m < 1e-3:
+        return "below 1 mm"
+    return f"{float(f'{length_m:.2g}'):,g} m"
+
+
+_REAL = rl.orbit.Forces(
+    zonal_degree=6,
+    drag=rl.orbit.Drag(area_m2=4.0, mass_kg=200.0),
+    radiation_pressure=rl.orbit.RadiationPressure(area_m2=4.0, mass_kg=200.0),
+    sun=True,
+    moon=True,
+)
+
+
+def _flown_cases() -> list[tuple[str, Any, float, float]]:
+    """Return plans with their names, and height [km] and eccentricity of the body that they approach."""
+    way: dict[str, Any] = {"relative_to": "body", "from_m": (0.0, -5000.0, 0.0), "to_m": (0.0, -300.0, 0.0)}
+    waypoints = ((0.0, -3000.0, 0.0), (-200.0, -1500.0, 100.0), (0.0, -500.0, 0.0))
+    return [
+        ("hop of 4.7 km in 45 min", rl.rpo.Hop(duration_s=2700.0, **way), 500.0, 0.001),
+        ("hop of 4.7 km in a revolution", rl.rpo.Hop(duration_s=5677.0, **way), 500.0, 0.001),
+        ("hop of 4.7 km in 45 min", rl.rpo.Hop(duration_s=2700.0, **way), 2000.0, 0.1),
+        ("hop of 4.7 km in 11 h", rl.rpo.Hop(duration_s=39_600.0, **way), 35_786.0, 0.0005),
+        ("hop of 4.7 km in a revolution", rl.rpo.Hop(duration_s=86_164.0, **way), 35_786.0, 0.0005),
+        ("Lambert, 4.7 km in 45 min", rl.rpo.Lambert(duration_s=2700.0, **way), 500.0, 0.001),
+        (
+            "two arcs through waypoints, 2.5 km in 50 min",
+            rl.rpo.Waypoints(relative_to="body", positions_m=waypoints, times_s=(0.0, 1500.0, 3000.0)),
+            500.0,
+            0.001,
+        ),
+        ("circumnavigation, 100 m by 200 m", rl.rpo.Circumnavigation(relative_to="body", radial_m=100.0), 500.0, 0.001),
+        (
+            "V-bar approach, held, 900 m in 50 min",
+            rl.rpo.VBarApproach(relative_to="body", from_m=-1000.0, to_m=-100.0, duration_s=3000.0),
+            500.0,
+            0.001,
+        ),
+        (
+            "forced circle of 100 m in 30 min",
+            rl.rpo.ForcedCircumnavigation(relative_to="body", radius_m=100.0, period_s=1800.0),
+            500.0,
+            0.001,
+        ),
+    ]
 
 
 def defaults() -> str:

@@ -15,6 +15,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.formats.czml import choose_samples, write_czml
 from rso_lidar.files import check_writable, write_columns
 from rso_lidar.motion.attitudes.attitude_file import write_aem
+from rso_lidar.motion.proximity import list_commands
 from rso_lidar.orbit.ccsds.writer import write_oem
 from rso_lidar.picture.plots.angles import angles_figure, ptu_figure
 from rso_lidar.picture.plots.orbit import inertial_figure
@@ -166,10 +167,11 @@ def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.nda
     plan = find_plan(scenario, target)
     if plan is None:
         return picture.orbit_figure(place, target, title=scenario.name)
+    commands = list_commands(scenario.bodies[-1], scenario.bodies, *scenario.span)
     return picture.orbit_figure(
         place,
         target,
-        impulses=[(one.time_s, one.delta_v_m_s) for one in plan.impulses if one.time_s <= scenario.span[1]],
+        impulses=[(one.time_s, one.delta_v_m_s) for one in commands],
         keep_out_m=getattr(scenario.bodies[-1].motion, "keep_out_m", 0.0) or None,
         delta_v_m_s=plan.delta_v_m_s,
         title=scenario.name,

@@ -18,7 +18,7 @@ from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.motion import chief_of
 from rso_lidar.motion.motions.placement import PlacedMotion
 from rso_lidar.motion.motions.state_space import StateSpace
-from rso_lidar.motion.proximity import find_plan
+from rso_lidar.motion.proximity import find_flight, find_plan
 from rso_lidar.orbit import moon_position_m
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import ROOT, cross, length, quaternion_xyzw, rotate_vectors
@@ -265,6 +265,8 @@ def _find_specific_force(
         thrust = flight.specific_force(time_s)
     elif isinstance(motion, FmuMotion) and motion.states_specific_force:
         thrust = motion.find_specific_force(flight, time_s)
+    elif (flown := find_flight(course.bodies[-1], course.bodies, course.start_utc)) is not None:
+        thrust = flown.thrust_m_s2(time_s)
     elif (plan := find_plan(course.bodies[-1], course.bodies, course.start_utc)) is not None:
         thrust = plan.control_m_s2(time_s)
     elif course.is_local:

@@ -1,4 +1,4 @@
-"""The plans of bodies in proximity operations."""
+"""The plans of bodies in proximity operations, and their flights."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.truth import Chief
-from rso_lidar.rpo import Plan, ProximityOperation
+from rso_lidar.orbit import Impulse
+from rso_lidar.rpo import Flown, Plan, PlanFlight, PlannedImpulse, ProximityOperation
 
 
 def find_plan(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> Plan | None:
-    """Find the plan of a body in a proximity operation.
+    """Find the plan of a body in a proximity operation, flown by real forces or not.
 
     Parameters
     ----------
@@ -23,6 +24,66 @@ def find_plan(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) 
     -------
     the plan; None for any other motion.
     """
+    if isinstance(body.motion, Flown):
+        return body.motion.make_plan(start_utc, Chief(bodies, body.motion.relative_to))
     if not isinstance(body.motion, ProximityOperation):
         return None
     return body.motion.plan(start_utc, Chief(bodies, body.motion.relative_to))
+
+
+def find_flight(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> PlanFlight | None:
+    """Find the flight of a body that flies a plan by real forces.
+
+    Parameters
+    ----------
+    body : the body.
+    bodies : all bodies of the scenario.
+    start_utc : start of the plan.
+
+    Returns
+    -------
+    the flight; None for any other motion.
+    """
+    if not isinstance(body.motion, Flown):
+        return None
+    return body.motion.fly(start_utc, Chief(bodies, body.motion.relative_to))
+
+
+def list_commands(
+    body: Body, bodies: Sequence[Body], start_utc: datetime.datetime, until_s: float
+) -> tuple[PlannedImpulse, ...]:
+    """List the impulses that a body in a proximity operation commands, those of corrections among them.
+
+    Parameters
+    ----------
+    body : the body.
+    bodies : all bodies of the scenario.
+    start_utc : start of the plan.
+    until_s : last instant of interest [s].
+
+    Returns
+    -------
+    impulses in the rtn axes of the body that is approached; none for any other motion.
+    """
+    flight = find_flight(body, bodies, start_utc)
+    if flight is not None:
+        return flight.list_commands(until_s)
+    plan = find_plan(body, bodies, start_utc)
+    return tuple(one for one in plan.impulses if one.time_s <= until_s) if plan else ()
+
+
+def find_jumps_s(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime, until_s: float) -> set[float]:
+    """Find the instants at which the velocity of a body jumps [s].
+
+    Parameters
+    ----------
+    body : the body.
+    bodies : all bodies of the scenario.
+    start_utc : start of the run.
+    until_s : last instant of interest [s].
+    """
+    flight = find_flight(body, bodies, start_utc)
+    if flight is not None:
+        return {one.at_s for one in flight.list_maneuvers(until_s) if isinstance(one, Impulse)}
+    planned = {float(one.time_s) for one in list_commands(body, bodies, start_utc, until_s)}
+    return planned | set(getattr(body.motion, "impulses_s", ()))

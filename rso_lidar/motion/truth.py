@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,12 @@ from rso_lidar.motion.motions.motion import chief_of, list_exceeded_limits, stat
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.motion.sun_vectors import SunVectors
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.propagation.numerical import ForceModel
 from rso_lidar.orbit.trajectory import differentiate, find_breaks_s, state_rates, two_body_rates
+from rso_lidar.part import read_member
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, rotate_vectors
 from rso_lidar.records import BodyState, Truth
-from rso_lidar.rpo.relative.relative_motion import RelativeMotion
+from rso_lidar.rpo.relative.relative_motion import RtnMotion
 from rso_lidar.rpo.relative.rtn import inertial_acceleration, rtn_matrix
 
 Flights = Mapping[str, CommandedFlight]
@@ -116,8 +119,8 @@ class _Evaluation:
         origins = [self.by_name[name].origin for name in names]
         breaks = [np.empty(0)]
         for motion in (body.motion for body in some):
-            if isinstance(motion, RelativeMotion):
-                breaks.append(motion.breaks_s(self.epochs, Chief(some, motion.relative_to)))
+            if isinstance(motion, RtnMotion):
+                breaks.append(motion.breaks_s(self.epochs, Chief(some, str(chief_of(motion)))))
             else:
                 breaks.append(find_breaks_s(motion, self.epochs))
 
@@ -139,7 +142,7 @@ class _Evaluation:
 
     def _can_differentiate(self, body: Body) -> bool:
         """Return whether a body moves relative to a chief, and no body in the chain of chiefs is under command."""
-        if not isinstance(body.motion, RelativeMotion):
+        if not isinstance(body.motion, RtnMotion):
             return False
         while (relative_to := chief_of(body.motion)) is not None:
             body = self.by_name[relative_to]
@@ -195,8 +198,8 @@ class _Evaluation:
             flight = self.flight_of(body, motion) if isinstance(motion, CommandedModel) else None
             return motion.place(self.epochs, flight)
         known: tuple[Any, ...] = (self.epochs,)
-        if isinstance(motion, RelativeMotion):
-            known = self.epochs, self.chief(tree, motion.relative_to)
+        if isinstance(motion, RtnMotion):
+            known = self.epochs, self.chief(tree, str(chief_of(motion)))
             place = Place(*motion.relative(*known))
         else:
             state = states_of(motion, self.epochs)
@@ -368,6 +371,14 @@ class Chief:
         if len(epochs) == 1:  # mostly the start, which every relative motion needs repeatedly
             self._known = [*self._known[-3:], (epochs, states)]
         return states
+
+    @property
+    def force_model(self) -> ForceModel | None:
+        """Forces and maneuvers with which the body's own motion is integrated; None for any other motion."""
+        found: ForceModel | None = read_member(
+            self._by_name[self._name].motion, "force_model", None, (ForceModel, NoneType), "leave it out"
+        )
+        return found
 
     @cached_property
     def _chain(self) -> list[Body]:

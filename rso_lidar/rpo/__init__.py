@@ -1,12 +1,16 @@
-"""Rendezvous and proximity operations: relative motion in a chief's rtn axes, and plans made of it."""
+"""Rendezvous and proximity operations: relative motion in a chief's rtn axes, plans made of it, and their flight."""
 
 from rso_lidar.public_names import limit_dir
+from rso_lidar.rpo.flown.flown_plan import Flown, RelativeStart
+from rso_lidar.rpo.flown.guidance import Guidance, GuidanceUpdate, TwoImpulseGuidance
+from rso_lidar.rpo.flown.plan_flight import PlanFlight
+from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
 from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
 from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
 from rso_lidar.rpo.plans.free_holds import Perch, PulsedStationKeeping
 from rso_lidar.rpo.plans.glideslope import Glideslope
 from rso_lidar.rpo.plans.operation import ProximityOperation
-from rso_lidar.rpo.plans.plan import Plan
+from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.rpo.plans.transfers import Hop, Lambert, Rendezvous, Waypoints
 from rso_lidar.rpo.relative.hill import Hill
 from rso_lidar.rpo.relative.nonlinear import Nonlinear
@@ -57,10 +61,13 @@ __all__ = [
     "CoElliptic",
     "CoEllipticLeg",
     "DriftLeg",
+    "Flown",
     "ForcedCircumnavigation",
     "ForcedCircumnavigationLeg",
     "Glideslope",
     "GlideslopeLeg",
+    "Guidance",
+    "GuidanceUpdate",
     "Hill",
     "HoldLeg",
     "Hop",
@@ -68,10 +75,13 @@ __all__ = [
     "InSunlight",
     "Lambert",
     "LambertLeg",
+    "NavigationErrors",
     "Nonlinear",
     "Perch",
     "PerchLeg",
     "Plan",
+    "PlanFlight",
+    "PlannedImpulse",
     "PlannedLeg",
     "ProximityOperation",
     "PulsedHoldLeg",
@@ -80,6 +90,7 @@ __all__ = [
     "RBarLeg",
     "RelativeElements",
     "RelativeMotion",
+    "RelativeStart",
     "Rendezvous",
     "SafetyEllipse",
     "SafetyEllipseLeg",
@@ -88,6 +99,8 @@ __all__ = [
     "StationKeeping",
     "Teardrop",
     "TeardropLeg",
+    "Thrusters",
+    "TwoImpulseGuidance",
     "VBarApproach",
     "VBarLeg",
     "Waypoints",

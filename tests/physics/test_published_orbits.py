@@ -20,7 +20,7 @@ from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, ele
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
-from rso_lidar.rpo.relative.nonlinear import find_relative_state
+from rso_lidar.rpo.relative.reference_orbit import find_relative_state
 
 GM = units.EARTH_GM_M3_S2
 CURTIS_GM = 3.986e14  # his, 1.1e-6 less: beyond the five digits that he prints

@@ -71,6 +71,16 @@ RELATIVE = {
     ),
     "nonlinear": f'{{ type = "nonlinear", {_ABOUT}, {PLACE} }}',
     "nonlinear with forces": f'{{ type = "nonlinear", {_ABOUT}, {PLACE}, forces = {FORCES} }}',
+    "nonlinear with maneuvers": (
+        f'{{ type = "nonlinear", {_ABOUT}, {PLACE}, maneuvers = [{{ type = "impulse", at_s = 40.0, '
+        'delta_v_m_s = [0.01, 0.02, -0.01], axes = "chief_rtn" }] }'
+    ),
+    "flown": (
+        f'{{ type = "flown", plan = {{ type = "waypoints", {_ABOUT}, positions_m = [[0.0, -500.0, 0.0], '
+        "[50.0, -200.0, 10.0], [0.0, -50.0, 0.0]], times_s = [0.0, 900.0, 1800.0], stop = true, hold_s = 60.0 }, "
+        f"forces = {FORCES}, thrusters = {{ acceleration_m_s2 = 0.05, rise_s = 1.0, magnitude_sigma_fraction = 0.01 }}, "
+        'guidance = { type = "two_impulse", at_s = [450.0, 1300.0], model = "clohessy_wiltshire" } }'
+    ),
     "station_keeping": f'{{ type = "station_keeping", {_ABOUT}, position_m = [30.0, -100.0, 10.0] }}',
     "v_bar_approach": f'{{ type = "v_bar_approach", {_ABOUT}, from_m = -900.0, to_m = -20.0, speed_m_s = 0.4 }}',
     "v_bar_approach by hops": f'{{ type = "v_bar_approach", {_ABOUT}, from_m = 900.0, to_m = 20.0, hops = 3 }}',

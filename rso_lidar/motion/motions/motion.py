@@ -29,6 +29,7 @@ from rso_lidar.records import BodyState
 from rso_lidar.rpo import (
     Circumnavigation,
     CoElliptic,
+    Flown,
     ForcedCircumnavigation,
     Glideslope,
     Hill,
@@ -111,6 +112,7 @@ DescribedMotion = Annotated[
     | Rendezvous
     | Lambert
     | Sequence
+    | Flown
     | StateSpace
     | FmuMotion
     | Fixed

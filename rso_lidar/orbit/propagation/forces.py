@@ -8,6 +8,7 @@ the density varies by a factor of up to ten with solar activity.
 from __future__ import annotations
 
 import datetime
+import functools
 import math
 from bisect import bisect_right
 from collections.abc import Callable
@@ -125,6 +126,17 @@ class Forces(Part):
         )
         return np.array([field(t, tuple(r), tuple(v))[0] for t, r, v in rows]).reshape(-1, 3)
 
+    def light_phase(self, start_utc: datetime.datetime) -> Callable[[float, Vector3], int] | None:
+        """Return a function of time [s] and position [m] that changes at the edges of the shadow; None without sunlight.
+
+        Parameters
+        ----------
+        start_utc : start of the run
+        """
+        if self.radiation_pressure is None:
+            return None
+        return functools.partial(_light_phase, _find_almanac(start_utc, sun=True, moon=self.moon))
+
     def field(self, start_utc: datetime.datetime) -> ForceField:
         """Return the acceleration as a function for an integrator.
 
@@ -139,7 +151,7 @@ class Forces(Part):
             discontinuities: drag (rows of its table) and sunlight (shadow)
         """
         pressure = self.radiation_pressure
-        sky = Almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
+        sky = _find_almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
         zonals, drag = _ZONALS[: max(self.zonal_degree - 1, 0)], self.drag
         needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
 
@@ -179,6 +191,22 @@ class Forces(Part):
             return total, rough
 
         return acceleration
+
+
+def _light_phase(sky: Almanac, time_s: float, r: Vector3) -> int:
+    """Return 2 in full sunlight, 1 in the penumbra, 0 in the umbra.
+
+    Parameters
+    ----------
+    sky : where the Sun is
+    time_s : time since the start of the run [s]
+    r : position [m]
+    """
+    share = float(sunlit_fraction(np.array([r]), np.array([sky(time_s)[1]]))[0])
+    return 2 if share >= 1.0 else 1 if share > 0.0 else 0
+
+
+_find_almanac = functools.lru_cache(maxsize=8)(Almanac)  # a flight with guidance integrates hundreds of arcs of one run
 
 
 def air_density_kg_m3(height_m: float) -> float:

@@ -18,8 +18,11 @@ from rso_lidar.errors import PropagationError
 
 Derivative = Callable[[float, np.ndarray], np.ndarray]
 Jump = tuple[float, Callable[[np.ndarray], np.ndarray]]
+Phase = Callable[[float, np.ndarray], int]
 _MOST_STEPS = 200_000  # some 400 days of a low orbit, half a gigabyte
 _NEAR_S = 1e-9  # breaks closer together than this count as one
+_EDGE_S = 1e-6  # a change of phase this close to the end of a step is at its end
+_LOOKS = 4  # instants in a step at which its phase is read
 
 
 class OdeSolution:
@@ -39,6 +42,8 @@ class OdeSolution:
     rtol, atol : tolerances of a step, relative and absolute (one number, or one for each entry of x)
     jumps : ``(time_s, jump)`` at which x becomes ``jump(x)``; time_s > 0
     breaks : further instants [s] at which f is not smooth, such as the start of a burn
+    phase : ``phase(t, x (n,))`` is a number that changes where f is not smooth, such as at the edge of a shadow; a step
+        ends at each change. The estimate of a step's error can miss such an edge by chance.
     name : what errors call the integration
     """
 
@@ -52,11 +57,12 @@ class OdeSolution:
         atol: float | np.ndarray = 1e-9,
         jumps: Sequence[Jump] = (),
         breaks: Sequence[float] = (),
+        phase: Phase | None = None,
         name: str = "integration",
     ) -> None:
         x0 = np.array(x0, dtype=float)
         breaks = sorted({*(at for at, _ in jumps), *breaks})
-        shared = (f, x0, panel_s, {"rtol": rtol, "atol": atol}, sorted(jumps, key=_jump_time_s), breaks, name)
+        shared = (f, x0, panel_s, {"rtol": rtol, "atol": atol}, sorted(jumps, key=_jump_time_s), breaks, phase, name)
         self._ways = {way: _Direction(way, *shared) for way in (1, -1)}
         self._n = len(x0)
         self._lock = RLock()
@@ -89,6 +95,7 @@ class _Direction:
         tolerances: dict[str, Any],
         jumps: Sequence[Jump],
         breaks: Sequence[float],
+        phase: Phase | None,
         name: str,
     ) -> None:
         """Start at t = 0.
@@ -96,11 +103,11 @@ class _Direction:
         Parameters
         ----------
         way : 1 forward, -1 backward
-        f, x0, panel_s, jumps, breaks, name : as for `OdeSolution`
+        f, x0, panel_s, jumps, breaks, phase, name : as for `OdeSolution`
         tolerances : relative and absolute tolerance of DOP853
         """
         self._way, self._f, self._panel_s, self._tolerances, self._name = way, f, panel_s, tolerances, name
-        self._jumps = jumps if way == 1 else ()
+        self._jumps, self._phase = jumps if way == 1 else (), phase
         self._breaks = [way * at for at in breaks]
         self._ends, self._steps = (
             [0.0],
@@ -161,10 +168,40 @@ class _Direction:
                     f"({(message or 'infinite').rstrip('.')}): check state and dynamics, or shorten the run",
                     self._way * requested > begin,
                 )
-            self._steps.append(self._solver.dense_output())
+            made = self._solver.dense_output()
+            edge = self._find_edge(made, begin, self._way * self._solver.t)
+            if edge is not None:  # make the step again, up to there
+                self._solver = DOP853(self._f, self._way * begin, x, self._way * edge, **self._tolerances)
+                continue
+            self._steps.append(made)
             self._ends.append(self._way * self._solver.t)
             if self._solver.status == "finished":
                 self._x, self._solver = self._apply_jumps(self._solver.y), None
+        return None
+
+    def _find_edge(self, made: Any, begin: float, end: float) -> float | None:
+        """Return where the phase first changes inside a step, both ends left out; None where it does not.
+
+        Parameters
+        ----------
+        made : polynomial of the step
+        begin, end : its ends, positive in this direction [s]
+        """
+        if self._phase is None:
+            return None
+        low = begin + _EDGE_S
+        first = self._phase(self._way * low, made(self._way * low))
+        for look in np.linspace(begin, end, _LOOKS + 1)[1:].tolist():
+            if self._phase(self._way * look, made(self._way * look)) != first:
+                high = look
+                while high - low > _NEAR_S:
+                    middle = 0.5 * (low + high)
+                    if self._phase(self._way * middle, made(self._way * middle)) == first:
+                        low = middle
+                    else:
+                        high = middle
+                return high if high < end - _EDGE_S else None
+            low = look
         return None
 
     def _apply_jumps(self, x: np.ndarray) -> np.ndarray:

@@ -8,26 +8,69 @@ from __future__ import annotations
 import datetime
 import functools
 import math
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from typing import Annotated, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
+from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.orbit.propagation.j2 import J2
-from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
+from rso_lidar.orbit.propagation.maneuver import Axes3, Burn, Impulse, describe_late
 from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
 from rso_lidar.orbit.two_body.kepler import Kepler, State
 from rso_lidar.part import Part
 from rso_lidar.records import BodyState
 
 Maneuver = Annotated[Impulse | Burn, Field(discriminator="type")]
-Initial = Annotated[Tle | Omm | Kepler | State | J2, Field(discriminator="type")]
+Initial = Annotated[Tle | Omm | Kepler | State | J2 | Ephemeris, Field(discriminator="type")]
 _PANEL_S = 5400.0
+
+
+class Thrust(Protocol):
+    """A push over an interval, such as a burn."""
+
+    @property
+    def axes(self) -> Axes3:
+        """Axes of the acceleration before it is turned into GCRS axes."""
+        ...
+
+    @property
+    def from_s(self) -> float:
+        """Start of the thrust since `start_utc` [s]."""
+        ...
+
+    @property
+    def until_s(self) -> float:
+        """End of the thrust since `start_utc` [s]."""
+        ...
+
+    @property
+    def edges_s(self) -> tuple[float, ...]:
+        """Instants at which the acceleration is not smooth [s]."""
+        ...
+
+    def acceleration(self, time_s: float, r: list[float], v: list[float]) -> tuple[float, float, float]:
+        """Return the acceleration [m/s2] in inertial axes.
+
+        Parameters
+        ----------
+        time_s : seconds since the start of the run
+        r, v : position [m] and velocity [m/s] that define the axes
+        """
+        ...
+
+
+class ForceModel(NamedTuple):
+    """What an integrated motion is integrated with."""
+
+    forces: Forces
+    maneuvers: tuple[Impulse | Burn, ...]
 
 
 class Numerical(Part):
@@ -35,10 +78,28 @@ class Numerical(Part):
 
     type: Literal["numerical"] = "numerical"
     initial: Initial = Field(
-        description="Orbit that gives the state at `start_utc`: a `tle`, `omm`, `kepler`, `state` or `j2`."
+        description=(
+            "Orbit that gives the state at `start_utc`: a `tle`, `omm`, `kepler`, `state`, `j2` or `ephemeris`. For a state "
+            "relative to another body use the motion `nonlinear`."
+        )
     )
     forces: Forces = Field(default=Forces(), description="Forces besides the central gravity.")
     maneuvers: tuple[Maneuver, ...] = Field(default=(), description="Impulses and burns, in any order.")
+
+    @model_validator(mode="after")
+    def _no_chief(self) -> Self:
+        for k, one in enumerate(self.maneuvers):
+            if one.axes == "chief_rtn":
+                raise ValueError(
+                    f"maneuvers[{k}].axes: 'chief_rtn' are the axes of another body, and 'numerical' is relative to none: "
+                    "use 'rtn', 'vnc' or 'inertial', or the motion 'nonlinear'"
+                )
+        return self
+
+    @property
+    def force_model(self) -> ForceModel:
+        """Forces and maneuvers of the integration."""
+        return ForceModel(self.forces, self.maneuvers)
 
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes.
@@ -66,8 +127,7 @@ class Numerical(Part):
         -------
         times since `start_utc` [s]
         """
-        at = [(one.at_s,) if isinstance(one, Impulse) else (one.from_s, one.until_s) for one in self.maneuvers]
-        return np.array([time_s for pair in at for time_s in pair])
+        return np.array([time_s for one in self.maneuvers for time_s in one.edges_s])
 
     def summarize(self, start_utc: datetime.datetime) -> str:
         """Return the motion in a few words: its initial state, forces and maneuvers.
@@ -97,12 +157,7 @@ class Numerical(Part):
         -------
         one line of advice; empty if there are none
         """
-        late = [one for one in self.maneuvers if getattr(one, "at_s", getattr(one, "from_s", 0.0)) > end_s]
-        if not late:
-            return []
-        return [
-            f"{len(late)} of its {len(self.maneuvers)} maneuvers come after the last frame at {end_s:g} s; shift them"
-        ]
+        return describe_late(self.maneuvers, end_s)
 
     @property
     def impulses_s(self) -> tuple[float, ...]:
@@ -120,10 +175,15 @@ class IntegratedOrbit:
 
     Parameters
     ----------
-    position_m, velocity_m_s : (3,) state at the start in GCRS axes [m], [m/s]
+    position_m, velocity_m_s : (3,) state at `begin_s` in GCRS axes [m], [m/s]
     start_utc : start of the run
     forces : forces besides the central attraction
-    maneuvers : impulses and burns
+    maneuvers : impulses from `begin_s` on, and burns or other thrust
+
+    Other Parameters
+    ----------------
+    chief : orbit whose rtn axes are meant by the maneuvers' axes "chief_rtn"
+    begin_s : time of the state, since `start_utc` [s]
     """
 
     def __init__(
@@ -132,22 +192,29 @@ class IntegratedOrbit:
         velocity_m_s: tuple[float, ...],
         start_utc: datetime.datetime,
         forces: Forces,
-        maneuvers: tuple[Impulse | Burn, ...],
+        maneuvers: Sequence[Impulse | Thrust],
+        chief: IntegratedOrbit | None = None,
+        begin_s: float = 0.0,
     ) -> None:
-        field = forces.field(start_utc)
-        burns = [maneuver for maneuver in maneuvers if isinstance(maneuver, Burn)]
+        field, light = forces.field(start_utc), forces.light_phase(start_utc)
+        self._begin_s, self._chief = begin_s, chief
         # No orbit lasts in the air below 100 km, and re-entry is so stiff that its integration would take minutes.
         self._floor_m = 100.0 * units.KM if forces.drag is not None else 0.0
         floor_m2 = (units.EARTH_RADIUS_M + self._floor_m) ** 2
+        impulses = [one for one in maneuvers if isinstance(one, Impulse) and one.at_s >= begin_s]
+        burns = [one for one in maneuvers if not isinstance(one, Impulse) and one.until_s > begin_s]
 
         def derivative(t: float, x: np.ndarray) -> np.ndarray:
             rx, ry, rz, vx, vy, vz, _, *open_ = x.tolist()
+            at_s = t + begin_s
             if rx * rx + ry * ry + rz * rz < floor_m2:
-                raise _FallError(t)
-            (ax, ay, az), rough = field(t, (rx, ry, rz), (vx, vy, vz))
+                raise _FallError(at_s)
+            (ax, ay, az), rough = field(at_s, (rx, ry, rz), (vx, vy, vz))
             for burn, valve in zip(burns, open_, strict=True):
                 if valve > 0.5 and t >= 0.0:
-                    bx, by, bz = burn.acceleration(t, [rx, ry, rz], [vx, vy, vz])
+                    known = self._find_chief(burn.axes, at_s)
+                    values = [rx, ry, rz, vx, vy, vz] if known is None else known.tolist()
+                    bx, by, bz = burn.acceleration(at_s, values[:3], values[3:])
                     ax, ay, az = ax + bx, ay + by, az + bz
             return np.array([vx, vy, vz, ax, ay, az, rough, *([0.0] * len(burns))])
 
@@ -155,18 +222,24 @@ class IntegratedOrbit:
         # DOP853, whose error estimate assumes smooth forces, would step over the edge of the shadow.
         # One entry for each burn states whether it is on: a step that ends where a burn begins must not contain it, and
         # the step that begins there must.
-        jumps = [(at.at_s, at.apply) for at in maneuvers if isinstance(at, Impulse)]
+        start = np.array([*position_m, *velocity_m_s])
+        for one in impulses:
+            if one.at_s == begin_s:
+                start = self._apply(one, start)
+        jumps = [(one.at_s - begin_s, functools.partial(self._apply, one)) for one in impulses if one.at_s > begin_s]
         for k, burn in enumerate(burns, start=7):
-            jumps.append((burn.until_s, functools.partial(_set_entry, k, 0.0)))
-            if burn.from_s > 0.0:
-                jumps.append((burn.from_s, functools.partial(_set_entry, k, 1.0)))
+            jumps.append((burn.until_s - begin_s, functools.partial(_set_entry, k, 0.0)))
+            if burn.from_s > begin_s:
+                jumps.append((burn.from_s - begin_s, functools.partial(_set_entry, k, 1.0)))
         self._solution = OdeSolution(
             derivative,
-            np.array([*position_m, *velocity_m_s, 0.0, *(float(burn.from_s == 0.0) for burn in burns)]),
+            np.array([*start, 0.0, *(float(burn.from_s <= begin_s) for burn in burns)]),
             panel_s=_PANEL_S,
             rtol=1e-13,
             atol=np.array([1e-6] * 3 + [1e-9] * 3 + [1e-11] + [1.0] * len(burns)),
             jumps=jumps,
+            breaks=[edge_s - begin_s for burn in burns for edge_s in burn.edges_s],
+            phase=None if light is None else lambda t, x: light(t + begin_s, tuple(x[:3].tolist())),
             name="numerical",
         )
 
@@ -174,10 +247,10 @@ class IntegratedOrbit:
         """Return rows [position m, velocity m/s] (time, 6)."""
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         try:
-            return self._solution(times)[:, :6]
+            return self._solution(times - self._begin_s)[:, :6]
         except _FallError as fall:
             by_s = float(fall.args[0])
-            way = 1.0 if by_s >= 0.0 else -1.0
+            way = 1.0 if by_s >= self._begin_s else -1.0
             bad = way * times >= way * by_s
             where = f"falls below {self._floor_m / units.KM:g} km" if self._floor_m else "meets the Earth"
             raise PropagationError(
@@ -185,6 +258,17 @@ class IntegratedOrbit:
                 "run before that, or raise the orbit",
                 bad,
             ) from None
+
+    def _find_chief(self, axes: Axes3, time_s: float) -> np.ndarray | None:
+        """Return the state (6,) of the chief if its axes are meant, else None."""
+        if axes != "chief_rtn":
+            return None
+        assert self._chief is not None, "maneuvers in the axes of a chief need one"
+        row: np.ndarray = self._chief(np.array([time_s]))[0]
+        return row
+
+    def _apply(self, impulse: Impulse, state: np.ndarray) -> np.ndarray:
+        return impulse.apply(state, self._find_chief(impulse.axes, impulse.at_s))
 
 
 class _FallError(Exception):
@@ -196,16 +280,24 @@ def integrate_orbit(
     velocity_m_s: np.ndarray,
     start_utc: datetime.datetime,
     forces: Forces,
-    maneuvers: tuple[Impulse | Burn, ...] = (),
+    maneuvers: Sequence[Impulse | Thrust] = (),
+    *,
+    chief: IntegratedOrbit | None = None,
+    begin_s: float = 0.0,
 ) -> IntegratedOrbit:
     """Integrate an orbit from a state. The result is cached, so the same call costs nothing twice.
 
     Parameters
     ----------
-    position_m, velocity_m_s : (3,) state at the start in GCRS axes [m], [m/s]
+    position_m, velocity_m_s : (3,) state at `begin_s` in GCRS axes [m], [m/s]
     start_utc : start of the run
     forces : forces besides the central attraction
-    maneuvers : impulses and burns
+    maneuvers : impulses from `begin_s` on, and burns or other thrust
+
+    Other Parameters
+    ----------------
+    chief : orbit whose rtn axes are meant by the maneuvers' axes "chief_rtn"
+    begin_s : time of the state, since `start_utc` [s]
 
     Returns
     -------
@@ -218,7 +310,7 @@ def integrate_orbit(
         from that call, where the orbit meets the Earth; its `bad` masks the later epochs
     """
     position, velocity = np.asarray(position_m, dtype=float).tolist(), np.asarray(velocity_m_s, dtype=float).tolist()
-    return _integrated_orbit(tuple(position), tuple(velocity), start_utc, forces, maneuvers)
+    return _integrated_orbit(tuple(position), tuple(velocity), start_utc, forces, tuple(maneuvers), chief, begin_s)
 
 
 _integrated_orbit = functools.lru_cache(maxsize=64)(IntegratedOrbit)

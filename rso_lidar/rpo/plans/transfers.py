@@ -27,7 +27,7 @@ from rso_lidar.rpo.plans.operation import ProximityOperation, check_plan
 from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast, make_line
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative import hill
-from rso_lidar.rpo.relative.nonlinear import add_relative_state, find_relative_state
+from rso_lidar.rpo.relative.reference_orbit import add_relative_state, find_relative_state
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 

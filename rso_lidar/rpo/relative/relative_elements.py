@@ -38,7 +38,7 @@ from rso_lidar.part import Flag, Number
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import describe_flattening, find_mean_motion_rad_s, find_start_state
-from rso_lidar.rpo.relative.nonlinear import find_relative_state
+from rso_lidar.rpo.relative.reference_orbit import find_relative_state
 from rso_lidar.rpo.relative.relative_motion import RelativeMotion
 
 _TURNED_RAD = 0.05

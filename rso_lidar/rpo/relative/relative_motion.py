@@ -13,13 +13,11 @@ from rso_lidar.part import Name, Part, Vector
 from rso_lidar.rpo.limits import Velocity
 
 
-class RelativeMotion(Part):
-    """Base of motions about the body `relative_to`, in its rotating rtn axes.
+class RtnMotion(Part):
+    """Base of motions about a chief, which `relative_to` names, in its rotating rtn axes.
 
     rtn: x radially outward, z along r x v, y = z x x.
     """
-
-    relative_to: Name = Field(description="Name of a body that orbits, by any orbital motion.")
 
     @abstractmethod
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -54,6 +52,12 @@ class RelativeMotion(Part):
         epochs : instants
         chief : trajectory of the chief
         """
+
+
+class RelativeMotion(RtnMotion):
+    """Base of motions about the body `relative_to` that state its name themselves."""
+
+    relative_to: Name = Field(description="Name of a body that orbits, by any orbital motion.")
 
 
 class RelativeState(RelativeMotion):

@@ -10,7 +10,7 @@ import numpy as np
 from rso_lidar import detector, units
 from rso_lidar.detector.bench.trial import Trial
 from rso_lidar.motion.motions.motion import summarize
-from rso_lidar.motion.proximity import find_plan
+from rso_lidar.motion.proximity import find_flight, find_plan
 from rso_lidar.optics import Receiver
 from rso_lidar.orbit import format_utc
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
@@ -115,7 +115,9 @@ def _describe_plans(mission: Mission) -> list[str]:
     for body in mission.bodies:
         plan = find_plan(body, mission.bodies, mission.time.start_utc)
         if plan is not None:
-            lines += [f"{'plan' if k == 0 else '':<12}{line}" for k, line in enumerate(plan.describe().splitlines())]
+            flight = find_flight(body, mission.bodies, mission.time.start_utc)
+            text = plan.describe() if flight is None else f"{plan.describe()}\n{flight.describe()}"
+            lines += [f"{'plan' if k == 0 else '':<12}{line}" for k, line in enumerate(text.splitlines())]
     return lines
 
 

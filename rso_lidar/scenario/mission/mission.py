@@ -181,7 +181,10 @@ class Mission(Part):
         seed : of all noise.
         """
         changed = self.replace(seed=seed)
-        changed.__dict__.update({name: self.__dict__[name] for name in _WITHOUT_NOISE if name in self.__dict__})
+        known = {name: self.__dict__[name] for name in _WITHOUT_NOISE if name in self.__dict__}
+        if any(hasattr(body.motion, "with_seed") for body in (*self.target, self.follower)):
+            known.pop("bodies", None)
+        changed.__dict__.update(known)
         return changed
 
     @model_validator(mode="after")
@@ -242,6 +245,8 @@ class Mission(Part):
                 found = find_named_files(part, self.file)
                 if (check := getattr(found, "check", None)) is not None:
                     check(self.time.start_utc)  # a bad element set is an error now, with its place
+            if (seeded := getattr(found, "with_seed", None)) is not None:
+                found = seeded(_mix_seed(self.seed, body.name))
             if found is not part:
                 changes[place] = found
         return body.replace(**changes) if changes else body
@@ -379,3 +384,8 @@ class Mission(Part):
         stage : number that separates the noise of detection and of pointing.
         """
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
+
+
+def _mix_seed(seed: int, name: str) -> int:
+    """Return the seed of a body's own errors, from that of the scenario and the body's name."""
+    return int(np.random.SeedSequence([seed, *name.encode()]).generate_state(1, np.uint64)[0] >> np.uint64(1))

@@ -138,9 +138,7 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
         chain.append(by_name[relative_to])
     breaks: set[float] = set()
     for body in chain:
-        plan = proximity.find_plan(body, scenario.bodies, scenario.time.start_utc)
-        breaks |= {float(one.time_s) for one in plan.impulses} if plan else set()
-        breaks |= set(getattr(body.motion, "impulses_s", ()))
+        breaks |= proximity.find_jumps_s(body, scenario.bodies, *scenario.span)
     return breaks
 
 

@@ -1,10 +1,10 @@
-"""Burns that the follower knows of itself, from the plan of its proximity operation."""
+"""Burns that the follower knows of itself, from the commands of its proximity operation."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar.motion.proximity import find_plan
+from rso_lidar.motion.proximity import find_plan, list_commands
 from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.scenario import Scenario
 
@@ -21,7 +21,8 @@ def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Plann
     plan = find_plan(scenario.follower, scenario.bodies, scenario.time.start_utc)
     if plan is None or time_s.size < 2:
         return []
-    burns = [one for one in plan.impulses if time_s[0] < one.time_s <= time_s[-1]]
+    commands = list_commands(scenario.follower, scenario.bodies, scenario.time.start_utc, float(time_s[-1]))
+    burns = [one for one in commands if time_s[0] < one.time_s]
     burns = sorted([*burns, *_sample_control(plan, time_s)], key=lambda burn: burn.time_s)
     places = np.minimum(np.searchsorted(time_s, [burn.time_s for burn in burns]), time_s.size - 1)
     return list(zip(burns, places.tolist(), strict=True))

@@ -55,6 +55,16 @@ def test_what_cannot_burn_is_refused(fields, message):
     assert "\n" not in str(caught.value)
 
 
-def test_an_impulse_at_the_start_is_refused():
+def test_an_impulse_before_the_start_is_refused():
     with pytest.raises(ScenarioError, match="at_s"):
-        Impulse(at_s=0.0, delta_v_m_s=(1.0, 0.0, 0.0))
+        Impulse(at_s=-1.0, delta_v_m_s=(1.0, 0.0, 0.0))
+
+
+def test_ramps_take_their_half_and_must_fit():
+    burn = Burn(from_s=0.0, duration_s=10.0, acceleration_m_s2=(0.0, 0.2, 0.0), rise_s=4.0, fall_s=2.0, axes="inertial")
+    assert burn.size_m_s == pytest.approx(0.2 * 7.0)
+    assert burn.edges_s == (0.0, 4.0, 8.0, 10.0)
+    pushed = [burn.acceleration(t, R, V)[1] for t in (0.0, 1.0, 4.0, 8.0, 9.0, 10.0)]
+    assert pushed == pytest.approx([0.0, 0.05, 0.2, 0.2, 0.1, 0.0])
+    with pytest.raises(ScenarioError, match="longer than the burn of 5 s"):
+        Burn(from_s=0.0, duration_s=5.0, acceleration_m_s2=(0.0, 0.2, 0.0), rise_s=4.0, fall_s=2.0)

@@ -8,6 +8,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
 from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, rotate_to_inertial
@@ -158,3 +159,29 @@ def test_a_tle_hands_over():
 def test_unknown_maneuvers_are_refused():
     with pytest.raises(ScenarioError, match="unknown type 'burst'; did you mean 'burn'"):
         Numerical(initial=STATE, maneuvers=({"type": "burst"},))
+
+
+def test_an_impulse_at_the_start_changes_the_velocity_it_starts_with():
+    impulse = Impulse(at_s=0.0, delta_v_m_s=(1.0, 2.0, 3.0), axes="inertial")
+    kicked = State(epoch_utc=START, position_m=tuple(R), velocity_m_s=tuple(V + np.array([1.0, 2.0, 3.0])))
+    epochs = Epochs(START, np.array([0.0, 500.0]))
+    got, right = Numerical(initial=STATE, maneuvers=(impulse,)).states(epochs), Numerical(initial=kicked).states(epochs)
+    np.testing.assert_allclose(got.position_m, right.position_m, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(got.velocity_m_s, right.velocity_m_s, rtol=0, atol=1e-9)
+
+
+def test_the_axes_of_a_chief_are_refused_without_one():
+    kick = Impulse(at_s=1.0, delta_v_m_s=(1.0, 2.0, 3.0), axes="chief_rtn")
+    with pytest.raises(ScenarioError, match="'numerical' is relative to none"):
+        Numerical(initial=STATE, maneuvers=(kick,))
+
+
+def test_an_ephemeris_may_give_the_initial_state(tmp_path):
+    rows = STATE.states(Epochs(START, np.arange(-300.0, 301.0, 60.0)))
+    table = np.column_stack([np.arange(-300.0, 301.0, 60.0), rows.position_m, rows.velocity_m_s])
+    file = tmp_path / "start.csv"
+    header = "time_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s"
+    np.savetxt(file, table, fmt="%.9f", delimiter=",", header=header, comments="")
+    epochs = Epochs(START, np.array([0.0, 3000.0]))
+    got = Numerical(initial=Ephemeris(file=str(file))).states(epochs)
+    np.testing.assert_allclose(got.position_m, Numerical(initial=STATE).states(epochs).position_m, rtol=0, atol=1e-4)

@@ -8,10 +8,12 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
 from rso_lidar.orbit.two_body.kepler import State, propagate_two_body
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.nonlinear import Nonlinear, add_relative_state, find_relative_state
+from rso_lidar.rpo.relative.nonlinear import Nonlinear
+from rso_lidar.rpo.relative.reference_orbit import add_relative_state, find_relative_state
 from rso_lidar.rpo.relative.rtn import rtn_axes
 
 GM = units.EARTH_GM_M3_S2
@@ -112,3 +114,54 @@ def test_validity_names_forces():
     assert part().validity(Epochs(START, np.array([0.0, 3600.0])), chief(0.0, 0.0)) == []
     (only,) = part().validity(Epochs(START, np.array([0.0, 86400.0])), chief(0.0, 0.0))
     assert "forces" in only
+
+
+def test_an_impulse_in_the_chiefs_axes_is_two_conics():
+    """The velocity jumps by the impulse in the chief's axes, and a new two-body arc begins there."""
+    kick, at_s = (0.3, -0.2, 0.1), 1500.0
+    around, times = chief(0.1, 1.0), np.array([0.0, 1499.0, 1500.0, 4000.0])
+    impulse = Impulse(at_s=at_s, delta_v_m_s=kick, axes="chief_rtn")
+    got = part(maneuvers=(impulse,)).relative(Epochs(START, times), around)
+    free = part().relative(Epochs(START, times), around)
+    np.testing.assert_allclose(got[0][:3], free[0][:3], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(got[1][2] - free[1][2], kick, rtol=0, atol=1e-8)
+    there = BodyState(*(rows[0] for rows in propagate_two_body(*orbit(0.1, 1.0), np.array([at_s]))))
+    start = add_relative_state(there, free[0][2], free[1][2] + kick)
+    after = BodyState(*propagate_two_body(start.position_m, start.velocity_m_s, np.array([2500.0])))
+    then = BodyState(*propagate_two_body(*orbit(0.1, 1.0), times[3:]))
+    np.testing.assert_allclose(got[0][3:], find_relative_state(then, after)[0], rtol=0, atol=1e-4)
+    assert part(maneuvers=(impulse,)).impulses_s == (at_s,)
+
+
+def test_axes_of_an_impulse_differ_by_the_separation():
+    """Ten kilometres behind, the body's own rtn axes are turned by rho / r: an impulse outward leans by that along-track."""
+    behind, kick = (0.0, -10_000.0, 0.0), (1.0, 0.0, 0.0)
+    around, radius = chief(0.0, 1.0), 7e6
+    ends = [
+        part(behind, (0.0, 0.0, 0.0), maneuvers=(Impulse(at_s=10.0, delta_v_m_s=kick, axes=axes),)).relative(
+            Epochs(START, np.array([10.0])), around
+        )[1][0]
+        for axes in ("rtn", "chief_rtn")
+    ]
+    np.testing.assert_allclose(ends[0] - ends[1], [0.0, -10_000.0 / radius, 0.0], rtol=0, atol=2e-6)  # second order
+
+
+def test_a_burn_with_ramps_gives_what_its_impulse_gives():
+    """Its total is acceleration times duration less half the ramps; symmetric about the impulse's instant."""
+    burn = Burn(
+        from_s=995.0, duration_s=10.0, acceleration_m_s2=(0.0, 0.1, 0.0), rise_s=4.0, fall_s=4.0, axes="chief_rtn"
+    )
+    impulse = Impulse(at_s=1000.0, delta_v_m_s=(0.0, 0.6, 0.0), axes="chief_rtn")
+    assert abs(burn.size_m_s - 0.6) < 1e-15
+    epochs = Epochs(START, np.array([2000.0]))
+    one, other = (part(maneuvers=(push,)).relative(epochs, chief(0.0, 1.0)) for push in (burn, impulse))
+    # dv T^2 n^2 / 24 of Coriolis and gravity gradient, over the 1000 s after
+    np.testing.assert_allclose(one[0], other[0], rtol=0, atol=1e-2)
+    np.testing.assert_allclose(one[1], other[1], rtol=0, atol=1e-5)
+
+
+def test_advice_on_late_maneuvers():
+    late = part(maneuvers=(Impulse(at_s=1000.0, delta_v_m_s=(0.0, 1.0, 0.0)),))
+    assert late.advise(2000.0) == []
+    (line,) = late.advise(500.0)
+    assert "after the last frame at 500 s" in line

@@ -15,7 +15,8 @@ from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.nonlinear import Nonlinear, find_relative_state
+from rso_lidar.rpo.relative.nonlinear import Nonlinear
+from rso_lidar.rpo.relative.reference_orbit import find_relative_state
 from rso_lidar.rpo.relative.relative_elements import (
     RelativeElements,
     add_relative_elements,
