@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.orbit.screening.all_pairs import screen_pairs
 from rso_lidar.orbit.screening.conjunctions import screen
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
@@ -93,3 +94,25 @@ def encounters(n_objects=5000, days=1.0, repeats=3):
         (ours_s, found), (grid_s, dips) = spans[screen], spans[plain]
         minima = sum(len(stay.minima_s) for stay in found.approaches)
         print(f"  {name:<12}{ours_s:>9.2f}{minima:>8,}{grid_s:>15.2f}{dips:>8,}{ours_s / grid_s:>8.2f}")
+
+
+def pairs(n_objects=300, days=1.0, repeats=3):
+    """Print the best seconds of one against `n_objects` and of all pairs among them, and the ratio of the two."""
+    start_utc = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
+    span = start_utc, days * units.DAY_S, WITHIN_M
+    print(f"\npairs among {n_objects:,} objects for {days:g} days, within {WITHIN_M / units.KM:g} km")
+    print(f"  {'catalogue':<12}{'1 to all, s':>12}{'found':>8}{'all pairs, s':>15}{'found':>8}{'ratio':>8}")
+    for name, made in (("real", real(n_objects)), ("synthetic", synthetic(n_objects))):
+        if made is None:
+            print(f"  {name:<12}  RSO_LIDAR_SHARED names no catalogue")
+            continue
+        follower, objects = made
+        best = {}
+        for _ in range(repeats):
+            for way, asked in ((screen, (follower, objects)), (screen_pairs, (objects,))):
+                began = time.perf_counter()
+                result = way(*asked, *span)
+                seconds, _ = best.get(way, (np.inf, None))
+                best[way] = min(seconds, time.perf_counter() - began), len(result.approaches)
+        (one_s, one), (all_s, every) = best[screen], best[screen_pairs]
+        print(f"  {name:<12}{one_s:>12.2f}{one:>8,}{all_s:>15.2f}{every:>8,}{all_s / one_s:>8.1f}")

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import rso_lidar as rl
-from benchmarks.encounters import encounters
+from benchmarks.encounters import encounters, pairs
 from rso_lidar import motion, orbit
 from rso_lidar.orbit.sets.fleet import Fleet
 from rso_lidar.shipped import shipped
@@ -241,6 +241,7 @@ def main():
     poses()
     flown()
     encounters()
+    pairs()
 
 
 if __name__ == "__main__":

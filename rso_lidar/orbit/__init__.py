@@ -21,9 +21,9 @@ reads Sun, Moon and planets from a user's kernel.
 **Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability` and `sample_collisions` give the probability of
 collision of two `UncertainState`s.
 
-**Functions.** `screen` finds close approaches, `find_eclipses` passages through the Earth's shadow, `find_access` when one
-object sees another, and `solve_lambert` the orbit between two positions. `propagate_two_body` and `propagate_sgp4` need no
-scenario.
+**Functions.** `screen` finds close approaches to one object and `screen_pairs` those of any two, `find_eclipses` passages
+through the Earth's shadow, `find_access` when one object sees another, and `solve_lambert` the orbit between two positions.
+`propagate_two_body` and `propagate_sgp4` need no scenario.
 """
 
 from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
@@ -43,6 +43,7 @@ from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
 from rso_lidar.orbit.propagation.j2 import J2, mean_from_osculating, osculating_from_mean
 from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
 from rso_lidar.orbit.propagation.numerical import Numerical, integrate_orbit
+from rso_lidar.orbit.screening.all_pairs import PairScreening, screen_pairs
 from rso_lidar.orbit.screening.close_approach import CloseApproach
 from rso_lidar.orbit.screening.conjunctions import ScreeningResult, screen
 from rso_lidar.orbit.sets.catalog import Catalog
@@ -98,6 +99,7 @@ __all__ = [
     "Numerical",
     "Omm",
     "OsculatingElements",
+    "PairScreening",
     "RadiationPressure",
     "SampledProbability",
     "ScreeningResult",
@@ -135,6 +137,7 @@ __all__ = [
     "propagate_two_body",
     "sample_collisions",
     "screen",
+    "screen_pairs",
     "solve_lambert",
     "solve_lambert_all",
     "state_from_elements",

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rso_lidar.orbit.sets.fleet import SWITCH_S, Fleet, ScheduledFleet
+from rso_lidar.orbit.sets.fleet import SWITCH_S, Fleet, InTeme, ScheduledFleet
 
 ROOT_S = 1e-4
 BRIEF_S = 1e-3  # sets that apply for less than this are ignored
@@ -36,6 +36,7 @@ class CloseApproach:
     enter_s, leave_s : begin and end [s since the start]
     entered, left : False where the span, or what SGP4 can propagate, begins or ends inside the limit
     minima_s, minima_m : (minimum,) instants [s since the start] and ranges [m] of the minima
+    lead : number of the other object, where there are several
     """
 
     which: int
@@ -45,6 +46,7 @@ class CloseApproach:
     left: bool
     minima_s: np.ndarray
     minima_m: np.ndarray
+    lead: int = 0
 
     @property
     def time_s(self) -> float:
@@ -196,9 +198,7 @@ def refine_approaches(
     return approaches
 
 
-def join_approaches(
-    pieces: Sequence[CloseApproach], lead: ScheduledFleet, flights: ScheduledFleet
-) -> list[CloseApproach]:
+def join_approaches(pieces: Sequence[CloseApproach], lead: InTeme, flights: ScheduledFleet) -> list[CloseApproach]:
     """Join the close approaches of element sets to those of objects.
 
     Where one set stops and the next takes over inside the limit, it is one close approach. The range jumps there. A
@@ -227,7 +227,7 @@ def join_approaches(
     return [_mark_jumps(approach, lead, flights) for approach in approaches]
 
 
-def _ranges_m(lead: ScheduledFleet, flights: ScheduledFleet, which: int, time_s: tuple[float, ...]) -> list[float]:
+def _ranges_m(lead: InTeme, flights: ScheduledFleet, which: int, time_s: tuple[float, ...]) -> list[float]:
     """Return the ranges [m] of an object at some instants.
 
     Parameters
@@ -265,7 +265,7 @@ def _merge(before: CloseApproach, after: CloseApproach, end_m: float, begin_m: f
     )
 
 
-def _mark_jumps(approach: CloseApproach, lead: ScheduledFleet, flights: ScheduledFleet) -> CloseApproach:
+def _mark_jumps(approach: CloseApproach, lead: InTeme, flights: ScheduledFleet) -> CloseApproach:
     """Mark a close approach as entered or left where the object jumps in or out.
 
     Parameters

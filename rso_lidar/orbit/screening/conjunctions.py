@@ -113,7 +113,7 @@ def screen(
         approaches = join_approaches(approaches, lead, flights)
     approaches.sort(key=lambda approach: (approach.time_s, approach.which))
     return ScreeningResult(
-        lead, flights, tuple(approaches), tuple(_describe_rejected(flights.fleet, rejected)), int(near.sum())
+        lead, flights, tuple(approaches), tuple(describe_rejected(flights.fleet, rejected)), int(near.sum())
     )
 
 
@@ -184,7 +184,7 @@ def _screen_one_set(
         )
         cells[:, 1] += first * CUT
         lost.update(gone)
-        for lot in _split_into_lots(cells):
+        for lot in split_into_lots(cells):
             approaches += refine_approaches(pair, lot, times, within_m)
     for k in np.flatnonzero(there.lost):
         lost.setdefault(int(sets[k]), (float(there.lost_s[k]), int(there.error[k])))
@@ -193,7 +193,8 @@ def _screen_one_set(
     return approaches
 
 
-def _describe_rejected(fleet: Fleet, rejected: dict[int, tuple[float, int]]) -> list[tuple[str, str]]:
+def describe_rejected(fleet: Fleet, rejected: dict[int, tuple[float, int]]) -> list[tuple[str, str]]:
+    """Describe the sets without a state, by number: label, and reason with its instant."""
     return [
         (
             fleet.sets[k].label,
@@ -231,13 +232,11 @@ def _find_cells(
     -------
     (cell, 2) number of the set and of the sub-interval; and instant and error code of the sets that were lost
     """
-    step_s = instants[1] - instants[0]
     position, velocity, error = fleet.grid(sets, instants)
     position -= lead[0]
     velocity -= lead[1]
-    apart = np.sqrt(np.einsum("...i,...i->...", position, position))
     flies = (instants[1:] >= span_s[:, :1]) & (instants[:-1] <= span_s[:, 1:])  # (set, interval)
-    gone = np.isnan(apart)
+    gone = np.isnan(position[..., 0])
     gone[:, 1:-1] &= flies[:, 1:] | flies[:, :-1]
     gone[:, 0] &= flies[:, 0]
     gone[:, -1] &= flies[:, -1]
@@ -245,9 +244,38 @@ def _find_cells(
         int(sets[k]): (float(instants[at]), int(error[k, at]))
         for k, at in ((k, int(np.argmax(gone[k]))) for k in np.flatnonzero(gone.any(axis=1)))
     }
-    speed, fourth = there[0], there[1] + here.fourth_m_s4[0]
+    bounds = here.speed_m_s[0] + there[0], here.fourth_m_s4[0] + there[1]
+    row, cut = find_near_cells(position, velocity, float(instants[1] - instants[0]), flies, bounds, within_m)
+    return np.stack([sets[row], cut], axis=1), lost
+
+
+def find_near_cells(
+    position_m: np.ndarray,
+    velocity_m_s: np.ndarray,
+    step_s: float,
+    flies: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+    within_m: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the sub-intervals in which two objects may come within a limit, from relative states on the coarse grid.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (row, time, 3) relative states [m], [m/s]
+    step_s : step of the grid [s]
+    flies : (row, interval) whether an interval counts
+    bounds : (row,) sums of both greatest speeds [m/s] and of both fourth derivatives [m/s4]
+    within_m : limit of range [m]
+
+    Returns
+    -------
+    row, cut : (cell,) row, and number of the sub-interval since the begin of the grid
+    """
+    position, velocity = position_m, velocity_m_s
+    apart = np.sqrt(np.einsum("...i,...i->...", position, position))
+    speed, fourth = bounds
     limit = within_m + 1.25 * fourth * step_s**4 / 384.0 + _SPEED_OFF_M_S * step_s / 4.0
-    reach = within_m + 1.02 * (here.speed_m_s[0] + speed) * step_s / 2.0
+    reach = within_m + 1.02 * speed * step_s / 2.0
     with np.errstate(invalid="ignore"):
         row, k = np.nonzero((np.fmin(apart[:, :-1], apart[:, 1:]) <= reach[:, None]) & flies)
     known = ~(np.isnan(apart[row, k]) | np.isnan(apart[row, k + 1]))  # an interval needs a state at both ends
@@ -263,7 +291,7 @@ def _find_cells(
     flat = [part.reshape(-1, 3) for part in (p[:, :-1], v[:, :-1], p[:, 1:], v[:, 1:])]
     inside = _hull_inside(flat, step_s / CUT, np.repeat(limit[row], CUT)).reshape(-1, CUT)
     of, cut = np.nonzero(inside)
-    return np.stack([sets[row[of]], k[of] * CUT + cut], axis=1), lost
+    return row[of], k[of] * CUT + cut
 
 
 def _hull_inside(ends: Sequence[np.ndarray], step_s: float, limit: np.ndarray) -> np.ndarray:
@@ -294,7 +322,7 @@ def _hull_inside(ends: Sequence[np.ndarray], step_s: float, limit: np.ndarray) -
     return inside
 
 
-def _split_into_lots(cells: np.ndarray) -> list[np.ndarray]:
+def split_into_lots(cells: np.ndarray) -> list[np.ndarray]:
     """Split the (set, sub-interval) rows into lots of bounded size, all rows of one set in one lot."""
     if not len(cells):
         return []

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -103,6 +104,14 @@ class Fleet:
 
     def _dates(self, time_s: np.ndarray, era: int) -> tuple[np.ndarray, np.ndarray]:
         return Epochs(self.start_utc, time_s).utc_julian(leap_seconds_at=self._eras[era])
+
+
+class InTeme(Protocol):
+    """Objects whose states in TEME axes are known by their numbers."""
+
+    def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return positions [m] and velocities [m/s] (pair, 3) of the objects ``which[k]`` at ``time_s[k]``."""
+        ...
 
 
 class ScheduledFleet:
