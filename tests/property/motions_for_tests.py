@@ -82,6 +82,20 @@ RELATIVE = {
         'guidance = { type = "two_impulse", at_s = [450.0, 1300.0], model = "clohessy_wiltshire" } }'
     ),
     "station_keeping": f'{{ type = "station_keeping", {_ABOUT}, position_m = [30.0, -100.0, 10.0] }}',
+    "pulsed_station_keeping": (
+        f'{{ type = "pulsed_station_keeping", {_ABOUT}, position_m = [30.0, -100.0, 10.0], arc_m = 2.0, '
+        "duration_s = 1800.0 }"
+    ),
+    "perch": f'{{ type = "perch", {_ABOUT}, along_track_m = -900.0 }}',
+    "glideslope": (
+        f'{{ type = "glideslope", {_ABOUT}, from_m = [0.0, -900.0, 0.0], to_m = [0.0, -50.0, 0.0], '
+        "initial_speed_m_s = 1.5, final_speed_m_s = 0.1, pulses = 6 }"
+    ),
+    "sequence": (
+        f'{{ type = "sequence", {_ABOUT}, position_m = [0.0, -1000.0, 0.0], legs = [{{ type = "hop", '
+        'to_m = [0.0, -300.0, 0.0], duration_s = 1800.0 }, { type = "station_keeping", '
+        'until = { type = "time", duration_s = 600.0 } }] }'
+    ),
     "v_bar_approach": f'{{ type = "v_bar_approach", {_ABOUT}, from_m = -900.0, to_m = -20.0, speed_m_s = 0.4 }}',
     "v_bar_approach by hops": f'{{ type = "v_bar_approach", {_ABOUT}, from_m = 900.0, to_m = 20.0, hops = 3 }}',
     "r_bar_approach": f'{{ type = "r_bar_approach", {_ABOUT}, from_m = -900.0, to_m = -20.0, hops = 3, speed_m_s = 0.4 }}',
