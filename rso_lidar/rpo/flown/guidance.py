@@ -83,7 +83,7 @@ class TwoImpulseGuidance(Part):
     """Corrections by two impulses: one now that leads back to the plan, and one on arrival that matches its velocity.
 
     A correction aims at the plan's position at its next impulse or leg, or on a leg held by thrust at the next update, if
-    that is earlier. The first impulse is found by shooting with the forces that guidance knows, or by
+    that is earlier. It aims at most `horizon_s` ahead. The first impulse is found by shooting with the forces that guidance knows, or by
     Clohessy-Wiltshire's equations for the deviation from the plan. A component of the aim that no velocity reaches,
     such as the one across the track after half a revolution, is left alone.
     """
@@ -101,6 +101,13 @@ class TwoImpulseGuidance(Part):
     )
     forces: Forces | None = Field(
         default=None, description="Forces that guidance knows. If omitted, those that are flown."
+    )
+    horizon_s: Annotated[Positive, Field(ge=1.0)] | None = Field(
+        default=None,
+        description=(
+            "Longest time from a correction to its arrival; at least 1 [s]. On a long free leg it limits how far the "
+            "craft strays. If omitted, no limit."
+        ),
     )
     least_m_s: NotNegative = Field(
         default=0.0, description="A first impulse smaller than this is not made [m/s]; the plan then stays as it is."
@@ -136,7 +143,7 @@ class TwoImpulseGuidance(Part):
         ----------
         update : what is known
         """
-        aim_s = _find_aim_s(update)
+        aim_s = min(_find_aim_s(update), update.time_s + (math.inf if self.horizon_s is None else self.horizon_s))
         if not aim_s > update.time_s + _SHORTEST_S:
             return update.impulses
         planned_m, planned_m_s = (rows[0] for rows in update.plan.relative(np.array([update.time_s])))

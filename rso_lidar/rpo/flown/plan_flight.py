@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from threading import RLock
@@ -290,11 +291,16 @@ class PlanFlight:
         return position[0], velocity[0]
 
     def _begin_piece(self, begin_s: float) -> None:
-        """Begin a piece of the flight, up to the next update: carry out the impulses that begin in it."""
+        """Begin a piece of the flight, up to the next update: carry out the impulses that begin in it.
+
+        An update that falls into a burn waits for its end: before, the velocity that is still to come is unknown.
+        """
         thrusters, kept = self.settings.thrusters, list[PlannedImpulse]()
-        for one in self._pending:
-            duration_s = thrusters.find_duration_s(one.size_m_s, self._mass_kg)
-            ignition_s = max(one.time_s - 0.5 * duration_s, begin_s)
+        ignitions = [
+            max(one.time_s - 0.5 * thrusters.find_duration_s(one.size_m_s, self._mass_kg), begin_s)
+            for one in self._pending
+        ]
+        for ignition_s, one in sorted(zip(ignitions, self._pending, strict=True), key=operator.itemgetter(0)):
             if ignition_s >= self._next_s:
                 kept.append(one)
                 continue
@@ -305,6 +311,7 @@ class PlanFlight:
             self._mass_kg = thrusters.spend(self._mass_kg, float(np.linalg.norm(done)))
             if maneuver is not None:
                 self._burns.append(maneuver)
+                self._next_s = max(self._next_s, maneuver.edges_s[-1])
         self._pending = tuple(kept)
         start = BodyState(self._row[:3], self._row[3:])
         pushes = (*self._burns, *self._held)
