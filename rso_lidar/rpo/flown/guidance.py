@@ -83,9 +83,9 @@ class TwoImpulseGuidance(Part):
     """Corrections by two impulses: one now that leads back to the plan, and one on arrival that matches its velocity.
 
     A correction aims at the plan's position at its next impulse or leg, or on a leg held by thrust at the next update, if
-    that is earlier. It aims at most `horizon_s` ahead. The first impulse is found by shooting with the forces that guidance knows, or by
-    Clohessy-Wiltshire's equations for the deviation from the plan. A component of the aim that no velocity reaches,
-    such as the one across the track after half a revolution, is left alone.
+    that is earlier. It aims at most `horizon_s` ahead. The first impulse is found by shooting with the forces that
+    guidance knows, or by Clohessy-Wiltshire's equations for the deviation from the plan. A component of the aim that no
+    velocity reaches, such as the one across the track after half a revolution, is left alone.
     """
 
     type: Literal["two_impulse"] = "two_impulse"
