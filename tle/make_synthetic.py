@@ -45,6 +45,16 @@ SETS = {
             )
         ],
     ),
+    "envisat": (
+        "A large dead satellite in a sun-synchronous orbit, 765 km up, with the orbit of Envisat but for its node",
+        [
+            element_set(
+                "ENVISAT (SYNTHETIC)", 99004, (2024, 9, 17, 10, 0, 0), designator="24003A",
+                e=2.0e-4, i_deg=98.2, raan_deg=230.0, perigee_deg=90.0, anomaly_deg=270.0, rev_per_day=14.38,
+                bstar=3.0e-5,
+            )
+        ],
+    ),
     # At the epoch both cross the equator northward, the follower 0.0124 deg (1.5 km) behind. Their planes, 0.19 deg apart
     # in inclination, cross there too, so that the two pass at 7.6 km/s x 0.19 deg = 25 m/s.
     "flyby": (

@@ -16,7 +16,7 @@ from rso_lidar.orbit.propagation.numerical import ForceModel, Initial
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import Part, Vector, Whole, name_object
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.flown.guidance import AnyGuidance
+from rso_lidar.rpo.flown.guidance import AnyGuidance, TwoImpulseGuidance
 from rso_lidar.rpo.flown.plan_flight import FlightSettings, PlanFlight
 from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
 from rso_lidar.rpo.limits import Velocity
@@ -203,6 +203,8 @@ class Flown(RtnMotion):
                 f"flown: gravity differs between craft and '{self.relative_to}' ({', '.join(unlike)}), which moves them "
                 "apart as nothing real does: give both the same"
             )
+        if isinstance(self.guidance, TwoImpulseGuidance):
+            lines += self.guidance.list_limits(flight.plan.mean_motion_rad_s)
         try:
             self.plan.check_positions(epochs, chief, flight.relative(epochs.time_s)[0])
         except ScenarioError as inside:

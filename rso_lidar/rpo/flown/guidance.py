@@ -106,7 +106,7 @@ class TwoImpulseGuidance(Part):
         default=None,
         description=(
             "Longest time from a correction to its arrival; at least 1 [s]. On a long free leg it limits how far the "
-            "craft strays. If omitted, no limit."
+            "craft strays. Keep it below a quarter of a revolution if updates come sooner. If omitted, no limit."
         ),
     )
     least_m_s: NotNegative = Field(
@@ -135,6 +135,27 @@ class TwoImpulseGuidance(Part):
         if self.every_s is not None:
             return (math.floor(max(after_s, 0.0) / self.every_s + 1e-9) + 1) * self.every_s
         return next((at_s for at_s in self.at_s or () if at_s > after_s), math.inf)
+
+    def list_limits(self, mean_motion_rad_s: float) -> list[str]:
+        """Return a sentence if corrections that are replaced before they arrive amplify an error.
+
+        Across the track, the way to an aim T ahead is a part of a sine. After the time U to the next update,
+        sin(n (T - U)) / sin(n T) of the error is left, which must be less than all of it.
+
+        Parameters
+        ----------
+        mean_motion_rad_s : of the body that is approached [rad/s]
+        """
+        if self.every_s is None or self.horizon_s is None or self.every_s >= self.horizon_s:
+            return []
+        ahead, left = (mean_motion_rad_s * time_s for time_s in (self.horizon_s, self.horizon_s - self.every_s))
+        if abs(math.sin(left)) < abs(math.sin(ahead)):
+            return []
+        return [
+            f"guidance: an update each {self.every_s:g} s for an aim {self.horizon_s:g} s ahead multiplies an error across "
+            f"the track by {abs(math.sin(left) / math.sin(ahead)):.2f}: make horizon_s shorter than a quarter of a "
+            f"revolution, {0.5 * math.pi / mean_motion_rad_s:.0f} s"
+        ]
 
     def replan(self, update: GuidanceUpdate) -> Sequence[PlannedImpulse]:
         """Return the impulses from now on: the correction, its arrival, and those of the plan after that.

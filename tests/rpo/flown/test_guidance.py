@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit import Drag, Forces, Kepler, RadiationPressure
+from rso_lidar.orbit import Drag, Epochs, Forces, Kepler, RadiationPressure
 from rso_lidar.rpo import (
     AfterTime,
     Circumnavigation,
@@ -19,6 +19,7 @@ from rso_lidar.rpo import (
     Hop,
     HopLeg,
     NavigationErrors,
+    PerchLeg,
     PlannedImpulse,
     RelativeStart,
     Sequence,
@@ -162,6 +163,28 @@ def test_an_update_waits_for_the_end_of_a_burn():
     assert len(burns) > 5
     assert all(before.edges_s[-1] <= after.edges_s[0] + 1e-9 for before, after in itertools.pairwise(burns))
     assert np.linalg.norm(flights[1].find_miss_m()) < 1.0
+
+
+def test_corrections_replaced_near_half_a_revolution_amplify_errors_across_the_track():
+    """With n = 1.107e-3 rad/s: sin(n 800 s) / sin(n 2600 s) = 2.97; the flight multiplies the error as `check` says."""
+    start = RelativeStart(position_m=(0.0, -500.0, 1.0), velocity_m_s=(0.0, 0.0, 0.0))
+    plan = StationKeeping(relative_to="t", position_m=(0.0, -500.0, 0.0))
+    perch = Sequence(relative_to="t", legs=[PerchLeg(along_track_m=-500.0, until=AfterTime(duration_s=9000.0)), plan])
+
+    def fly(horizon_s):
+        motion = Flown(
+            plan=perch, forces=Forces(zonal_degree=0), start=start,
+            guidance=TwoImpulseGuidance(every_s=1800.0, horizon_s=horizon_s),
+        )  # fmt: skip
+        epochs = Epochs(START, np.array([1800.0, 3600.0]))
+        return motion.relative(epochs, chief(e=0.0))[0][:, 2], motion.validity(epochs, chief(e=0.0))
+
+    (before, after), (line,) = fly(2600.0)
+    assert abs(after / before) == pytest.approx(2.97, rel=0.01)
+    assert "by 2.97: make horizon_s shorter than a quarter of a revolution, 1419 s" in line
+    (before, after), lines = fly(1400.0)
+    assert abs(after) < abs(before)
+    assert not lines
 
 
 def test_errors_of_burns_leave_what_they_must():
