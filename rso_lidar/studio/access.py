@@ -15,7 +15,7 @@ _REFUSED = "The studio opens with the address that `rso-lidar studio` prints, wh
 # Pages load nothing from other hosts, and no other page may frame them. NiceGUI needs inline scripts and `eval`.
 _POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; worker-src 'self' blob:; "
+    "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self'; worker-src 'self' blob:; "
     "frame-ancestors 'none'; base-uri 'self'; form-action 'self'"
 )
 _HEADERS = {
@@ -73,9 +73,9 @@ class AccessControl:
         if is_embedded and headers.get("sec-fetch-site") in ("same-site", "cross-site"):
             return False
         try:
-            is_known = self._hosts is None or urlsplit(f"//{host}").hostname in self._hosts
+            is_known = self._hosts is None or _read_host(host) in self._hosts
             return is_known and (origin is None or urlsplit(origin).netloc == host)
-        except ValueError:  # half an IPv6 address
+        except ValueError:  # half an IPv6 address, or no port
             return False
 
     def _matches(self, given: str) -> bool:
@@ -85,6 +85,16 @@ class AccessControl:
         # Not by http.cookies: it stops at the first odd cookie, and other servers of this machine may have set one.
         pairs = (pair.strip().partition("=") for pair in header.split(";"))
         return next((value for name, _, value in pairs if name == self._cookie), "")
+
+
+def _read_host(header: str) -> str:
+    """Return the name in a `Host` header, which is a name or address and perhaps a port, and nothing else."""
+    parts = urlsplit(f"//{header}")
+    name, port = parts.hostname or "", parts.port
+    written = f"[{name}]" if ":" in name else name
+    if header.lower() not in (written, f"{written}:{port}"):
+        raise ValueError(f"{header}: is not a host with its port")
+    return name
 
 
 async def _respond(send: Send, status: int, text: str, headers: dict[str, str]) -> None:

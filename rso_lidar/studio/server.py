@@ -56,10 +56,10 @@ def open_studio(folder: Path, address: NetworkAddress, *, opens_browser: bool, t
     if opens_browser:
         webbrowser.open(url)
     try:
-        with remove_on_signal(workspace.jobs.close):  # the command line ends on a signal without `finally`
+        with remove_on_signal(workspace.close):  # the command line ends on a signal without `finally`
             uvicorn.Server(config).run(sockets=[listening])
     finally:
-        workspace.jobs.close()
+        workspace.close()
 
 
 def _listen(address: NetworkAddress) -> socket.socket:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from contextlib import suppress
 from pathlib import Path
 
@@ -10,8 +11,9 @@ from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.studio.documents.assessment import Assessment, assess, check_study
-from rso_lidar.studio.documents.document import Document, list_documents
+from rso_lidar.studio.documents.document import UNSAVED, Document, list_documents
 from rso_lidar.studio.jobs.queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
+from rso_lidar.studio.jobs.recordings import RecordingList
 from rso_lidar.studio.root_folder import Folder
 
 _PAUSE_S = 0.3  # without a further edit, after which a text is assessed
@@ -29,8 +31,9 @@ class Workspace:
             If it is not a folder.
         """
         self.folder = Folder(path)
-        self.jobs = JobQueue(self.folder, self._check_job)
+        self.jobs, self.recordings = JobQueue(self.folder, self._check_job), RecordingList(self.folder)
         self._documents: dict[str, Document] = {}
+        self._unnamed: dict[str, Document] = {}  # by the name of their drafts
 
     def _check_job(self, request: JobRequest) -> int:
         """Assess the scenario of a job as its file is now, and return the number of frames of a run (0: unknown)."""
@@ -55,13 +58,32 @@ class Workspace:
         ScenarioError
             If the name is not allowed, or the file cannot be read.
         """
+        name = self._find_first_name(name)
         if name not in self._documents:
             self._documents[name] = Document.open(self.folder, name)
         return self._documents[name]
 
+    def _find_first_name(self, name: str) -> str:
+        """Return the name under which a file is open; links to one file are one document."""
+        path = self.folder.resolve(name, (".toml",))
+        if path.is_symlink() or any(parent.is_symlink() for parent in path.parents):
+            return path.resolve().relative_to(self.folder.path).as_posix()
+        return name
+
+    def close(self) -> None:
+        """End: keep the drafts of all open documents, and stop the jobs."""
+        for document in (*self._documents.values(), *self._unnamed.values()):
+            with suppress(RsoLidarError, OSError):
+                document.keep_draft()
+        self.jobs.close()
+
     def new_document(self, text: str) -> Document:
         """Return a document that has no file yet."""
-        return Document(self.folder, text)
+        used = {*list_documents(self.folder), *self._unnamed}
+        numbered = (UNSAVED.replace(".", f"_{number}.") for number in itertools.count(2))
+        name = next(one for one in (UNSAVED, *itertools.islice(numbered, len(used) + 1)) if one not in used)
+        self._unnamed[name] = Document(self.folder, text, draft_name=name)
+        return self._unnamed[name]
 
     def first_document(self) -> Document:
         """Return the document that a new tab shows: the first scenario of the folder that can be read, or an empty text."""
@@ -89,6 +111,7 @@ class Workspace:
             raise ScenarioError(f"{name}: is open with unsaved edits; save it, or give another name")
         document.save_as(name, overwrite=overwrite)
         self._documents = {key: one for key, one in self._documents.items() if one is not document}
+        self._unnamed = {key: one for key, one in self._unnamed.items() if one is not document}
         self._documents[name] = document
 
 

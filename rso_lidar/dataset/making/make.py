@@ -30,6 +30,7 @@ def make(
     shards: str | None = None,
     resume: bool = False,
     on_shard: Callable[[int, int], None] | None = None,
+    trust_code: bool = True,
     trust_fmu: bool = False,
 ) -> Dataset:
     """Make a dataset in a folder. Every shard is written completely or not at all, so that a killed run loses one at most.
@@ -45,7 +46,8 @@ def make(
     shards : which shards to make: ``a:b``, or ``i/n`` for the i-th of n equal parts, from 0. Runs may share a folder.
     resume : whether to continue a folder that was begun before.
     on_shard : called with the number of finished shards and that of all, at the start and after each shard.
-    trust_fmu : whether the native code of FMUs that the scenario names may run, here and in the workers.
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names, here and in
+        the workers.
 
     Returns
     -------
@@ -62,7 +64,7 @@ def make(
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise DatasetError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
     place = convert_path(folder, DatasetError)
-    plan = make_plan(spec, trust_fmu=trust_fmu)
+    plan = make_plan(spec, trust_code=trust_code, trust_fmu=trust_fmu)
     chosen = choose_shards(shards, plan.n_shards)
     check_samples(plan)
     begin_folder(plan, place, join=resume or shards is not None)

@@ -76,15 +76,16 @@ class Mission(Part):
     _trust_fmu: bool = PrivateAttr(default=False)
 
     @classmethod
-    def load(cls, path: str | Path, settings: tuple[str, ...] = (), *, trust_fmu: bool = False) -> Self:
+    def load(
+        cls, path: str | Path, settings: tuple[str, ...] = (), *, trust_code: bool = True, trust_fmu: bool = False
+    ) -> Self:
         """Load a scenario from a TOML file.
-
-        Python code that the file names as `dynamics` runs when the scenario is flown.
 
         Parameters
         ----------
         path : of the file; a relative one is looked up in the working folder, then among the shipped data.
         settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
+        trust_code : whether Python code that the file names as `dynamics` may run when the scenario is flown.
         trust_fmu : whether the native code of FMUs that the file names may run when the scenario is flown.
 
         Raises
@@ -95,7 +96,7 @@ class Mission(Part):
         path = convert_path(path, ScenarioError)
         path = find(path) or path
         text, where = read_toml(path), path.name
-        scenario = cls.loads(text, folder=path.parent, where=where, settings=settings, trust_code=True)
+        scenario = cls.loads(text, folder=path.parent, where=where, settings=settings, trust_code=trust_code)
         return scenario.with_trusted_fmus() if trust_fmu else scenario
 
     @classmethod
@@ -165,6 +166,12 @@ class Mission(Part):
         changed = super().replace(**changes)
         changed._folder, changed._where = self._folder, self._where
         changed._trust_code, changed._trust_fmu = self._trust_code, self._trust_fmu
+        return changed
+
+    def without_code(self) -> Self:
+        """Return the scenario with the Python code that it names distrusted: it is read but not flown."""
+        changed = self.replace()
+        changed._trust_code = False
         return changed
 
     def with_trusted_fmus(self) -> Self:
@@ -269,7 +276,7 @@ class Mission(Part):
         if not self._trust_code and part is not None and (named := list_dynamics(part)):
             raise ScenarioError(
                 f"dynamics: names the Python code '{named[0]}', and the code that a text names is not run; "
-                "load the scenario from a file, or give trust_code=True to Scenario.loads where you trust it"
+                "where you trust it, leave out --no-code, or give trust_code=True to Scenario.load or loads"
             )
 
     def locate_errors(self, place: str = "") -> AbstractContextManager[None]:

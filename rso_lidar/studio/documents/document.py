@@ -18,7 +18,7 @@ from rso_lidar.studio.root_folder import Folder
 _MOST_STEPS, _MOST_CHARACTERS = 300, 20_000_000  # of the history
 _LONGEST_FOR_FORMS = 300_000  # characters; tomlkit parses about 1 MB in 10 s
 _PAUSE_S = 1.0  # edits of one kind that follow each other faster are one step of the history
-UNSAVED = "unsaved.toml"  # the name of a draft without one
+UNSAVED = "unsaved.toml"  # the name of the draft of the first document without one
 
 
 class EditConflictError(RsoLidarError, RuntimeError):
@@ -31,7 +31,7 @@ class Document:
     `listeners` are called after each change. `notice` is a line for the user about how the document was opened.
     """
 
-    def __init__(self, folder: Folder, text: str, name: str = "") -> None:
+    def __init__(self, folder: Folder, text: str, name: str = "", draft_name: str = UNSAVED) -> None:
         """Hold a text.
 
         Parameters
@@ -39,13 +39,15 @@ class Document:
         folder : of the studio.
         text : of the scenario.
         name : of its file; empty for none.
+        draft_name : after which the draft of a document without a file is named.
         """
-        self.folder, self.name, self._text = folder, name, text
+        self.folder, self.name, self._text, self._draft_name = folder, name, text, draft_name
         self.listeners: set[Callable[[], None]] = set()
         self.notice = ""
         self._past: list[str] = []
         self._future: list[str] = []
         self._last = ("", 0.0)  # kind and instant of the last edit
+        self._line_end = "\n"  # of the file; the text has "\n"
         self._saved_text, self._drafted = "", text
         self._digest, self._stamp = "", (0, 0)  # of the file as read or written last; empty for no file
         self._parsed: tuple[str, dict[str, Any], bool] = ("", {}, True)
@@ -58,7 +60,11 @@ class Document:
         if made._path().exists() or not draft.is_file():
             made._load()
         if draft.is_file():
-            head, _, text = _decode(draft).partition("\n")
+            try:
+                head, _, text = _decode(draft).partition("\n")
+            except ScenarioError as error:
+                made.notice = f"{name}: the draft of the last session cannot be read and is ignored: {error}"
+                return made
             if text != made._text:
                 made._text = made._drafted = text
                 made._digest = head.rpartition(" ")[2] if made._digest else ""
@@ -189,7 +195,7 @@ class Document:
             raise ScenarioError("the scenario has no name yet; give one under Save as")
         if not overwrite and self._digest_on_disk() != self._digest:
             raise EditConflictError(f"{self.name}: was changed on disk meanwhile")
-        _write(self._path(), self._text)
+        self._write(self._path())
         self._remember(self._text)
         self._drop_draft()
         self._show(self._text)
@@ -210,7 +216,7 @@ class Document:
             return
         if place.exists() and not overwrite:
             raise EditConflictError(f"{name}: exists already")
-        _write(place, self._text)
+        self._write(place)
         self._drop_draft()
         self.name = name
         self._remember(self._text)
@@ -248,7 +254,7 @@ class Document:
         return self.folder.resolve(self.name, (".toml",))
 
     def _draft_path(self) -> Path:
-        place = self.folder.resolve(self.name or UNSAVED, (".toml",))
+        place = self.folder.resolve(self.name or self._draft_name, (".toml",))
         return self.folder.require_inside(place.with_name(f".{place.name}.draft"))
 
     def _drop_draft(self) -> None:
@@ -258,8 +264,13 @@ class Document:
 
     def _load(self) -> None:
         """Read the file."""
-        self._text = _decode(self._path())
+        text = _decode(self._path())
+        self._line_end = "\r\n" if "\r\n" in text else "\n"
+        self._text = text.replace("\r\n", "\n")
         self._remember(self._text)
+
+    def _write(self, path: Path) -> None:
+        _write(path, self._text.replace("\n", self._line_end))
 
     def _remember(self, text: str) -> None:
         self._saved_text, self._drafted, self._stamp = text, text, _stamp(self._path())
@@ -292,6 +303,10 @@ def _write(path: Path, text: str) -> None:
         content = text.encode()
     except UnicodeEncodeError:
         raise ScenarioError(f"{path.name}: not written: it contains half a character; delete and retype it") from None
+    if len(content) > MOST_BYTES:
+        raise ScenarioError(
+            f"{path.name}: not written: {len(content):,} bytes, and at most {MOST_BYTES:,} can be read again"
+        )
     with write_atomically(path) as draft:
         draft.write_bytes(content)
 

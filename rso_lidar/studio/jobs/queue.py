@@ -14,17 +14,17 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 from typing import IO
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.export.reader.status import RecordingStatus, read_status
+from rso_lidar.export.reader.status import read_status
 from rso_lidar.export.registry import SUFFIXES
 from rso_lidar.files import write_text
 from rso_lidar.studio.root_folder import RECORDINGS, Folder
 
 _JOURNAL = ".rso_lidar_studio.json"  # jobs that are not done, for the next start of the studio
-_POLL_S, _LAST_BYTES, _MOST_JOBS = 0.5, 4000, 100
+_POLL_S, _LAST_BYTES, _MOST_JOBS, _MOST_JOURNAL_BYTES = 0.5, 4000, 100, 2**20
+_STILL_RUNNING = "still running, begun by an earlier studio"
 _STEPS = re.compile(r"(\d+)/(\d+), ([\d.]+) \w+/s")  # lines of progress of the command line
 
 
@@ -52,6 +52,7 @@ KINDS = {
 }
 
 
+_FLIES_CODE = ("run", "timeline", "trade", "dataset")  # kinds whose command runs Python code that a scenario names
 FLIES_SCENARIO = ("run", "timeline", "budget")  # kinds whose source is a scenario
 
 
@@ -91,6 +92,7 @@ class JobRequest:
         words = [word.format(**names) for word in KINDS[self.kind].command.split()]
         given = {"frames": self.frames, "seed": self.seed, "keep": self.keep} if self.kind == "run" else {}
         words += [f"--{name}={value}" for name, value in given.items() if value]
+        words += ["--no-code"] * (self.kind in _FLIES_CODE)
         words += ["--overwrite"] * (self.overwrite and self.kind != "dataset")
         words += ["--resume"] * (self.resume and self.kind in ("run", "dataset"))
         return [sys.executable, "-P", "-m", "rso_lidar", *words]
@@ -132,8 +134,8 @@ class JobQueue:
             of frames (0: unknown).
         """
         self.folder, self._check = folder, check
-        self.jobs = [Job(request, "stopped", "left by an earlier studio") for request in self._read_journal()]
-        self._lock = threading.RLock()
+        self._lock, self._journal_lock = threading.RLock(), threading.Lock()
+        self.jobs = [Job(one, "stopped", self._tell_state(one)) for one in self._read_journal()]
         self._worker: threading.Thread | None = None
         self._is_closing = False
 
@@ -163,10 +165,10 @@ class JobQueue:
                 raise ScenarioError(f"the list holds {_MOST_JOBS} jobs; remove some that have ended")
             job = Job(request)
             self.jobs.append(job)
-            self._save_journal()
             if self._worker is None:
                 self._worker = threading.Thread(target=self._work, name="jobs", daemon=True)
                 self._worker.start()
+        self._save_journal()
         return job
 
     def stop(self, job: Job) -> None:
@@ -180,11 +182,22 @@ class JobQueue:
                     job.state, job.message = "stopped", "stopped before it began"
 
     def resume(self, job: Job) -> Job:
-        """Queue a job again in place of one that has ended, so that it continues where it can."""
+        """Queue a job again in place of one that has ended, so that it continues where it can.
+
+        Raises
+        ------
+        ScenarioError
+            As for `add`; and if the process of an earlier studio still writes the recording.
+        """
         if job.is_active:
             return job
+        if self._is_written(job.request):
+            raise ScenarioError(f"{job.request.output}: {_STILL_RUNNING}; it can be resumed if that ends early")
         made = self.add(replace(job.request, resume=job.request.kind in ("run", "dataset")))
-        self.remove(job)  # only now: what cannot be queued again stays in the list
+        with self._lock:  # only now: what cannot be queued again stays in the list
+            self.jobs.remove(made)
+            self.jobs[self.jobs.index(job)] = made
+        self._save_journal()
         return made
 
     def remove(self, job: Job) -> None:
@@ -192,7 +205,7 @@ class JobQueue:
         with self._lock:
             if not job.is_active and job in self.jobs:
                 self.jobs.remove(job)
-                self._save_journal()
+        self._save_journal()
 
     def close(self) -> None:
         """Stop all jobs, because the studio ends; they can be resumed."""
@@ -219,6 +232,8 @@ class JobQueue:
                 self._end(job, "failed", str(error))
             except OSError as error:
                 self._end(job, "failed", f"{error.filename or job.request.output}: {error.strerror}; check the folder")
+            except Exception as error:
+                self._end(job, "failed", f"{type(error).__name__}: {error}")
 
     def _run(self, job: Job) -> None:
         """Run a job in a session of its own, which signals to the studio do not reach."""
@@ -262,8 +277,8 @@ class JobQueue:
         """
         with self._lock:
             job.state, job.message = state, message or state
-            if not self._is_closing:
-                self._save_journal()
+        if not self._is_closing:
+            self._save_journal()
 
     def _measure(self, job: Job) -> None:
         """Read the progress of a run from its recording, of other jobs from their lines."""
@@ -274,12 +289,27 @@ class JobQueue:
             job.done, job.total, job.rate_hz = int(found[1]), int(found[2]), float(found[3])
 
     def _read_journal(self) -> list[JobRequest]:
-        """Read the jobs that an earlier studio left; a damaged file is empty."""
-        with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
-            text = (self.folder.path / _JOURNAL).read_text(encoding="utf-8")
-            requests = [JobRequest(**entry) for entry in json.loads(text)[:_MOST_JOBS]]
-            return [one for one in requests if one.is_plain and one.kind in KINDS and not self._is_complete(one)]
-        return []
+        """Read the jobs that an earlier studio left; damaged entries are left out."""
+        requests, entries = list[JobRequest](), []
+        with contextlib.suppress(OSError, ValueError, RecursionError):
+            with (self.folder.path / _JOURNAL).open("rb") as file:
+                entries = json.loads(file.read(_MOST_JOURNAL_BYTES))
+        for entry in entries[:_MOST_JOBS] if isinstance(entries, list) else []:
+            with contextlib.suppress(TypeError, RsoLidarError):
+                one = JobRequest(**entry)
+                if one.is_plain and one.kind in KINDS and not self._is_complete(one):
+                    self.folder.resolve(one.output, KINDS[one.kind].makes)
+                    requests.append(one)
+        return requests
+
+    def _tell_state(self, request: JobRequest) -> str:
+        return _STILL_RUNNING if self._is_written(request) else "left by an earlier studio"
+
+    def _is_written(self, request: JobRequest) -> bool:
+        """Return whether a process writes the recording of a run."""
+        with contextlib.suppress(RsoLidarError, OSError):
+            return request.kind == "run" and read_status(self.folder.resolve(request.output, RECORDINGS)).running
+        return False
 
     def _is_complete(self, request: JobRequest) -> bool:
         with contextlib.suppress(RsoLidarError, OSError):
@@ -287,8 +317,9 @@ class JobQueue:
         return False
 
     def _save_journal(self) -> None:
-        left = [asdict(job.request) for job in self.jobs if job.state != "done"]
-        with contextlib.suppress(RsoLidarError, OSError):  # a job runs where its note cannot be written
+        """Write the jobs that are not done, outside the lock of the queue: `close` may interrupt it in a signal."""
+        with self._journal_lock, contextlib.suppress(RsoLidarError, OSError):  # a job runs where it cannot be written
+            left = [asdict(job.request) for job in list(self.jobs) if job.state != "done"]
             write_text(self.folder.path / _JOURNAL, json.dumps(left, indent=1), overwrite=True)
 
 
@@ -297,17 +328,3 @@ def _read_last_line(log: IO[bytes]) -> str:
     log.seek(max(os.fstat(log.fileno()).st_size - _LAST_BYTES, 0))
     lines = log.read().decode("utf-8", "replace").split("\n")
     return next((line.strip() for line in reversed(lines) if line.strip()), "")
-
-
-def list_recordings(folder: Folder) -> list[RecordingStatus]:
-    """List the recordings of a folder and its subfolders with their status: complete, being written or interrupted."""
-    names: set[Path] = {folder.path / name for name in folder.list_files(RECORDINGS)}
-    for path in (*folder.path.glob("*.tmp-*"), *folder.path.glob("*/*.tmp-*")):
-        with contextlib.suppress(ScenarioError):
-            name = path.relative_to(folder.path).as_posix().rpartition(".tmp-")[0]
-            names.add(folder.resolve(name, RECORDINGS))
-    found = []
-    for path in sorted(names):
-        with contextlib.suppress(RsoLidarError, OSError):
-            found.append(read_status(path))
-    return found

@@ -10,10 +10,10 @@ from nicegui import run, ui
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.reader.recording import Recording
-from rso_lidar.export.reader.status import read_status
 from rso_lidar.picture.frames.frame_image import IMAGE_SIZE, choose_window, draw_difference, draw_image, mark_pixel
 from rso_lidar.picture.style.palette import DARK, IMAGE_MARK, LIGHT, OKABE_ITO, Scheme
-from rso_lidar.studio.root_folder import RECORDINGS, Folder
+from rso_lidar.studio.jobs.recordings import open_recording
+from rso_lidar.studio.root_folder import Folder
 from rso_lidar.study.recorded_runs.frame_comparison import compare_frames, find_frame, locate_centers
 
 _PLAY_S = 0.15
@@ -88,8 +88,7 @@ class FrameViewer:
 
     def _open_file(self, name: str) -> tuple[Recording, bool] | str:
         try:
-            status = read_status(self._folder.resolve(name, RECORDINGS))
-            return Recording(status.file), status.running
+            return open_recording(self._folder, name)
         except (RsoLidarError, OSError) as error:
             return str(error)
 

@@ -13,7 +13,7 @@ from nicegui import run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.reader.status import RecordingStatus
 from rso_lidar.export.registry import FORMATS
-from rso_lidar.studio.jobs.queue import KINDS, Job, JobRequest, list_recordings
+from rso_lidar.studio.jobs.queue import KINDS, Job, JobRequest
 from rso_lidar.studio.pages.frame_viewer import FrameViewer
 from rso_lidar.studio.state import BrowserTab, Workspace
 
@@ -228,7 +228,7 @@ class RunPage:
         )
         try:
             self._draw_jobs()
-            found = await run.io_bound(list_recordings, self.folder)
+            found = await run.io_bound(self.tab.workspace.recordings.read)
             if found is not None:
                 rows = [self._describe_recording(status) for status in found]
                 if rows != self._table.rows:

@@ -22,7 +22,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class TradePlan:
-    """All inputs of the rows, which worker processes receive. `trust_fmu` is whether FMUs of the scenario may run."""
+    """All inputs of the rows, which worker processes receive; `trust_code` and `trust_fmu` are permissions to run code."""
 
     study: Study
     points: tuple[tuple[Any, ...], ...]
@@ -31,13 +31,18 @@ class TradePlan:
     where: str
     seed: int
     threads: int | None = None
+    trust_code: bool = True
     trust_fmu: bool = False
 
     def scenario(self, row: int) -> Scenario:
         """Load the scenario of a row, or raise `ScenarioError`."""
         changes = tuple(f"{field}={text}" for field, text in self.settings(row).items())
         made = Scenario.loads(
-            self.text, folder=self.folder, where=self.where, settings=(*self.study.set, *changes), trust_code=True
+            self.text,
+            folder=self.folder,
+            where=self.where,
+            settings=(*self.study.set, *changes),
+            trust_code=self.trust_code,
         )
         return made.with_trusted_fmus() if self.trust_fmu else made
 
@@ -63,19 +68,22 @@ class TradePlan:
         return {"row": number, "seed": seed, "merits": merits, "error": why}
 
 
-def make_plan(study: Study, threads: int | None = None, *, trust_fmu: bool = False) -> tuple[TradePlan, Scenario]:
+def make_plan(
+    study: Study, threads: int | None = None, *, trust_code: bool = True, trust_fmu: bool = False
+) -> tuple[TradePlan, Scenario]:
     """Make the plan of a study and load its scenario, after a check of every field that changes.
 
     Parameters
     ----------
     study : the study.
     threads : of a single computation (None: one per core).
-    trust_fmu : whether the native code of FMUs that the scenario names may run.
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names.
     """
     base, path = study.base(), study.scenario_file()
+    base = base if trust_code else base.without_code()
     base = base.with_trusted_fmus() if trust_fmu else base
     text, points = read_toml(path), tuple(list_points(study))
-    plan = TradePlan(study, points, text, path.parent, path.name, base.seed, threads, trust_fmu)
+    plan = TradePlan(study, points, text, path.parent, path.name, base.seed, threads, trust_code, trust_fmu)
     with suppress_warnings():
         _check_fields(plan)
         _check_points(plan)

@@ -14,7 +14,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.studio.jobs.queue import KINDS, Job, JobQueue, JobRequest, list_recordings
+from rso_lidar.studio.jobs.queue import KINDS, Job, JobQueue, JobRequest
+from rso_lidar.studio.jobs.recordings import RecordingList
 from rso_lidar.studio.root_folder import Folder
 
 
@@ -59,7 +60,7 @@ def test_jobs_run_one_after_the_other_and_equal_the_command_line(folder: Folder)
     subprocess.run(command, cwd=folder.path, check=True, capture_output=True)
     for name in "ab":
         assert_equal(folder.path / f"{name}.h5", folder.path / "c.h5")
-    assert [status.complete for status in list_recordings(folder)] == [True] * 3
+    assert [status.complete for status in RecordingList(folder).read()] == [True] * 3
 
 
 def test_a_stopped_and_a_killed_run_keep_their_frames_and_resume(folder: Folder) -> None:

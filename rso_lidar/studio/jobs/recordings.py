@@ -1,0 +1,70 @@
+"""The recordings of the folder: their status, and how one is opened."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.export.reader.outside_data import check_self_contained
+from rso_lidar.export.reader.recording import Recording
+from rso_lidar.export.reader.status import RecordingStatus, read_status
+from rso_lidar.studio.root_folder import RECORDINGS, Folder
+
+Stamp = tuple[int, int, int]
+
+
+class RecordingList:
+    """Status of each recording of a folder. A file is read again only when it has changed."""
+
+    def __init__(self, folder: Folder) -> None:
+        self.folder = folder
+        self._known: dict[Path, tuple[tuple[Stamp, ...], RecordingStatus]] = {}
+
+    def read(self) -> list[RecordingStatus]:
+        """List the recordings of the folder and its subfolders: complete, being written or interrupted.
+
+        Those that cannot be read, and those that name other files, are left out.
+        """
+        files: dict[Path, list[Path]] = {self.folder.path / name: [] for name in self.folder.list_files(RECORDINGS)}
+        for path in sorted((*self.folder.path.glob("*.tmp-*"), *self.folder.path.glob("*/*.tmp-*"))):
+            with contextlib.suppress(ScenarioError):
+                name = path.relative_to(self.folder.path).as_posix().rpartition(".tmp-")[0]
+                if not path.is_symlink():  # a run makes none
+                    files.setdefault(self.folder.resolve(name, RECORDINGS), []).append(path)
+        found = {}
+        for path, temporary in sorted(files.items()):
+            with contextlib.suppress(RsoLidarError, OSError):
+                stamps = tuple(_stamp(one) for one in (path, *temporary) if one.exists())
+                known = self._known.get(path)
+                if known and known[0] == stamps and not known[1].running:
+                    found[path] = known
+                    continue
+                status = read_status(path)
+                check_self_contained(status.file)
+                found[path] = stamps, status
+        self._known = found
+        return [status for _, status in found.values()]
+
+
+def open_recording(folder: Folder, name: str) -> tuple[Recording, bool]:
+    """Open a recording of the folder, and say whether it is still written.
+
+    Parameters
+    ----------
+    folder : of the studio.
+    name : of the recording in it.
+
+    Raises
+    ------
+    RsoLidarError
+        If the name is not allowed, or the file cannot be read or names other files.
+    """
+    status = read_status(folder.resolve(name, RECORDINGS))
+    check_self_contained(status.file)
+    return Recording(status.file), status.running
+
+
+def _stamp(path: Path) -> Stamp:
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size, status.st_ino
