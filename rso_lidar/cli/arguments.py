@@ -14,6 +14,7 @@ from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
 from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
 from rso_lidar.scenario import Constraints, Lidar, Scenario
 from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.scenario.tables.world import parse_frames
 
 ScenarioFile = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]
@@ -77,21 +78,6 @@ def parse_instant(option: str, text: str) -> datetime.datetime:
     if not 1957 <= at.year <= 2056:
         raise ScenarioError(f"{option} {text}: element sets are of 1957 to 2056; correct the year")
     return at.astimezone(datetime.UTC)
-
-
-def parse_frames(text: str | None) -> slice | None:
-    """Parse ``A:B`` or ``A:B:C`` as a slice."""
-    if text is None:
-        return None
-    try:
-        ends = [int(word) if word else None for word in text.split(":")]
-        if len(ends) == 1 and ends[0] is not None:
-            return slice(ends[0], ends[0] + 1)
-        if len(ends) in (2, 3) and (len(ends) == 2 or ends[2] is None or ends[2] > 0):
-            return slice(*ends)
-    except ValueError:
-        pass
-    raise ScenarioError(f"--frames {text}: is not A:B or A:B:STEP; write for example 0:100")
 
 
 def select_frames(read: export.Recording, frames: str | None) -> list[int]:

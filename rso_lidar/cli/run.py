@@ -20,7 +20,6 @@ from rso_lidar.cli.arguments import (
     Threads,
     TrustFmu,
     join_settings,
-    parse_frames,
 )
 from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view, report_live_view
 from rso_lidar.cli.progress import announce_compiling, show_progress
@@ -29,6 +28,7 @@ from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.simulation.run import simulate
 
 

@@ -15,6 +15,7 @@ from rso_lidar.studio.pages.header import draw_header
 from rso_lidar.studio.pages.style import add_style
 from rso_lidar.studio.state import BrowserTab, Workspace
 
+_RECONNECT_S = 300.0  # for which a page waits for its server: a large file keeps it busy, and laptops sleep
 _PAGES = {"build": build_page.draw, "see": see_page.draw, "run": run_page.draw}
 
 
@@ -37,6 +38,7 @@ def build_application(workspace: Workspace, *, token: str, hosts: frozenset[str]
         dark=None,
         language="en-US",
         show_welcome_message=False,
+        reconnect_timeout=_RECONNECT_S,
     )
     return AccessControl(outer, token=token, hosts=hosts, port=port)
 

@@ -10,10 +10,11 @@ from pathlib import Path
 from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.documents.assessment import Assessment, assess, check_study
 from rso_lidar.studio.documents.document import UNSAVED, Document, list_documents
 from rso_lidar.studio.jobs.queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
-from rso_lidar.studio.jobs.recordings import RecordingList
+from rso_lidar.studio.jobs.recording_list import RecordingList
 from rso_lidar.studio.root_folder import Folder
 
 _PAUSE_S = 0.3  # without a further edit, after which a text is assessed
@@ -48,7 +49,7 @@ class Workspace:
             raise ScenarioError(f"{request.source}: cannot be read ({error}); save it again") from None
         if found.scenario is None or found.refusal:
             raise ScenarioError(found.problem or f"{request.source}: {found.refusal}")
-        return request.count_frames(found.scenario.time.n_frames)
+        return len(found.scenario.time.choose_frames(parse_frames(request.frames or None)))
 
     def open_document(self, name: str) -> Document:
         """Return the document of a scenario file, the same one for all tabs.

@@ -21,6 +21,7 @@ ACROSS = {
 SPANNING = {
     "cli/test_cli.py",
     "cli/test_help.py",
+    "cli/test_no_code.py",
     "cli/test_outputs.py",
     "detector/chain/test_addressed_noise.py",
     "detector/chain/test_frame_noise.py",

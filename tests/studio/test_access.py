@@ -200,3 +200,21 @@ def test_any_name_reaches_an_address_that_other_machines_can():
     assert call(scope, hosts=None) == (None, True)
     scope["headers"].append((b"origin", b"http://other.example"))
     assert call(scope, hosts=None) == (403, False)
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example@127.0.0.1:{port}",
+        "127.0.0.1:{port}/x",
+        "127.0.0.1:{port}?x",
+        "127.0.0.1:x",
+        "localhost.evil",
+        "127.0.0.1:{port}#",
+        "",
+    ],
+)
+def test_a_host_is_a_name_and_a_port_only(studio, host):
+    cookie = f"rso_lidar_studio_{studio.port}={studio.token}"
+    assert ask(studio, "/", Host=f"127.0.0.1:{studio.port}", Cookie=cookie)[0] == 200
+    assert ask(studio, "/", Host=host.format(port=studio.port), Cookie=cookie)[0] in (400, 403)

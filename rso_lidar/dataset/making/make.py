@@ -153,7 +153,7 @@ def choose_shards(text: str | None, count: int) -> Sequence[int]:
 
 def check_samples(plan: DatasetPlan) -> None:
     """Draw some samples of each class, and both ends of every law, so that a value that makes no
-    valid scenario is found before the first flash.
+    valid scenario, or code that may not run, is found before the first flash.
 
     Parameters
     ----------
@@ -161,6 +161,8 @@ def check_samples(plan: DatasetPlan) -> None:
     """
     owner = plan.membership.target_class
     with suppress_warnings():
+        base = plan.scenario()
+        _ = base.bodies, base.pan_tilt
         for k in range(len(plan.spec.classes)):
             mine = (owner == k).nonzero()[0]
             step = max(1, len(mine) * len(plan.spec.classes) // _TRIED)

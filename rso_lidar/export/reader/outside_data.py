@@ -38,7 +38,7 @@ def check_self_contained(path: Path) -> None:
                     )
                 if named := _find_other_file(group, name):
                     raise RecordingError(
-                        f"{path}: '{group.name.rstrip('/')}/{name:.80}' is in another file, {named!r:.80}; export it "
+                        f"{path}: '{group.name.rstrip('/')}/{name:.80}' is in another file, {named[-80:]!r}; export it "
                         "again as one file"
                     )
                 if group.get(name, getclass=True, getlink=True).__name__ == "HardLink" and _is_group(group, name):

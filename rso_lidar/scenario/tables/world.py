@@ -84,6 +84,21 @@ class Time(Part):
         return numbers
 
 
+def parse_frames(text: str | None) -> slice | None:
+    """Parse the choice of frames of the command line, ``A``, ``A:B`` or ``A:B:C``, as a slice; None for all."""
+    if text is None:
+        return None
+    try:
+        ends = [int(word) if word else None for word in text.split(":")]
+        if len(ends) == 1 and ends[0] is not None:
+            return slice(ends[0], ends[0] + 1)
+        if len(ends) in (2, 3) and (len(ends) == 2 or ends[2] is None or ends[2] > 0):
+            return slice(*ends)
+    except ValueError:
+        pass
+    raise ScenarioError(f"--frames {text}: is not A:B or A:B:STEP; write for example 0:100")
+
+
 class World(Part):
     """The root axes: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth.
 

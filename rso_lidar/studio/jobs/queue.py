@@ -76,12 +76,6 @@ class JobRequest:
         texts = (self.kind, self.source, self.output, self.frames, self.seed, self.keep)
         return all(isinstance(one, str) for one in texts) and all(isinstance(one, bool) for one in flags)
 
-    def count_frames(self, n_frames: int) -> int:
-        """Return how many of the frames of a scenario are asked for; the command line says what is wrong with `frames`."""
-        with contextlib.suppress(ValueError):
-            return len(range(n_frames)[slice(*(int(end) if end else None for end in (self.frames or ":").split(":")))])
-        return n_frames
-
     def command(self) -> list[str]:
         """Return the command. Python does not import from the working folder (-P), which may hold any file."""
         # A name that begins with a dash is no option.
@@ -291,9 +285,8 @@ class JobQueue:
     def _read_journal(self) -> list[JobRequest]:
         """Read the jobs that an earlier studio left; damaged entries are left out."""
         requests, entries = list[JobRequest](), []
-        with contextlib.suppress(OSError, ValueError, RecursionError):
-            with (self.folder.path / _JOURNAL).open("rb") as file:
-                entries = json.loads(file.read(_MOST_JOURNAL_BYTES))
+        with contextlib.suppress(OSError, ValueError, RecursionError), (self.folder.path / _JOURNAL).open("rb") as file:
+            entries = json.loads(file.read(_MOST_JOURNAL_BYTES))
         for entry in entries[:_MOST_JOBS] if isinstance(entries, list) else []:
             with contextlib.suppress(TypeError, RsoLidarError):
                 one = JobRequest(**entry)

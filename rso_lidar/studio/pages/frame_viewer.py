@@ -12,7 +12,7 @@ from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.picture.frames.frame_image import IMAGE_SIZE, choose_window, draw_difference, draw_image, mark_pixel
 from rso_lidar.picture.style.palette import DARK, IMAGE_MARK, LIGHT, OKABE_ITO, Scheme
-from rso_lidar.studio.jobs.recordings import open_recording
+from rso_lidar.studio.jobs.recording_list import open_recording
 from rso_lidar.studio.root_folder import Folder
 from rso_lidar.study.recorded_runs.frame_comparison import compare_frames, find_frame, locate_centers
 

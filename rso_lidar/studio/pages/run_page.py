@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import glob
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import fastapi
 from nicegui import run, ui
@@ -13,6 +15,7 @@ from nicegui import run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.reader.status import RecordingStatus
 from rso_lidar.export.registry import FORMATS
+from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.jobs.queue import KINDS, Job, JobRequest
 from rso_lidar.studio.pages.frame_viewer import FrameViewer
 from rso_lidar.studio.state import BrowserTab, Workspace
@@ -48,7 +51,7 @@ class RunPage:
     def __init__(self, tab: BrowserTab) -> None:
         self.tab, self.jobs, self.folder = tab, tab.workspace.jobs, tab.workspace.folder
         self._rows: dict[Job, tuple[Any, ...]] = {}
-        self._was_active, self._is_listing = True, False
+        self._was_active, self._is_listing, self._awaited = True, False, ""
         with ui.row(wrap=False).classes("w-full p-4 gap-4 items-start"):
             with ui.column().classes("w-[400px] shrink-0 gap-4"):
                 self._draw_form()
@@ -111,10 +114,15 @@ class RunPage:
         if problem:
             text = problem
         elif self._kind.value == "run" and found is not None and found.scenario is not None:
-            asked = JobRequest("run", "", "", frames=(self._frames.value or "").strip())
-            count = asked.count_frames(found.scenario.time.n_frames)
-            rate = next((job.rate_hz for job in reversed(self.jobs.jobs) if job.rate_hz), _USUAL_HZ)
-            text = f"{count:,} frames; some {max(count / rate, 1):,.0f} s, and 15 s more at the very first start"
+            frames = found.scenario.time
+            try:
+                count = len(frames.choose_frames(parse_frames((self._frames.value or "").strip() or None)))
+            except RsoLidarError as error:
+                text = problem = str(error)
+            else:
+                rate = next((job.rate_hz for job in reversed(self.jobs.jobs) if job.rate_hz), _USUAL_HZ)
+                of = f"{count:,} of {frames.n_frames:,} frames in all"
+                text = f"{of}; some {max(count / rate, 1):,.0f} s, and 15 s more at the very first start"
         else:
             text = f"{document.title}: {kind.title.lower()}"
         self._note.set_text(text)
@@ -131,10 +139,21 @@ class RunPage:
                 ui.notify(f"{document.name}: cannot be read ({error}); save it again", type="negative")
                 return
         if on_disk != document.text:
-            ui.notify(
-                f"{document.title} has changes that are not saved; save it first: a job runs the file", type="warning"
-            )
-            return
+            if not document.name:
+                ui.notify("the scenario has no file yet; give it a name under Save as", type="warning")
+                return
+            with ui.dialog() as dialog, ui.card():
+                ui.label(f"{document.title} has changes that are not saved; a job runs the file.")
+                with ui.row():
+                    ui.button("Save and start", on_click=lambda: dialog.submit(True)).mark("save-and-start")
+                    ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat")
+            if not await dialog:
+                return
+            try:
+                document.save()
+            except RsoLidarError as error:
+                ui.notify(f"{error}; save it with the button above", type="negative")
+                return
         values = {"frames": self._frames.value, "seed": self._seed.value, "keep": self._keep.value}
         values = {key: (value or "").strip() for key, value in values.items()} if self._kind.value == "run" else {}
         await self._add(JobRequest(self._kind.value, document.name, self._output.value.strip(), **values))
@@ -150,7 +169,7 @@ class RunPage:
         """Queue a job; where its output exists, or an interrupted run left frames, ask first."""
         try:
             output = self.folder.resolve(request.output, KINDS[request.kind].makes)
-            has_frames = any(output.parent.glob(f"{output.name}.tmp-*")) or (
+            has_frames = any(output.parent.glob(f"{glob.escape(output.name)}.tmp-*")) or (
                 request.kind == "dataset" and output.exists()
             )
             if output.exists() or has_frames:
@@ -167,6 +186,7 @@ class RunPage:
                     return
                 request = replace(request, resume=answer == "resume", overwrite=answer == "overwrite")
             self.jobs.add(request)
+            self._awaited = request.output if request.kind == "run" else self._awaited
         except RsoLidarError as error:
             ui.notify(str(error), type="negative", multi_line=True)
             return
@@ -182,7 +202,11 @@ class RunPage:
                 with self._list:
                     self._rows[job] = self._draw_row(job)
             _, state, bar, message, stop, resume, remove, result = self._rows[job]
-            left = f", {job.rate_hz:.1f}/s, {(job.total - job.done) / job.rate_hz:,.0f} s left" if job.rate_hz else ""
+            left = (
+                f", {job.rate_hz:.1f}/s, {(job.total - job.done) / job.rate_hz:,.0f} s left"
+                if job.rate_hz and job.is_active
+                else ""
+            )
             count = f" {job.done:,}/{job.total:,}{left}" if job.total and job.state != "done" else ""
             state.set_text(f"{job.state}{count}")
             bar.set_value(1.0 if job.state == "done" else min(job.done / job.total, 1.0) if job.total else 0.0)
@@ -205,7 +229,7 @@ class RunPage:
             bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback aria-label=Progress")
             state = ui.label().classes("text-sm").mark("job-state").props('data-test="job-state"')
             message = ui.label().classes("text-sm break-words opacity-80")
-            result = ui.link("Open the result", f"/studio/results/{job.request.output}", new_tab=True).classes(
+            result = ui.link("Open the result", f"/studio/results/{quote(job.request.output)}", new_tab=True).classes(
                 "text-sm"
             )
         return row, state, bar, message, stop, resume, remove, result
@@ -234,9 +258,17 @@ class RunPage:
                 if rows != self._table.rows:
                     self._table.rows = rows
                 self._viewer.offer([row["name"] for row in rows])
+                await self._show_awaited(rows)
                 await self._viewer.refresh()
         finally:
             self._is_listing = False
+
+    async def _show_awaited(self, rows: list[dict[str, Any]]) -> None:
+        """Show the recording of the run that was started last, as soon as it has a frame."""
+        begun = [row for row in rows if row["name"] == self._awaited and row["frames"]]
+        if begun:
+            self._awaited, self._table.selected = "", begun
+            await self._viewer.open(begun[0]["name"])
 
     def _describe_recording(self, status: RecordingStatus) -> dict[str, Any]:
         name = status.output.relative_to(self.folder.path).as_posix()

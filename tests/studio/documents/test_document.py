@@ -466,3 +466,32 @@ def test_a_hidden_file_and_another_ending_are_not_listed(folder):
     for name in (".hidden.toml", "b.txt", ".b.toml.draft2"):
         (folder.path / name).write_text("", encoding="utf-8")
     assert list_documents(folder) == ["a.toml"]
+
+
+def test_line_ends_of_the_file_are_kept(folder):
+    place = folder.path / "crlf.toml"
+    place.write_bytes(FIRST.replace("\n", "\r\n").encode())
+    document = Document.open(folder, "crlf.toml")
+    assert document.text == FIRST
+    assert not document.is_changed
+    document.set_text(SECOND)
+    document.save()
+    assert place.read_bytes() == SECOND.replace("\n", "\r\n").encode()
+    assert not document.changed_on_disk()
+
+
+def test_a_damaged_draft_is_ignored_with_a_word(folder):
+    (folder.path / "a.toml").write_text(FIRST, encoding="utf-8")
+    (folder.path / ".a.toml.draft").write_bytes(b"# draft of none\n\xff\xfe")
+    document = Document.open(folder, "a.toml")
+    assert document.text == FIRST
+    assert "draft of the last session cannot be read and is ignored" in document.notice
+
+
+def test_a_text_that_could_not_be_read_again_is_not_written(folder):
+    (folder.path / "a.toml").write_text(FIRST, encoding="utf-8")
+    document = Document.open(folder, "a.toml")
+    document.set_text("# " + "x" * 9_000_000)
+    with pytest.raises(ScenarioError, match=r"a\.toml: not written: 9,000,002 bytes"):
+        document.save()
+    assert (folder.path / "a.toml").read_text(encoding="utf-8") == FIRST

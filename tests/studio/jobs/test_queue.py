@@ -14,8 +14,9 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from rso_lidar.export.reader.status import RecordingStatus
 from rso_lidar.studio.jobs.queue import KINDS, Job, JobQueue, JobRequest
-from rso_lidar.studio.jobs.recordings import RecordingList
+from rso_lidar.studio.jobs.recording_list import RecordingList
 from rso_lidar.studio.root_folder import Folder
 
 
@@ -141,3 +142,53 @@ def test_a_folder_that_has_gone_is_said(folder: Folder) -> None:
     job = queue.add(JobRequest("run", "short.toml", "a.h5"))
     wait(job, "failed")
     assert "No such file" in job.message
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "5", '{"a": 1}', "[[[[", '[{"kind": "run", "source": "a.toml", "output": "../x.h5"}]', "[" * 100_000],
+)
+def test_a_damaged_journal_loses_no_other_entry(folder: Folder, text: str) -> None:
+    journal = folder.path / ".rso_lidar_studio.json"
+    journal.write_text(text, encoding="utf-8")
+    assert JobQueue(folder).jobs == []
+    good = '{"kind": "run", "source": "short.toml", "output": "a.h5"}'
+    journal.write_text(f'[5, {{"kind": "run"}}, {{"kind": 7, "source": "", "output": ""}}, {good}]', encoding="utf-8")
+    assert [job.request.output for job in JobQueue(folder).jobs] == ["a.h5"]
+
+
+def test_an_unexpected_error_ends_its_job_only(folder: Folder) -> None:
+    def check(request: JobRequest) -> int:
+        if request.output == "a.h5":
+            raise ZeroDivisionError("by a fault")
+        return 1
+
+    queue = JobQueue(folder, check)
+    jobs = [queue.add(JobRequest("run", "short.toml", f"{name}.h5", frames="0:1")) for name in "ab"]
+    wait(jobs[1], "done")
+    assert (jobs[0].state, jobs[0].message) == ("failed", "ZeroDivisionError: by a fault")
+    again = queue.resume(jobs[0])
+    assert queue.jobs.index(again) == 0
+    wait(again, "failed")
+
+
+def test_a_run_that_goes_on_without_its_studio_is_not_begun_twice(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rso_lidar.studio.jobs import queue as module
+
+    (folder.path / ".rso_lidar_studio.json").write_text(
+        '[{"kind": "run", "source": "short.toml", "output": "a.h5"}]', encoding="utf-8"
+    )
+    output = folder.path / "a.h5"
+    running = RecordingStatus(output, output, running=True, complete=False)
+    monkeypatch.setattr(module, "read_status", lambda path: running)
+    (job,) = (queue := JobQueue(folder)).jobs
+    assert job.message == "still running, begun by an earlier studio"
+    with pytest.raises(ScenarioError, match=r"a\.h5: still running"):
+        queue.resume(job)
+
+
+@pytest.mark.parametrize("kind", ["run", "timeline", "trade", "dataset"])
+def test_no_job_runs_code_that_a_file_names(kind: str) -> None:
+    assert "--no-code" in JobRequest(kind, "in.toml", "out.png").command()

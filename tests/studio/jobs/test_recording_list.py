@@ -1,0 +1,46 @@
+"""The list of recordings: read again only where a file changed, without files that are no recordings of the folder."""
+
+import h5py
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.studio.jobs import recording_list
+from rso_lidar.studio.jobs.recording_list import RecordingList, open_recording
+from rso_lidar.studio.root_folder import Folder
+
+
+@pytest.fixture
+def folder(tmp_path):
+    scenario = rl.Scenario.load("examples/bench_plate.toml")
+    rl.save(tmp_path / "a.h5", rl.simulate(scenario, frames=[0]))
+    return Folder(tmp_path)
+
+
+def test_files_are_read_again_only_when_they_change(folder, monkeypatch):
+    listed, calls = RecordingList(folder), []
+    read = recording_list.read_status
+    monkeypatch.setattr(recording_list, "read_status", lambda path: calls.append(path.name) or read(path))
+    assert [status.frames for status in listed.read()] == [1]
+    assert [status.frames for status in listed.read()] == [1]
+    assert calls == ["a.h5"]
+    rl.save(
+        folder.path / "a.h5", rl.simulate(rl.Scenario.load("examples/bench_plate.toml"), frames=[0, 1]), overwrite=True
+    )
+    assert [status.frames for status in listed.read()] == [2]
+    (folder.path / "a.h5").unlink()
+    assert listed.read() == []
+
+
+def test_links_and_files_that_take_data_from_elsewhere_are_left_out(folder, tmp_path_factory):
+    secret = tmp_path_factory.mktemp("elsewhere") / "secret.h5"
+    (folder.path / "a.h5").rename(secret)
+    (folder.path / "b.h5.tmp-1a2b").symlink_to(secret)
+    with h5py.File(folder.path / "c.h5", "w") as file:
+        for name in ("time_s", "labels"):
+            file[name] = h5py.ExternalLink(str(secret), f"/{name}")
+    assert RecordingList(folder).read() == []
+    with pytest.raises(RecordingError, match=r"in another file|not a recording"):
+        open_recording(folder, "c.h5")
+    with pytest.raises(ScenarioError, match="inside the folder"):
+        open_recording(folder, "../secret.h5")
