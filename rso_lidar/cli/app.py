@@ -21,6 +21,7 @@ COMMANDS = {
     "budget": "Compute photons, detection and precision against range.",
     "truth": "Write or draw the true motion without rendering frames.",
     "timeline": "Draw or tabulate one encounter, frame by frame.",
+    "disperse": "Fly a mission many times with errors.",
     "trade": "Run a trade study of scenario fields against figures of merit.",
     "parameters": "List all parameters of a scenario and figures derived from them.",
     "requirements": "Verify requirements on a scenario, a study or a recording.",

@@ -3,6 +3,7 @@
 from rso_lidar.public_names import limit_dir
 from rso_lidar.scenario.scenario import Scenario, require_scenario
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
+from rso_lidar.scenario.tables.dispersion import Dispersion
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.finding import Finding
 from rso_lidar.scenario.tables.fragment import Fragment
@@ -19,6 +20,7 @@ __all__ = [
     "Corridor",
     "CratersAndBoulders",
     "DataLink",
+    "Dispersion",
     "FacetMaterials",
     "Finding",
     "Follower",

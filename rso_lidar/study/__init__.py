@@ -4,6 +4,7 @@ from rso_lidar.public_names import limit_dir
 from rso_lidar.study.budgets.finding_range import FoundRange, find_range
 from rso_lidar.study.budgets.range_budget import Budget, budget
 from rso_lidar.study.budgets.range_curve import BudgetCurve
+from rso_lidar.study.dispersions.dispersed_mission import DispersedMission, disperse
 from rso_lidar.study.elevation import (
     HAZARD,
     SAFE,
@@ -45,6 +46,7 @@ __all__ = [
     "Budget",
     "BudgetCurve",
     "ConjunctionAssessment",
+    "DispersedMission",
     "ElevationMap",
     "Encounter",
     "Encounters",
@@ -70,6 +72,7 @@ __all__ = [
     "compare_frames",
     "compare_maps",
     "conjunction_scenario_text",
+    "disperse",
     "encounters",
     "estimate_set_errors",
     "find_hazards",

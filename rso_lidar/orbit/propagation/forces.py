@@ -12,7 +12,7 @@ import functools
 import math
 from bisect import bisect_right
 from collections.abc import Callable
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, Strict, model_validator
@@ -126,6 +126,36 @@ class Forces(Part):
         )
         return np.array([field(t, tuple(r), tuple(v))[0] for t, r, v in rows]).reshape(-1, 3)
 
+    def gravity(self, start_utc: datetime.datetime) -> Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Return the gravity of the Earth as a function of arrays of positions; its pole is that of the start.
+
+        Parameters
+        ----------
+        start_utc : start of the run
+
+        Returns
+        -------
+        function of the components x, y and z of positions [m], arrays of one shape, GCRS axes
+            it returns those of the acceleration [m/s2]: the central attraction and the zonal harmonics
+        """
+        zonals = _ZONALS[: max(self.zonal_degree - 1, 0)]
+        pole = _find_almanac(start_utc, sun=False, moon=False)(0.0)[0]
+
+        def accelerate(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            """Compute the acceleration [m/s2].
+
+            Parameters
+            ----------
+            x, y, z : components of positions [m]
+            """
+            square = x * x + y * y + z * z
+            radius = np.sqrt(square)
+            pull = -GM / (square * radius)
+            more = _zonal_acceleration(zonals, (x, y, z), radius, pole) if zonals else (0.0, 0.0, 0.0)
+            return pull * x + more[0], pull * y + more[1], pull * z + more[2]
+
+        return accelerate
+
     def light_phase(self, start_utc: datetime.datetime) -> Callable[[float, Vector3], int] | None:
         """Return a function of time [s] and position [m] that changes at the edges of the shadow; None without sunlight.
 
@@ -218,7 +248,7 @@ def air_density_kg_m3(height_m: float) -> float:
     return density * math.exp(-(max(height_km, 0.0) - floor_km) / scale_km)
 
 
-def _zonal_acceleration(zonals: tuple[float, ...], r: Vector3, radius: float, pole: Vector3) -> Vector3:
+def _zonal_acceleration(zonals: tuple[float, ...], r: Any, radius: Any, pole: Vector3) -> Any:
     """Return the acceleration by zonal harmonics [m/s2].
 
     GM/r^2 J_n (R/r)^n [P'_(n+1)(s) r^ - P'_n(s) k], s the sine of latitude: the gradient of -GM/r J_n (R/r)^n P_n(s)
@@ -227,8 +257,12 @@ def _zonal_acceleration(zonals: tuple[float, ...], r: Vector3, radius: float, po
     Parameters
     ----------
     zonals : J2 and on
-    r, radius : position [m] and its length
+    r, radius : position [m] and its length; components may be arrays of one shape
     pole : unit vector along the Earth's axis
+
+    Returns
+    -------
+    the three components, numbers or arrays
     """
     s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
     ratio = units.EARTH_ZONAL_RADIUS_M / radius

@@ -125,6 +125,13 @@ class Flown(RtnMotion):
         """
         return self.replace(seed=seed) if self.seed is None else self
 
+    def without_random_errors(self) -> Self:
+        """Return the motion with burns and navigation that have no random errors; constant errors of burns stay."""
+        exact = dict.fromkeys(
+            ("magnitude_sigma_fraction", "magnitude_sigma_m_s", "pointing_sigma_deg", "pointing_sigma_m_s"), 0.0
+        )
+        return self.replace(thrusters=self.thrusters.replace(**exact), navigation=NavigationErrors())
+
     def make_plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
         """Return the plan that is flown.
 

@@ -136,6 +136,17 @@ class TwoImpulseGuidance(Part):
             return (math.floor(max(after_s, 0.0) / self.every_s + 1e-9) + 1) * self.every_s
         return next((at_s for at_s in self.at_s or () if at_s > after_s), math.inf)
 
+    def find_aim_s(self, plan: Plan, time_s: float, next_s: float) -> float:
+        """Return the instant at which a correction arrives [s].
+
+        Parameters
+        ----------
+        plan : plan that is flown
+        time_s : instant of the correction [s]
+        next_s : instant of the next update [s], infinite if there is none
+        """
+        return min(_find_aim_s(plan, time_s, next_s), time_s + (math.inf if self.horizon_s is None else self.horizon_s))
+
     def list_limits(self, mean_motion_rad_s: float) -> list[str]:
         """Return a sentence if corrections that are replaced before they arrive amplify an error.
 
@@ -164,7 +175,7 @@ class TwoImpulseGuidance(Part):
         ----------
         update : what is known
         """
-        aim_s = min(_find_aim_s(update), update.time_s + (math.inf if self.horizon_s is None else self.horizon_s))
+        aim_s = self.find_aim_s(update.plan, update.time_s, update.next_s)
         if not aim_s > update.time_s + _SHORTEST_S:
             return update.impulses
         planned_m, planned_m_s = (rows[0] for rows in update.plan.relative(np.array([update.time_s])))
@@ -226,16 +237,23 @@ class Steering:
         return change
 
 
-def _find_aim_s(update: GuidanceUpdate) -> float:
-    """Return the instant at which a correction arrives [s]: of the plan's next event, or of the next update."""
-    begins = [leg.begin_s for leg in update.plan.legs]
-    events = [*begins, *(impulse.time_s for impulse in update.plan.impulses)]
-    ahead = min((at_s for at_s in events if at_s > update.time_s + _SHORTEST_S), default=math.inf)
-    leg = update.plan.legs[max(int(np.searchsorted(begins, update.time_s, side="right")) - 1, 0)]
+def _find_aim_s(plan: Plan, time_s: float, next_s: float) -> float:
+    """Return the instant of the plan's next event [s], or of the next update.
+
+    Parameters
+    ----------
+    plan : plan that is flown
+    time_s : instant of the correction [s]
+    next_s : instant of the next update [s]
+    """
+    begins = [leg.begin_s for leg in plan.legs]
+    events = [*begins, *(impulse.time_s for impulse in plan.impulses)]
+    ahead = min((at_s for at_s in events if at_s > time_s + _SHORTEST_S), default=math.inf)
+    leg = plan.legs[max(int(np.searchsorted(begins, time_s, side="right")) - 1, 0)]
     if leg.acceleration_m_s2 is not None or ahead == math.inf:
-        ahead = min(ahead, update.next_s)
+        ahead = min(ahead, next_s)
     if ahead == math.inf:
-        return update.plan.duration_s
+        return plan.duration_s
     return ahead
 
 

@@ -161,6 +161,17 @@ class PlanFlight:
             self._reach(until_s)
             return tuple(one for one in self._commands if one.time_s <= until_s)
 
+    def list_updates_s(self, until_s: float) -> tuple[float, ...]:
+        """Return the instants [s] of the updates of guidance up to an instant.
+
+        Parameters
+        ----------
+        until_s : the instant [s]
+        """
+        with self._lock:
+            self._reach(until_s)
+            return tuple(at_s for at_s in self._updates_s if at_s <= until_s)
+
     def thrust_m_s2(self, time_s: np.ndarray) -> np.ndarray:
         """Return the acceleration (time, 3) by thrust [m/s2] in the chief's rtn axes; impulses are left out.
 

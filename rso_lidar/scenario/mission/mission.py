@@ -23,6 +23,7 @@ from rso_lidar.scenario.mission.sensor_checks import check_sensors
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_tables, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
+from rso_lidar.scenario.tables.dispersion import Dispersion
 from rso_lidar.scenario.tables.finding import Finding
 from rso_lidar.scenario.tables.lidar import Lidar, check_instrument
 from rso_lidar.scenario.tables.link import DataLink
@@ -69,6 +70,10 @@ class Mission(Part):
     finding: Finding = Field(
         default=Finding(),
         description="When a target counts as found, for `check`, `timeline`, `budget` and `trade`. A run does not use it.",
+    )
+    dispersion: Dispersion | None = Field(
+        default=None,
+        description="Errors of start, burns, navigation and instrument, for `disperse`. A run does not use them.",
     )
     _folder: Path | None = PrivateAttr(default=None)
     _where: str = PrivateAttr(default="scenario")

@@ -1,0 +1,69 @@
+"""`rso-lidar disperse`: a mission flown many times with errors, by runs and by linear covariance."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar.cli.arguments import Dark, NoCode, Overwrite, ScenarioFile, Seed, Settings, choose_scheme, join_settings
+from rso_lidar.cli.progress import show_progress
+from rso_lidar.cli.terminal import echo, to_one_line
+from rso_lidar.files import check_writable
+from rso_lidar.interruption import set_advice
+from rso_lidar.picture.style.output import RESULT_SUFFIXES
+from rso_lidar.scenario import Scenario
+from rso_lidar.study.dispersions.dispersed_mission import disperse as disperse_mission
+from rso_lidar.study.dispersions.dispersed_mission import identify
+
+
+def disperse(
+    file: ScenarioFile,
+    runs: Annotated[int, typer.Option("--runs", min=2, max=1_000_000, help="Number of runs.")] = 1000,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Picture (.png, .pdf, .svg) or table of the runs (.csv); left out, a picture in the working folder.",
+        ),
+    ] = None,
+    tubes: Annotated[Path | None, typer.Option("--tubes", help="Table of the spreads over time (.csv).")] = None,
+    target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the one approached).")] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, max=256, help="Processes; changes no result.")
+    ] = None,
+    seed: Seed = None,
+    settings: Settings = None,
+    no_code: NoCode = False,
+    dark: Dark = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Fly a mission many times with errors.
+
+    The table [dispersion] of the scenario holds the errors. An interrupted command continues where it stopped.
+    """
+    output = check_writable(output or Path(f"{file.stem}_disperse.png"), RESULT_SUFFIXES, overwrite=overwrite)
+    if tubes is not None:
+        tubes = check_writable(tubes, (".csv",), overwrite=overwrite)
+    scheme = choose_scheme(dark, [output])
+    scenario = Scenario.load(file, join_settings(settings, seed), trust_code=not no_code)
+    working = output.with_name(f".{output.stem}.runs")
+    set_advice(lambda: to_one_line(f"finished runs are kept beside {output}; the same command goes on"))
+    with show_progress(runs, 0, "dispersing", of="run") as bar:
+        shown = 0
+
+        def step(done: int, _: int) -> None:
+            nonlocal shown
+            for _ in range(done - shown):
+                bar.advance()
+            shown = done
+
+        made = disperse_mission(scenario, runs, target=target, workers=workers, working=working, on_runs=step)
+    made.save(output, scheme)
+    if tubes is not None:
+        made.save_tubes(tubes)
+    Path(f"{working}.{identify(scenario, made.target)}.npz").unlink(missing_ok=True)
+    for line in made.describe().splitlines():
+        echo(line)
+    for place in (output, *([tubes] if tubes is not None else [])):
+        echo(f"{place}")

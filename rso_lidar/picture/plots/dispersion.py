@@ -1,0 +1,92 @@
+"""Dispersed flights in one picture: tubes of the path in rtn axes, range, nearest approach, and detection over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar.picture.style.figures import (
+    LINE_PT,
+    TEXT_PT,
+    THICK_PT,
+    THIN_PT,
+    format_thousands,
+    new_figure,
+    style_axes,
+)
+from rso_lidar.picture.style.palette import BLUE, GREEN, INK, ORANGE, QUIET, RED, SHADE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_NAMES = {"radial": "Radial", "along": "Along-track", "cross": "Cross-track"}
+_TWO_SIGMA = 1.96  # half width of the linear tube that holds 95 % of a normal distribution
+Table = Mapping[str, np.ndarray]
+
+
+def dispersion_figure(
+    tubes: Table, table: Table, target: str, title: str, keep_out_m: float = 0.0, hard_body_radius_m: float = 0.0
+) -> Figure:
+    """Draw dispersed flights: deviations in three axes, range, least distances, and detection.
+
+    Parameters
+    ----------
+    tubes, table : columns over time and over runs, as `rso_lidar.study.disperse` makes them
+    target : its name
+    title : of the figure
+    keep_out_m, hard_body_radius_m : marked where they are above 0 [m]
+    """
+    count = len(table["run"])
+    note = f"{count:,} runs about {target}   ·   shaded: 95 % of the runs   ·   dashed: 95 % by linear covariance"
+    figure = new_figure(9.6, 9.2, title or "Dispersions", note)
+    plots = figure.subplots(3, 2)
+    unit, word = (3600.0, "h") if tubes["time_s"][-1] > 20_000.0 else (1.0, "s")
+    time = tubes["time_s"] / unit
+    for axes, (axis, name) in zip(plots.flat, _NAMES.items(), strict=False):
+        middle = tubes[f"{axis}_m"]
+        low, high = (tubes[f"{axis}_p{level}_m"] - middle for level in ("2.5", "97.5"))
+        axes.fill_between(time, low, high, color=BLUE, alpha=0.25, lw=0)
+        for sign in (-1.0, 1.0):
+            axes.plot(time, sign * _TWO_SIGMA * tubes[f"{axis}_linear_sigma_m"], color=INK, lw=THIN_PT, ls=(0, (4, 3)))
+        style_axes(axes, x=f"Time [{word}]", y=f"{name} deviation [m]")
+    axes = plots.flat[3]
+    axes.fill_between(time, tubes["range_p2.5_m"], tubes["range_p97.5_m"], color=BLUE, alpha=0.25, lw=0)
+    axes.plot(time, tubes["range_p50_m"], color=BLUE, lw=LINE_PT)
+    axes.set_yscale("log")
+    style_axes(axes, x=f"Time [{word}]", y="Range [m]")
+    _draw_nearest(plots.flat[4], table, keep_out_m, hard_body_radius_m)
+    axes = plots.flat[5]
+    axes.plot(time, tubes["detected_probability"], color=GREEN, lw=THICK_PT)
+    axes.set_ylim(-0.03, 1.03)
+    style_axes(axes, x=f"Time [{word}]", y="P(detected by then)")
+    for axes in plots.flat:
+        format_thousands(axes.xaxis)
+    figure.align_ylabels(plots)
+    return figure
+
+
+def _draw_nearest(axes: Axes, table: Table, keep_out_m: float, hard_body_radius_m: float) -> None:
+    """Draw the distribution of the nearest approach over runs.
+
+    Parameters
+    ----------
+    axes : the plot
+    table : columns over runs
+    keep_out_m, hard_body_radius_m : marked where they are above 0 [m]
+    """
+    nearest = np.sort(table["nearest_m"])
+    share = (np.arange(len(nearest)) + 1.0) / len(nearest)
+    axes.step(nearest, share, where="post", color=BLUE, lw=THICK_PT)
+    for limit_m, colour, word in ((hard_body_radius_m, RED, "collision"), (keep_out_m, ORANGE, "keep-out")):
+        if limit_m > 0.0:
+            axes.axvline(limit_m, color=colour, lw=LINE_PT)
+            axes.text(limit_m, 0.97, f" {word}", color=colour, fontsize=TEXT_PT, va="top", rotation=90, ha="right")
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(-0.03, 1.03)
+    axes.set_facecolor("none")
+    axes.grid(color=SHADE)
+    style_axes(axes, x="Nearest approach [m]", y="Share of the runs")
+    axes.tick_params(colors=QUIET)

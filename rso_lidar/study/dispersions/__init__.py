@@ -1,0 +1,1 @@
+"""Missions flown many times with errors: what may happen, and with which probability."""
