@@ -13,7 +13,7 @@ from rso_lidar.interruption import set_advice
 from rso_lidar.picture.style.output import RESULT_SUFFIXES
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.dispersed_mission import disperse as disperse_mission
-from rso_lidar.study.dispersions.dispersed_mission import identify
+from rso_lidar.study.dispersions.kept_runs import identify
 
 
 def disperse(

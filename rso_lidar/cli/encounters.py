@@ -15,7 +15,7 @@ from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_text
-from rso_lidar.picture.plots.encounters import encounter_figure
+from rso_lidar.picture.studies.encounters import encounter_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.picture.style.palette import Scheme
 from rso_lidar.scenario import Constraints

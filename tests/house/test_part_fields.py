@@ -21,6 +21,7 @@ UNITS = {  # how a name ends, and what its description says in brackets
 }  # fmt: skip
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none
+    "covariance": "metres and seconds, by row and column",
     "flashes": "a number of flashes",
     "fold": "a number of steps in a turn",
     "half_turn": "a direction, of any length",

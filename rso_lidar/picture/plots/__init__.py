@@ -1,1 +1,1 @@
-"""Tables and curves drawn: orbits, angles, budgets, encounters, trades and model cards, one figure each."""
+"""Tables and curves drawn: orbits, angles, tracks and model cards, one figure each."""

@@ -83,6 +83,14 @@ class DeviationFlow:
         return matrix
 
     def _accelerate(self, stage: int, d: np.ndarray, push: Push | None) -> np.ndarray:
+        """Return the second derivatives (3, n) of deviations [m/s2].
+
+        Parameters
+        ----------
+        stage : index in `stage_s`
+        d : (3, n) deviations of position [m]
+        push : as in `advance`
+        """
         here = self._reference[stage]
         pulled = self._gravity(here[0] + d[0], here[1] + d[1], here[2] + d[2])
         made: np.ndarray = np.stack(pulled) - self._along[stage][:, None]

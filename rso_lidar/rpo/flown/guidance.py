@@ -10,9 +10,10 @@ from typing import Annotated, Literal, Protocol, Self, runtime_checkable
 import numpy as np
 from pydantic import Field, model_validator
 
+from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.part import NotNegative, Part, Positive, Seam
-from rso_lidar.rpo.limits import Wait
+from rso_lidar.part import NotNegative, Part, Positive, Seam, make_answer_error, name_object, to_real_array
+from rso_lidar.rpo.limits import FASTEST_M_S, Wait
 from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
@@ -21,6 +22,7 @@ _WEAK = 1e-3  # share of the strongest direction below which a component of the 
 _CLOSE_M = 1e-4  # miss at which the search for a velocity ends
 _MOST_STEPS = 25
 _SHORTEST_S = 1e-3  # from a correction to its aim
+_CARRIED_OUT_M_S = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,3 +303,35 @@ def _shoot(
         miss = after
         best = min(best, (float(np.linalg.norm(miss)), velocity, arrival), key=lambda found: found[0])
     return best[1], best[2]
+
+
+def check_impulses(guidance: object, found: object, now_s: float) -> tuple[PlannedImpulse, ...]:
+    """Return the impulses that guidance wants, in order of time; those that are too small to matter are left out.
+
+    Parameters
+    ----------
+    guidance : who answered
+    found : its answer
+    now_s : present instant [s]
+
+    Raises
+    ------
+    ScenarioError
+        if they are not impulses from now on
+    """
+    cure = f"return a list of PlannedImpulse(time_s, delta_v_m_s), from {now_s:g} s on, with 3 numbers [m/s] each"
+    if not isinstance(found, Sequence) or not all(isinstance(one, PlannedImpulse) for one in found):
+        raise make_answer_error(guidance, "replan", found, cure)
+    checked = []
+    for one in found:
+        delta_v = to_real_array(one.delta_v_m_s)
+        if delta_v is None or delta_v.shape != (3,) or not np.isfinite(delta_v).all() or not one.time_s >= now_s:
+            raise make_answer_error(guidance, "replan", one, cure)
+        if (size := float(np.linalg.norm(delta_v))) > FASTEST_M_S:
+            raise ScenarioError(
+                f"{name_object(guidance)}: replan() wants {size:.3g} m/s at {one.time_s:g} s, more than "
+                f"{FASTEST_M_S:g} m/s: correct it, or give the correction more time before its aim"
+            )
+        if size > _CARRIED_OUT_M_S:
+            checked.append(PlannedImpulse(float(one.time_s), delta_v))
+    return tuple(sorted(checked, key=lambda one: one.time_s))

@@ -15,9 +15,9 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.maneuver import Axes3, Burn, Impulse, rotate_to_inertial
 from rso_lidar.orbit.propagation.numerical import IntegratedOrbit, Thrust
-from rso_lidar.part import make_answer_error, name_object, to_real_array
+from rso_lidar.part import make_answer_error, to_real_array
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.flown.guidance import Guidance, GuidanceUpdate, TwoImpulseGuidance
+from rso_lidar.rpo.flown.guidance import Guidance, GuidanceUpdate, TwoImpulseGuidance, check_impulses
 from rso_lidar.rpo.flown.thrusters import (
     HELD_LEGS,
     IMPULSES,
@@ -26,12 +26,10 @@ from rso_lidar.rpo.flown.thrusters import (
     Thrusters,
     make_generator,
 )
-from rso_lidar.rpo.limits import FASTEST_M_S
 from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.rpo.relative.reference_orbit import ReferenceOrbit
 
 _MOST_UPDATES = 10_000
-_CARRIED_OUT_M_S = 1e-12
 
 
 @dataclass(frozen=True)
@@ -162,7 +160,7 @@ class PlanFlight:
             return tuple(one for one in self._commands if one.time_s <= until_s)
 
     def list_updates_s(self, until_s: float) -> tuple[float, ...]:
-        """Return the instants [s] of the updates of guidance up to an instant.
+        """Return the instants of the updates of guidance up to an instant [s].
 
         Parameters
         ----------
@@ -260,7 +258,7 @@ class PlanFlight:
             return self._predict(now_s, (position, velocity), until_s, impulses)
 
         update = GuidanceUpdate(now_s, position, velocity, self.plan, self._pending, self._next_s, predict)
-        self._pending = _check_impulses(guidance, guidance.replan(update), now_s)
+        self._pending = check_impulses(guidance, guidance.replan(update), now_s)
 
     def _predict(
         self,
@@ -367,38 +365,6 @@ def _hold(plan: Plan, settings: FlightSettings) -> list[HeldThrust]:
         for number, (leg, end_s) in enumerate(zip(plan.legs, ends, strict=True))
         if leg.acceleration_m_s2 is not None and end_s > leg.begin_s
     ]
-
-
-def _check_impulses(guidance: object, found: object, now_s: float) -> tuple[PlannedImpulse, ...]:
-    """Return the impulses that guidance wants, in order of time; those that are too small to matter are left out.
-
-    Parameters
-    ----------
-    guidance : who answered
-    found : its answer
-    now_s : present instant [s]
-
-    Raises
-    ------
-    ScenarioError
-        if they are not impulses from now on
-    """
-    cure = f"return a list of PlannedImpulse(time_s, delta_v_m_s), from {now_s:g} s on, with 3 numbers [m/s] each"
-    if not isinstance(found, Sequence) or not all(isinstance(one, PlannedImpulse) for one in found):
-        raise make_answer_error(guidance, "replan", found, cure)
-    checked = []
-    for one in found:
-        delta_v = to_real_array(one.delta_v_m_s)
-        if delta_v is None or delta_v.shape != (3,) or not np.isfinite(delta_v).all() or not one.time_s >= now_s:
-            raise make_answer_error(guidance, "replan", one, cure)
-        if (size := float(np.linalg.norm(delta_v))) > FASTEST_M_S:
-            raise ScenarioError(
-                f"{name_object(guidance)}: replan() wants {size:.3g} m/s at {one.time_s:g} s, more than "
-                f"{FASTEST_M_S:g} m/s: correct it, or give the correction more time before its aim"
-            )
-        if size > _CARRIED_OUT_M_S:
-            checked.append(PlannedImpulse(float(one.time_s), delta_v))
-    return tuple(sorted(checked, key=_time_s))
 
 
 def _time_s(impulse: PlannedImpulse) -> float:

@@ -71,10 +71,7 @@ class Mission(Part):
         default=Finding(),
         description="When a target counts as found, for `check`, `timeline`, `budget` and `trade`. A run does not use it.",
     )
-    dispersion: Dispersion | None = Field(
-        default=None,
-        description="Errors of start, burns, navigation and instrument, for `disperse`. A run does not use them.",
-    )
+    dispersion: Dispersion | None = Field(default=None, description="Errors that `disperse` applies. A run uses none.")
     _folder: Path | None = PrivateAttr(default=None)
     _where: str = PrivateAttr(default="scenario")
     _trust_code: bool = PrivateAttr(default=True)
@@ -90,8 +87,7 @@ class Mission(Part):
         ----------
         path : of the file; a relative one is looked up in the working folder, then among the shipped data.
         settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
-        trust_code : whether Python code that the file names as `dynamics` may run when the scenario is flown.
-        trust_fmu : whether the native code of FMUs that the file names may run when the scenario is flown.
+        trust_code, trust_fmu : whether Python code (`dynamics`) and FMUs that the file names may run when it is flown.
 
         Raises
         ------
@@ -175,14 +171,15 @@ class Mission(Part):
 
     def without_code(self) -> Self:
         """Return the scenario with the Python code that it names distrusted: it is read but not flown."""
-        changed = self.replace()
-        changed._trust_code = False
-        return changed
+        return self._trusting(code=False, fmu=self._trust_fmu)
 
     def with_trusted_fmus(self) -> Self:
         """Return the scenario with its FMUs trusted: their native code runs when it is flown."""
+        return self._trusting(code=self._trust_code, fmu=True)
+
+    def _trusting(self, *, code: bool, fmu: bool) -> Self:
         changed = self.replace()
-        changed._trust_fmu = True
+        changed._trust_code, changed._trust_fmu = code, fmu
         return changed
 
     def with_seed(self, seed: int) -> Self:

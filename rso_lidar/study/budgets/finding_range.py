@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.picture.plots.finding import finding_figure
+from rso_lidar.picture.studies.finding import finding_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.pose import quaternion_xyzw

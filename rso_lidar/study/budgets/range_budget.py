@@ -16,7 +16,7 @@ from rso_lidar import units
 from rso_lidar.detector import false_alarm_probability
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable, write_text
-from rso_lidar.picture.plots.budget import Line, budget_figure
+from rso_lidar.picture.studies.budget import Line, budget_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.scenario import Lidar, Scenario

@@ -2,46 +2,30 @@
 
 from __future__ import annotations
 
-import hashlib
-import importlib.metadata
-import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rso_lidar import units
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
-from rso_lidar.errors import ScenarioError, suppress_warnings
-from rso_lidar.files import write_atomically
-from rso_lidar.motion import proximity
+from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.motions.motion import chief_of, has_orbit
-from rso_lidar.motion.truth import Chief
-from rso_lidar.orbit import Epochs
-from rso_lidar.picture.plots.dispersion import dispersion_figure
+from rso_lidar.picture.studies.dispersion import dispersion_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.processes import Processes
-from rso_lidar.rpo.dispersed.dispersed_paths import SOURCES, Disperser
-from rso_lidar.rpo.plans.keep_out import KeepOutSphere
-from rso_lidar.scenario import Dispersion, Scenario, require_scenario
-from rso_lidar.study.dispersions.outcomes import (
-    find_nearest_m,
-    find_off_axis_rad,
-    make_detection,
-)
+from rso_lidar.rpo.dispersed.dispersed_paths import SOURCES
+from rso_lidar.scenario import Scenario, require_scenario
+from rso_lidar.study.dispersions.kept_runs import identify, read_blocks, write_blocks
+from rso_lidar.study.dispersions.mission_disperser import BLOCK, Block, MissionDisperser
 
-_BLOCK = 250  # runs that are flown together
-_MOST_RUNS, _MOST_SAMPLES = 1_000_000, 600
-_DRAWS = 7  # spawn key of the numbers of a run
+_MOST_RUNS = 1_000_000
 _CONFIDENCE = 0.95
 PERCENTILES = (2.5, 50.0, 97.5)
 _AXES = ("radial", "along", "cross")
-Block = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,166 +107,27 @@ class DispersedMission:
         ----------
         path : of the output, .csv, .png, .pdf or .svg
         scheme : of a picture, `LIGHT` or `DARK`
+
+        Returns
+        -------
+        Path
+            of the file
         """
         return save_figure_or_table(path, self.figure, self.table, scheme)
 
     def save_tubes(self, path: str | Path) -> Path:
-        """Write the table of spreads over time as CSV; an existing file is replaced."""
+        """Write the table of spreads over time; an existing file is replaced.
+
+        Parameters
+        ----------
+        path : of the output, .csv
+
+        Returns
+        -------
+        Path
+            of the file
+        """
         return save_figure_or_table(path, self.figure, self.tubes, LIGHT)
-
-
-class MissionDisperser:
-    """The runs of one scenario, block by block. A worker process makes its own from the scenario.
-
-    Parameters
-    ----------
-    scenario : what is flown
-    target : name of the target
-    """
-
-    def __init__(self, scenario: Scenario, target: str) -> None:
-        self.scenario, self.target = scenario, target
-        self.dispersion = scenario.dispersion or Dispersion()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"scenario": self.scenario, "target": self.target, "dispersion": self.dispersion}
-
-    @cached_property
-    def sample_s(self) -> np.ndarray:
-        """Instants of the samples (time,) [s]: those of all frames, or of 600 of them."""
-        time_s = self.scenario.epochs().time_s
-        chosen = np.unique(np.linspace(0, len(time_s) - 1, min(len(time_s), _MOST_SAMPLES)).round().astype(int))
-        picked: np.ndarray = time_s[chosen]
-        return picked
-
-    @cached_property
-    def flashes(self) -> np.ndarray:
-        """Number of flashes (time,) from each sample to the next."""
-        counted = np.diff(self.sample_s, append=self.sample_s[-1]) * self.scenario.time.frame_rate_hz
-        made: np.ndarray = np.maximum(counted.round(), 1.0)
-        return made
-
-    @cached_property
-    def disperser(self) -> Disperser:
-        """The flight that is dispersed."""
-        bodies, start_utc = self.scenario.bodies, self.scenario.time.start_utc
-        with self.scenario.locate_errors(), suppress_warnings():
-            found = proximity.find_nominal_flight(bodies[-1], bodies, start_utc, self.target, float(self.sample_s[-1]))
-            found = replace(
-                found,
-                thrusters=self.dispersion.thrusters or found.thrusters,
-                navigation=self.dispersion.navigation or found.navigation,
-            )
-            return Disperser(found, self.sample_s, self.dispersion.start_covariance)
-
-    @cached_property
-    def nominal_m(self) -> np.ndarray:
-        """Positions (time, 3) of the flight without errors [m], in the rtn axes of the target."""
-        flight = self.disperser.flight
-        axes, _ = flight.chief_axes(self.sample_s)
-        chief = Chief(self.scenario.bodies, self.target).states(Epochs(flight.start_utc, self.sample_s))
-        made: np.ndarray = np.einsum("tji,tj->ti", axes, flight.craft_m(self.sample_s) - chief.position_m)
-        return made
-
-    @cached_property
-    def keep_out(self) -> KeepOutSphere:
-        """The keep-out sphere of the plan, or of the scenario's constraints."""
-        limits, flown = self.scenario.constraints, self.scenario.follower.motion
-        found = getattr(getattr(flown, "plan", flown), "keep_out", None)
-        if isinstance(found, KeepOutSphere) and found.radius_m > 0.0:
-            return found
-        return KeepOutSphere((limits.radius_m(self.target) if limits is not None else None) or 0.0)
-
-    @cached_property
-    def hard_body_radius_m(self) -> float:
-        """Distance from the target's origin that counts as a collision [m]."""
-        if self.dispersion.hard_body_radius_m is not None:
-            return self.dispersion.hard_body_radius_m
-        return next(one.radius_m for one in self.scenario.surfaces if one.body == self.target)
-
-    def draw(self, runs: range) -> np.ndarray:
-        """Return standard normal numbers (run, number): three of the instrument, then those of the flight."""
-        count = 3 + self.disperser.n_numbers
-        return np.stack(
-            [
-                np.random.Generator(
-                    np.random.Philox(np.random.SeedSequence(self.scenario.seed, spawn_key=(_DRAWS, run)))
-                ).standard_normal(count)
-                for run in runs
-            ]
-        )
-
-    def fly(self, runs: range) -> Block:
-        """Fly some runs, and return columns (run, …) by name."""
-        numbers = self.draw(runs)
-        paths = self.disperser.fly(numbers[:, 3:])
-        drifts = self.disperser.fly(numbers[:, 3:], without_burns=True)
-        position = self.nominal_m + paths.deviation_m
-        nearest, place = find_nearest_m(position)
-        drifting, _ = find_nearest_m(self.nominal_m + drifts.deviation_m)
-        half_field = np.array(
-            [
-                float(np.arctan(self.scenario.instrument.at(float(at_s)).receiver.field_edge).min())
-                for at_s in self.sample_s
-            ]
-        )
-        bias = self.dispersion.pointing_sigma_deg * units.DEG * numbers[:, :2]
-        off = find_off_axis_rad(position, self.nominal_m, bias, follows_target=self.dispersion.pointing == "target")
-        held = off <= half_field
-        energy = np.maximum(1.0 + self.dispersion.energy_sigma_fraction * numbers[:, 2], 0.05)
-        range_m = np.sqrt(np.sum(position**2, axis=2))
-        missed = np.ones((len(numbers), len(self.sample_s)))
-        left = np.ones(len(numbers))
-        for k, flashes in enumerate(self.flashes):
-            chance = np.where(held[:, k], self._detect(k, range_m[:, k], energy), 0.0)
-            left = left * (1.0 - chance) ** flashes
-            missed[:, k] = left
-        return {
-            "run": np.arange(runs.start, runs.stop),
-            "nearest_m": nearest,
-            "nearest_s": np.interp(place, np.arange(len(self.sample_s)), self.sample_s),
-            "collision": (nearest < self.hard_body_radius_m).astype(int),
-            "nearest_without_burns_m": drifting,
-            "collision_without_burns": (drifting < self.hard_body_radius_m).astype(int),
-            "keep_out": (self.keep_out.clear_m(position) < 0.0).any(axis=1).astype(int),
-            "held_fraction": held.mean(axis=1),
-            "held_always": held.all(axis=1).astype(int),
-            "detected_probability": 1.0 - missed[:, -1],
-            "delta_v_m_s": paths.delta_v_m_s,
-            "deviation_m": paths.deviation_m,
-            "missed": missed,
-        }
-
-    @cached_property
-    def _detect(self) -> Callable[[int, np.ndarray, np.ndarray], np.ndarray]:
-        """The probability that a flash detects the target, by sample, range and energy."""
-        distance = np.linalg.norm(self.nominal_m, axis=1)
-        span_m = max(0.05 * float(distance.min()), 1.0), 2.0 * float(distance.max()) + 100.0
-        return make_detection(self.scenario, self.sample_s, span_m)
-
-    def join(self, block: Block) -> DispersedMission:
-        """Return the result of all runs."""
-        position = self.nominal_m + block.pop("deviation_m")
-        missed = block.pop("missed")
-        linear = self.disperser.find_linear()
-        range_m = np.sqrt(np.sum(position**2, axis=2))
-        tubes: dict[str, np.ndarray] = {"time_s": self.sample_s}
-        sigma = np.sqrt(np.diagonal(linear.covariance, axis1=1, axis2=2))
-        total = np.maximum(sigma[:, :3] ** 2, 1e-300)
-        for k, axis in enumerate(_AXES):
-            tubes[f"{axis}_m"] = self.nominal_m[:, k]
-            tubes[f"{axis}_sigma_m"] = position[:, :, k].std(axis=0, ddof=1)
-            tubes[f"{axis}_linear_sigma_m"] = sigma[:, k]
-            for name in SOURCES:
-                tubes[f"{axis}_{name}_share"] = linear.shares[name][:, k] / total[:, k]
-            for level, row in zip(PERCENTILES, np.percentile(position[:, :, k], PERCENTILES, axis=0), strict=True):
-                tubes[f"{axis}_p{level:g}_m"] = row
-        for level, row in zip(PERCENTILES, np.percentile(range_m, PERCENTILES, axis=0), strict=True):
-            tubes[f"range_p{level:g}_m"] = row
-        tubes["detected_probability"] = 1.0 - missed.mean(axis=0)
-        return DispersedMission(
-            self.scenario.name, self.target, block, tubes, self.hard_body_radius_m, self.keep_out.radius_m, _OMITS
-        )
 
 
 _OMITS = (
@@ -314,6 +159,11 @@ def disperse(
         is extended by eight hex digits that identify the scenario.
     on_runs : called with the number of finished runs and that of all, at the start and after each block
 
+    Returns
+    -------
+    DispersedMission
+        Probabilities with their confidence, spreads over time, and one row for each run.
+
     Raises
     ------
     ScenarioError
@@ -326,29 +176,17 @@ def disperse(
         raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
     made = MissionDisperser(scenario, _find_target(scenario, target))
     kept = None if working is None else Path(f"{working}.{identify(scenario, made.target)}.npz")
-    blocks = _read_blocks(kept) if kept is not None else {}
+    blocks = read_blocks(kept) if kept is not None else {}
     tell = on_runs or (lambda done, count: None)
-    wanted = list(range(0, runs, _BLOCK))
-    tell(min(_BLOCK * sum(begin in blocks for begin in wanted), runs), runs)
+    wanted = list(range(0, runs, BLOCK))
+    tell(min(BLOCK * sum(begin in blocks for begin in wanted), runs), runs)
     for begin, block in _fly_blocks(made, [one for one in wanted if one not in blocks], workers):
         blocks[begin] = block
         if kept is not None:
-            _write_blocks(kept, blocks)
-        tell(min(_BLOCK * sum(one in blocks for one in wanted), runs), runs)
+            write_blocks(kept, blocks)
+        tell(min(BLOCK * sum(one in blocks for one in wanted), runs), runs)
     joined = {name: np.concatenate([blocks[begin][name] for begin in wanted])[:runs] for name in blocks[wanted[0]]}
-    return made.join(joined)
-
-
-def identify(scenario: Scenario, target: str) -> str:
-    """Return eight hex digits that identify the runs of a scenario: SHA-256 of it, of the target and of the version.
-
-    Parameters
-    ----------
-    scenario : what is flown
-    target : name of the target
-    """
-    version = importlib.metadata.version("rso-lidar"), scenario.source.versions["arithmetic"]
-    return hashlib.sha256("\0".join((scenario.source.scenario, target, *version)).encode()).hexdigest()[:8]
+    return _join(made, joined)
 
 
 def _find_target(scenario: Scenario, target: str | None) -> str:
@@ -375,36 +213,42 @@ def _fly_blocks(made: MissionDisperser, begins: list[int], workers: int | None) 
     workers : number of processes
     """
     if workers is None or workers < 2 or len(begins) < 2:
-        yield from ((begin, made.fly(range(begin, begin + _BLOCK))) for begin in begins)
+        yield from ((begin, made.fly(range(begin, begin + BLOCK))) for begin in begins)
         return
     with Processes(min(workers, len(begins)), partial(_fly_block, made)) as processes:
         yield from processes.map_unordered(begins)
 
 
 def _fly_block(made: MissionDisperser, begin: int) -> tuple[int, Block]:
-    return begin, made.fly(range(begin, begin + _BLOCK))
+    return begin, made.fly(range(begin, begin + BLOCK))
 
 
-def _read_blocks(path: Path) -> dict[int, Block]:
-    """Read the finished blocks of a file; a damaged one has none."""
-    blocks: dict[int, Block] = {}
-    with suppress(OSError, ValueError, KeyError, zipfile.BadZipFile), np.load(path, allow_pickle=False) as file:
-        for name in file.files:
-            begin, _, column = name.partition(":")
-            blocks.setdefault(int(begin), {})[column] = file[name]
-    return blocks
-
-
-def _write_blocks(path: Path, blocks: dict[int, Block]) -> None:
-    """Write the finished blocks, whole or not at all.
+def _join(made: MissionDisperser, block: Block) -> DispersedMission:
+    """Return the result of all runs.
 
     Parameters
     ----------
-    path : of the file
-    blocks : by their first runs
+    made : of the scenario
+    block : columns of all runs
     """
-    columns: dict[str, Any] = {
-        f"{begin}:{name}": value for begin, block in blocks.items() for name, value in block.items()
-    }
-    with write_atomically(path) as draft, draft.open("wb") as file:
-        np.savez(file, **columns)
+    position = made.nominal_m + block.pop("deviation_m")
+    missed = block.pop("missed")
+    linear = made.disperser.find_linear()
+    range_m = np.sqrt(np.sum(position**2, axis=2))
+    tubes: dict[str, np.ndarray] = {"time_s": made.sample_s}
+    sigma = np.sqrt(np.diagonal(linear.covariance, axis1=1, axis2=2))
+    total = np.maximum(sigma[:, :3] ** 2, 1e-300)
+    for k, axis in enumerate(_AXES):
+        tubes[f"{axis}_m"] = made.nominal_m[:, k]
+        tubes[f"{axis}_sigma_m"] = position[:, :, k].std(axis=0, ddof=1)
+        tubes[f"{axis}_linear_sigma_m"] = sigma[:, k]
+        for name in SOURCES:
+            tubes[f"{axis}_{name}_share"] = linear.shares[name][:, k] / total[:, k]
+        for level, row in zip(PERCENTILES, np.percentile(position[:, :, k], PERCENTILES, axis=0), strict=True):
+            tubes[f"{axis}_p{level:g}_m"] = row
+    for level, row in zip(PERCENTILES, np.percentile(range_m, PERCENTILES, axis=0), strict=True):
+        tubes[f"range_p{level:g}_m"] = row
+    tubes["detected_probability"] = 1.0 - missed.mean(axis=0)
+    return DispersedMission(
+        made.scenario.name, made.target, block, tubes, made.hard_body_radius_m, made.keep_out.radius_m, _OMITS
+    )

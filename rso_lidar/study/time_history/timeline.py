@@ -15,7 +15,7 @@ import numpy as np
 from rso_lidar import motion
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.optics.link_budget import filled_pixel_photons
-from rso_lidar.picture.plots.timeline import timeline_figure
+from rso_lidar.picture.studies.timeline import timeline_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.pose import ROOT, cross, dot, rotate_vectors

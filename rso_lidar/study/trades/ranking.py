@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rso_lidar.picture.plots.trade import format_value
+from rso_lidar.picture.studies.trade import format_value
 from rso_lidar.study.trades.merits import DETECTION, MERITS, Merit
 from rso_lidar.study.trades.results import TradeTable
 

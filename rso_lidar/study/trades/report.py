@@ -16,7 +16,7 @@ from rso_lidar.export.formats.parquet import check_parquet, write_parquet
 from rso_lidar.files import write_atomically, write_columns
 from rso_lidar.picture.frames.frame import frame_figure
 from rso_lidar.picture.frames.part_colours import parts_in_order
-from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
+from rso_lidar.picture.studies.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 from rso_lidar.picture.style.html_page import embed_figure, write_page, write_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.records import Frame

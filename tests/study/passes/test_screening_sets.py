@@ -14,7 +14,7 @@ from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.set_sequence import SetSequence
 from rso_lidar.orbit.sets.teme import propagate_in_teme
-from rso_lidar.picture.plots.encounters import encounter_figure
+from rso_lidar.picture.studies.encounters import encounter_figure
 from rso_lidar.study import encounters, scenario_text
 
 EPOCH = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

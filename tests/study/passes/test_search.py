@@ -20,7 +20,7 @@ from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.orbit.sky.geometry import angle_rad, earth_limb_angle_rad
 from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.sky.sun import sun_position_m
-from rso_lidar.picture.plots.encounters import encounter_figure
+from rso_lidar.picture.studies.encounters import encounter_figure
 from rso_lidar.scenario import Constraints, Corridor, Lidar
 from rso_lidar.shipped import shipped
 from rso_lidar.study import encounters, reach_m, scenario_text

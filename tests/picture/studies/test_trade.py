@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
+from rso_lidar.picture.studies.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 
 A, B = np.repeat([1.0, 10.0, 100.0], 4), np.tile(["x", "y"], 6)
 MERIT = np.arange(12.0)

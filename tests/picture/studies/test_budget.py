@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from rso_lidar.picture.plots.budget import Line, budget_figure
+from rso_lidar.picture.studies.budget import Line, budget_figure
 
 RANGE_M = np.geomspace(100.0, 5000.0, 31)
 

@@ -1,0 +1,1 @@
+"""Figures of studies: budgets, trades, encounters, timelines and dispersions."""

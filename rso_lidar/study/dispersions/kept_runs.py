@@ -1,0 +1,53 @@
+"""Finished runs of dispersions, kept in a file from which an interrupted study continues."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.files import write_atomically
+from rso_lidar.scenario import Scenario
+from rso_lidar.study.dispersions.mission_disperser import Block
+
+
+def identify(scenario: Scenario, target: str) -> str:
+    """Return eight hex digits that identify the runs of a scenario: SHA-256 of it, of the target and of the version.
+
+    Parameters
+    ----------
+    scenario : what is flown
+    target : name of the target
+    """
+    version = importlib.metadata.version("rso-lidar"), scenario.source.versions["arithmetic"]
+    return hashlib.sha256("\0".join((scenario.source.scenario, target, *version)).encode()).hexdigest()[:8]
+
+
+def read_blocks(path: Path) -> dict[int, Block]:
+    """Read the finished blocks of a file; a damaged one has none."""
+    blocks: dict[int, Block] = {}
+    with suppress(OSError, ValueError, KeyError, zipfile.BadZipFile), np.load(path, allow_pickle=False) as file:
+        for name in file.files:
+            begin, _, column = name.partition(":")
+            blocks.setdefault(int(begin), {})[column] = file[name]
+    return blocks
+
+
+def write_blocks(path: Path, blocks: dict[int, Block]) -> None:
+    """Write the finished blocks, whole or not at all.
+
+    Parameters
+    ----------
+    path : of the file
+    blocks : by their first runs
+    """
+    columns: dict[str, Any] = {
+        f"{begin}:{name}": value for begin, block in blocks.items() for name, value in block.items()
+    }
+    with write_atomically(path) as draft, draft.open("wb") as file:
+        np.savez(file, **columns)

@@ -1,0 +1,155 @@
+"""The runs of a mission with errors, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import suppress_warnings
+from rso_lidar.motion import proximity
+from rso_lidar.motion.truth import Chief
+from rso_lidar.orbit import Epochs
+from rso_lidar.rpo.dispersed.dispersed_paths import Disperser
+from rso_lidar.rpo.plans.keep_out import KeepOutSphere
+from rso_lidar.scenario import Dispersion, Scenario
+from rso_lidar.study.dispersions.outcomes import find_nearest_m, find_off_axis_rad, make_detection
+
+BLOCK = 250  # runs that are flown together
+_MOST_SAMPLES = 600
+_DRAWS = 7  # spawn key of the numbers of a run
+Block = dict[str, np.ndarray]
+
+
+class MissionDisperser:
+    """The runs of one scenario, block by block. A worker process makes its own from the scenario.
+
+    Parameters
+    ----------
+    scenario : what is flown
+    target : name of the target
+    """
+
+    def __init__(self, scenario: Scenario, target: str) -> None:
+        self.scenario, self.target = scenario, target
+        self.dispersion = scenario.dispersion or Dispersion()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"scenario": self.scenario, "target": self.target, "dispersion": self.dispersion}
+
+    @cached_property
+    def sample_s(self) -> np.ndarray:
+        """Instants of the samples (time,) [s]: those of all frames, or of 600 of them."""
+        time_s = self.scenario.epochs().time_s
+        chosen = np.unique(np.linspace(0, len(time_s) - 1, min(len(time_s), _MOST_SAMPLES)).round().astype(int))
+        picked: np.ndarray = time_s[chosen]
+        return picked
+
+    @cached_property
+    def flashes(self) -> np.ndarray:
+        """Number of flashes (time,) from each sample to the next."""
+        counted = np.diff(self.sample_s, append=self.sample_s[-1]) * self.scenario.time.frame_rate_hz
+        made: np.ndarray = np.maximum(counted.round(), 1.0)
+        return made
+
+    @cached_property
+    def disperser(self) -> Disperser:
+        """The flight that is dispersed."""
+        bodies, start_utc = self.scenario.bodies, self.scenario.time.start_utc
+        with self.scenario.locate_errors(), suppress_warnings():
+            found = proximity.find_nominal_flight(bodies[-1], bodies, start_utc, self.target, float(self.sample_s[-1]))
+            found = replace(
+                found,
+                thrusters=self.dispersion.thrusters or found.thrusters,
+                navigation=self.dispersion.navigation or found.navigation,
+            )
+            return Disperser(found, self.sample_s, self.dispersion.start_covariance)
+
+    @cached_property
+    def nominal_m(self) -> np.ndarray:
+        """Positions (time, 3) of the flight without errors [m], in the rtn axes of the target."""
+        flight = self.disperser.flight
+        axes, _ = flight.chief_axes(self.sample_s)
+        chief = Chief(self.scenario.bodies, self.target).states(Epochs(flight.start_utc, self.sample_s))
+        made: np.ndarray = np.einsum("tji,tj->ti", axes, flight.craft_m(self.sample_s) - chief.position_m)
+        return made
+
+    @cached_property
+    def keep_out(self) -> KeepOutSphere:
+        """The keep-out sphere of the plan, or of the scenario's constraints."""
+        limits, flown = self.scenario.constraints, self.scenario.follower.motion
+        found = getattr(getattr(flown, "plan", flown), "keep_out", None)
+        if isinstance(found, KeepOutSphere) and found.radius_m > 0.0:
+            return found
+        return KeepOutSphere((limits.radius_m(self.target) if limits is not None else None) or 0.0)
+
+    @cached_property
+    def hard_body_radius_m(self) -> float:
+        """Distance from the target's origin that counts as a collision [m]."""
+        if self.dispersion.hard_body_radius_m is not None:
+            return self.dispersion.hard_body_radius_m
+        return next(one.radius_m for one in self.scenario.surfaces if one.body == self.target)
+
+    def draw(self, runs: range) -> np.ndarray:
+        """Return standard normal numbers (run, number): three of the instrument, then those of the flight."""
+        count = 3 + self.disperser.n_numbers
+        return np.stack(
+            [
+                np.random.Generator(
+                    np.random.Philox(np.random.SeedSequence(self.scenario.seed, spawn_key=(_DRAWS, run)))
+                ).standard_normal(count)
+                for run in runs
+            ]
+        )
+
+    def fly(self, runs: range) -> Block:
+        """Fly some runs, and return columns (run, …) by name."""
+        numbers = self.draw(runs)
+        paths = self.disperser.fly(numbers[:, 3:])
+        drifts = self.disperser.fly(numbers[:, 3:], without_burns=True)
+        position = self.nominal_m + paths.deviation_m
+        nearest, place = find_nearest_m(position)
+        drifting, _ = find_nearest_m(self.nominal_m + drifts.deviation_m)
+        half_field = np.array(
+            [
+                float(np.arctan(self.scenario.instrument.at(float(at_s)).receiver.field_edge).min())
+                for at_s in self.sample_s
+            ]
+        )
+        bias = self.dispersion.pointing_sigma_deg * units.DEG * numbers[:, :2]
+        off = find_off_axis_rad(position, self.nominal_m, bias, follows_target=self.dispersion.pointing == "target")
+        held = off <= half_field
+        energy = np.maximum(1.0 + self.dispersion.energy_sigma_fraction * numbers[:, 2], 0.05)
+        range_m = np.sqrt(np.sum(position**2, axis=2))
+        missed = np.ones((len(numbers), len(self.sample_s)))
+        left = np.ones(len(numbers))
+        for k, flashes in enumerate(self.flashes):
+            chance = np.where(held[:, k], self.detect(k, range_m[:, k], energy), 0.0)
+            left = left * (1.0 - chance) ** flashes
+            missed[:, k] = left
+        return {
+            "run": np.arange(runs.start, runs.stop),
+            "nearest_m": nearest,
+            "nearest_s": np.interp(place, np.arange(len(self.sample_s)), self.sample_s),
+            "collision": (nearest < self.hard_body_radius_m).astype(int),
+            "nearest_without_burns_m": drifting,
+            "collision_without_burns": (drifting < self.hard_body_radius_m).astype(int),
+            "keep_out": (self.keep_out.clear_m(position) < 0.0).any(axis=1).astype(int),
+            "held_fraction": held.mean(axis=1),
+            "held_always": held.all(axis=1).astype(int),
+            "detected_probability": 1.0 - missed[:, -1],
+            "delta_v_m_s": paths.delta_v_m_s,
+            "deviation_m": paths.deviation_m,
+            "missed": missed,
+        }
+
+    @cached_property
+    def detect(self) -> Callable[[int, np.ndarray, np.ndarray], np.ndarray]:
+        """The probability that a flash detects the target, by sample, range and energy."""
+        distance = np.linalg.norm(self.nominal_m, axis=1)
+        span_m = max(0.05 * float(distance.min()), 1.0), 2.0 * float(distance.max()) + 100.0
+        return make_detection(self.scenario, self.sample_s, span_m)
