@@ -769,6 +769,11 @@ def link_budget() -> Any:
     return rl.budget(scenario, materials=[0.3, "white_paint", "black_paint"], tilt_deg=[0, 45]).figure()
 
 
+def dispersion() -> Any:
+    """A hop flown a thousand times with errors of start, burns and navigation, beside its linear covariance."""
+    return rl.study.disperse(rl.Scenario.load(FOLDER.parents[1] / "examples" / "dispersed_hop.toml")).figure()
+
+
 SHAPE_FROM = {  # where a model is looked at from; the others from ahead, the right and above
     "tdrs": (0.5, -1.1, 0.8),
     "juno": (0.6, -0.9, 0.9),
@@ -1229,6 +1234,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "safety_ellipse": safety_ellipse,
     "relative_models": relative_models,
     "link_budget": link_budget,
+    "dispersion": dispersion,
     "finding": finding,
     "models": models,
     "stray_light": stray_light,

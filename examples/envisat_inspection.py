@@ -15,7 +15,7 @@ def wait(duration_s):
 
 plan = rpo.Sequence(
     relative_to="envisat",
-    keep_out_m=50,
+    keep_out_m=45,
     legs=[
         rpo.CoEllipticLeg(radial_m=-800, from_m=-25000, to_m=-6000),  # 7.5 km nearer each revolution
         rpo.HopLeg(to_m=[0, -2000, 0], duration_s=5400),
@@ -75,7 +75,13 @@ scenario = rl.Scenario(
             divergence_deg=[2.5, 8, 14, 20, 8],
         ),
     ),
-    constraints=rl.Constraints(sun_exclusion_deg=15, keep_out_m=50),
+    dispersion=rl.Dispersion(
+        position_sigma_m=[100, 400, 100],  # of the start, as an element set of the day and GNSS give it
+        velocity_sigma_m_s=[0.2, 0.1, 0.1],
+        pointing_sigma_deg=0.3,
+        energy_sigma_fraction=0.05,
+    ),
+    constraints=rl.Constraints(sun_exclusion_deg=15, keep_out_m=45),
 )
 
 if __name__ == "__main__":

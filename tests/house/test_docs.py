@@ -196,6 +196,7 @@ def test_every_picture_is_shown_and_every_figure_drawn():
             "sensors.md",
             "axes.md",
             "pictures.md",
+            "dispersion.md",
         )
     )
     assert {name for name in figures if f"](pictures/{name}.png)" in told} == figures

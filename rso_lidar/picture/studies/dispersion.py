@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _NAMES = {"radial": "Radial", "along": "Along-track", "cross": "Cross-track"}
+_MUCH = 20.0  # times the usual deviation
 _TWO_SIGMA = 1.96  # half width of the linear tube that holds 95 % of a normal distribution
 Table = Mapping[str, np.ndarray]
 
@@ -51,6 +52,7 @@ def dispersion_figure(
         axes.fill_between(time, low, high, color=BLUE, alpha=0.25, lw=0)
         for sign in (-1.0, 1.0):
             axes.plot(time, sign * _TWO_SIGMA * tubes[f"{axis}_linear_sigma_m"], color=INK, lw=THIN_PT, ls=(0, (4, 3)))
+        _spread_scale(axes, tubes[f"{axis}_linear_sigma_m"])
         style_axes(axes, x=f"Time [{word}]", y=f"{name} deviation [m]")
     axes = plots.flat[3]
     axes.fill_between(time, tubes["range_p2.5_m"], tubes["range_p97.5_m"], color=BLUE, alpha=0.25, lw=0)
@@ -66,6 +68,13 @@ def dispersion_figure(
         format_thousands(axes.xaxis)
     figure.align_ylabels(plots)
     return figure
+
+
+def _spread_scale(axes: Axes, sigma_m: np.ndarray) -> None:
+    """Make the scale linear near zero and logarithmic beyond, where the greatest deviation hides the usual ones."""
+    usual = float(np.median(sigma_m))
+    if 0.0 < usual * _MUCH < float(sigma_m.max()):
+        axes.set_yscale("symlog", linthresh=10.0 ** np.ceil(np.log10(_TWO_SIGMA * usual)))
 
 
 def _draw_nearest(axes: Axes, table: Table, keep_out_m: float, hard_body_radius_m: float) -> None:
