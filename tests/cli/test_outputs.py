@@ -21,7 +21,7 @@ READS = [
     ("parameters", "requirements"),
     *(("serve", name) for name in ("token_file", "curve_key", "curve_clients")),
 ]
-WRITES = ("output", "to", "csv", "plot")  # parameters that name a file to write
+WRITES = ("output", "to", "csv", "plot", "tubes")  # parameters that name a file to write
 
 
 def commands():
@@ -68,6 +68,8 @@ def recording(tmp_path_factory, text):
         (["truth", "{scenario}", "-o"], "x.png"),
         (["timeline", "{scenario}", "-o"], "x.csv"),
         (["parameters", "{scenario}", "-o"], "x.sysml"),
+        (["disperse", "{scenario}", "-o"], "x.csv"),
+        (["disperse", "{scenario}", "--tubes"], "x.csv"),
         (["timeline", "{scenario}"], "bench_timeline.png"),
         (["budget", "gsfl_1064", "-o"], "x.csv"),
         (["export", "{recording}", "--to"], "x.npz"),

@@ -72,7 +72,8 @@ def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None
     except RsoLidarError as error:
         ui.notify(str(error), type="negative", multi_line=True)
         return
-    dialog.close()
+    if not dialog.is_deleted:  # the page may have been drawn again, with the changed document
+        dialog.close()
 
 
 def _open_dialog(title: str) -> tuple[ui.dialog, ui.card]:

@@ -18,6 +18,7 @@ from rso_lidar.export.registry import FORMATS
 from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.jobs.queue import KINDS, Job, JobRequest
 from rso_lidar.studio.pages.frame_viewer import FrameViewer
+from rso_lidar.studio.root_folder import RECORDINGS
 from rso_lidar.studio.state import BrowserTab, Workspace
 
 _USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
@@ -84,6 +85,9 @@ class RunPage:
                 self._frames = ui.input("Frames", placeholder="all; A:B", on_change=self._describe).props("dense")
                 self._seed = ui.input("Seed", placeholder="file's").props("dense")
                 self._keep = ui.input("Keep", placeholder="photons,…").props("dense")
+                self._frames.tooltip("A:B makes frames A to B - 1; empty makes all")
+                self._seed.tooltip("random seed of all noise, instead of that of the file")
+                self._keep.tooltip("intermediate products to record: photons, waveforms, oversampled, prediction")
             self._note = ui.label().classes("text-sm")
             self._start = ui.button("Start", on_click=self._begin).props('data-test="start"').mark("start")
 
@@ -95,6 +99,8 @@ class RunPage:
                 ).props(f'outline dense no-caps data-test="{kind}"').mark(kind)
             with ui.dropdown_button("Export", auto_close=True).props("outline dense no-caps"):
                 for form in FORMATS.values():
+                    if form.suffixes[0] == RECORDINGS[0]:
+                        continue  # the recording itself
                     ui.item(
                         f"{form.name} ({form.suffixes[0]})",
                         on_click=lambda form=form: self._make("export", form.suffixes[0]),
@@ -213,7 +219,7 @@ class RunPage:
             message.set_text(job.message)
             stop.set_visibility(job.is_active)
             resume.set_visibility(job.state in ("failed", "stopped"))
-            remove.set_visibility(not job.is_active)
+            remove.set_enabled(not job.is_active)  # it stays in its place, where no other button was just now
             result.set_visibility(job.state == "done" and job.request.output.endswith(_RESULTS))
 
     def _draw_row(self, job: Job) -> tuple[Any, ...]:
@@ -227,7 +233,7 @@ class RunPage:
                     button.props(f'flat dense round size=sm aria-label="{word}" data-test="{word.split()[0].lower()}"')
                     button.mark(word.split()[0].lower()).tooltip(word)
             bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback aria-label=Progress")
-            state = ui.label().classes("text-sm").mark("job-state").props('data-test="job-state"')
+            state = ui.label().classes("text-sm").mark("job-state").props('data-test="job-state" role=status')
             message = ui.label().classes("text-sm break-words opacity-80")
             result = ui.link("Open the result", f"/studio/results/{quote(job.request.output)}", new_tab=True).classes(
                 "text-sm"
