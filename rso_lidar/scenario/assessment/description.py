@@ -266,10 +266,13 @@ def _describe_finding(mission: Mission, preview: Preview, number: int, row: int)
 
 
 def _describe_sampling_error(casts: Sequence[TargetReturns]) -> str:
-    """Describe how well rays know the photons of the pixels: the mean over attitudes, weighted by light."""
+    """Describe how well rays know the photons of the pixels: the median over attitudes, weighted by light."""
     errors = [one.sampling_error for one in casts if one.sampling_error is not None]
     rays = np.mean([len(one.hits.rays.pixel) for one in casts])
-    known = f"known to {100.0 * float(np.mean(errors)):.1f} % (rms by light)" if errors else "unknown"
+    error = float(np.median(errors)) if errors else math.nan
+    known = f"known to {100.0 * error:.1f} % (rms by light)" if error < 1.0 else "unknown"
+    if error >= 1.0:  # the error of a glint that one ray in thousands meets is no number to calculate with
+        known = "not known within a factor of 2 (few rays meet a glint or a retro-reflector)"
     return f"photons of a pixel {known} from {rays:,.0f} rays a flash"
 
 
