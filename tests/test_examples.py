@@ -47,7 +47,7 @@ def test_every_example_has_a_test():
     assert set(NAMES) == {
         "tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop", "gated_search", "proximity_1570",
         "safety_ellipse", "thrusters", "lunar_descent", "geiger_bench", "ghosts_and_glare", "second_bounce",
-        "onboard_sensors", "dispersed_hop", "envisat_inspection",
+        "onboard_sensors", "dispersed_hop", "envisat_inspection", "geo_servicer",
     }  # fmt: skip
 
 
@@ -56,7 +56,8 @@ def test_every_example_has_a_test():
     [
         name
         for name in NAMES  # some begin beyond the reach of their lidar
-        if name not in ("closed_loop", "ghosts_and_glare", "proximity_1570", "thrusters", "envisat_inspection")
+        if name
+        not in ("closed_loop", "ghosts_and_glare", "proximity_1570", "thrusters", "envisat_inspection", "geo_servicer")
     ],
 )
 def test_there_is_nothing_to_warn_of(name):
@@ -71,7 +72,8 @@ def test_there_is_nothing_to_warn_of(name):
     [
         name
         for name in NAMES
-        if name not in ("closed_loop", "gated_search", "proximity_1570", "thrusters", "envisat_inspection")
+        if name
+        not in ("closed_loop", "gated_search", "proximity_1570", "thrusters", "envisat_inspection", "geo_servicer")
     ],
 )
 def test_first_middle_and_last_frame_find_their_target(name):
@@ -600,4 +602,13 @@ def test_envisat_inspection_stays_on_its_plan_and_sees_the_satellite():
     )  # errors of navigation, over 20 minutes each; 200 m on its own orbit's plan without guidance
     assert np.linalg.norm(flight.relative(time_s)[0], axis=1).min() > 70.0
     for frame in fly(scenario, 190, 299):  # at 120 m, and at 80 m
+        assert (frame.valid & on_target(frame)).sum() > 300
+
+
+def test_geo_servicer_comes_to_12_m_in_its_corridor():
+    scenario = load("geo_servicer")
+    flight = scenario.follower.motion.fly(scenario.time.start_utc, Chief(scenario.bodies, "client"))
+    place = flight.relative(np.array([50_000.0, 83_000.0, 89_000.0]))[0]
+    np.testing.assert_allclose(place, [(0, -3000, 0), (0, -50, 0), (0, -12, 0)], atol=4.0)
+    for frame in fly(scenario, 335, 359):
         assert (frame.valid & on_target(frame)).sum() > 300
