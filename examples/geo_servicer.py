@@ -40,7 +40,7 @@ scenario = rl.Scenario(
                 argument_of_perigee_deg=0,
                 true_anomaly_deg=120,
             ),
-            attitude=rl.motion.LvlhCcsds(),
+            attitude=rl.motion.LvlhCcsds(euler_zyx_deg=[-90, 0, 0]),  # the arrays (body x) north and south
         )
     ],
     follower=rl.Follower(
