@@ -19,7 +19,7 @@ which only SGP4 may propagate. `OsculatingElements` are those of one state; `mea
 reads Sun, Moon and planets from a user's kernel.
 
 **Conjunctions.** `ConjunctionMessage` reads a CDM. `foster_probability` and `sample_collisions` give the probability of
-collision of two `UncertainState`s.
+collision of two states with covariance (`UncertainState`).
 
 **Functions.** `screen` finds close approaches to one object and `screen_pairs` those of any two, `find_eclipses` passages
 through the Earth's shadow, `find_access` when one object sees another, and `solve_lambert` the orbit between two positions.
