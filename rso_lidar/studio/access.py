@@ -7,6 +7,8 @@ from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from starlette.responses import PlainTextResponse
+
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -56,7 +58,8 @@ class AccessControl:
             given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
             if scope["type"] == "http" and self._matches(given):
                 cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
-                await _respond(send, 303, "", {"location": "/", "set-cookie": cookie})
+                headers = {**_HEADERS, "location": "/", "set-cookie": cookie}
+                await PlainTextResponse("", 303, headers)(scope, receive, send)
                 return
             if self._matches(self._read_cookie(headers.get("cookie", ""))):
                 await self._app(scope, receive, _add_headers(send) if scope["type"] == "http" else send)
@@ -65,7 +68,7 @@ class AccessControl:
             await receive()
             await send({"type": "websocket.close", "code": 1008})
         else:
-            await _respond(send, 403, _REFUSED, {"content-type": "text/plain; charset=utf-8"})
+            await PlainTextResponse(_REFUSED, 403, _HEADERS)(scope, receive, send)
 
     def _is_of_our_pages(self, headers: dict[str, str]) -> bool:
         host, origin = headers.get("host", ""), headers.get("origin")
@@ -95,19 +98,6 @@ def _read_host(header: str) -> str:
     if header.lower() not in (written, f"{written}:{port}"):
         raise ValueError(f"{header}: is not a host with its port")
     return name
-
-
-async def _respond(send: Send, status: int, text: str, headers: dict[str, str]) -> None:
-    """Send a whole response.
-
-    Parameters
-    ----------
-    send : of ASGI.
-    status, text, headers : the response.
-    """
-    listed = [(key.encode(), value.encode("latin-1")) for key, value in {**_HEADERS, **headers}.items()]
-    await send({"type": "http.response.start", "status": status, "headers": listed})
-    await send({"type": "http.response.body", "body": text.encode()})
 
 
 def _add_headers(send: Send) -> Send:

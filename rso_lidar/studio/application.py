@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import fastapi
@@ -12,10 +13,10 @@ from rso_lidar.studio.access import AccessControl
 from rso_lidar.studio.pages import build_page, choosers, run_page, see_page
 from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.pages.header import draw_header
-from rso_lidar.studio.pages.style import add_style
 from rso_lidar.studio.state import BrowserTab, Workspace
 
 _RECONNECT_S = 300.0  # for which a page waits for its server: a large file keeps it busy, and laptops sleep
+_STYLE = Path(__file__).parent / "pages" / "style.css"
 _PAGES = {"build": build_page.draw, "see": see_page.draw, "run": run_page.draw}
 
 
@@ -47,7 +48,8 @@ def make_root(workspace: Workspace) -> Callable[[], Any]:
     """Return the function that draws the page for one tab of the browser."""
 
     def root() -> None:
-        add_style()
+        ui.colors(primary="#1f6feb", secondary="#4b7a9f", accent="#b35900", positive="#1a7f37", negative="#c62828")
+        ui.add_css(_STYLE)
         tab = BrowserTab(workspace, workspace.first_document())
         guide = Guide(tab)
         with ui.header().classes("studio-header"):

@@ -10,12 +10,12 @@ from pathlib import Path
 from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.export.reader.recording_list import RecordingList
+from rso_lidar.files.folder import Folder
 from rso_lidar.scenario.tables.world import parse_frames
-from rso_lidar.studio.documents.assessment import Assessment, assess, check_study
-from rso_lidar.studio.documents.document import UNSAVED, Document, list_documents
-from rso_lidar.studio.jobs.queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
-from rso_lidar.studio.jobs.recording_list import RecordingList
-from rso_lidar.studio.root_folder import Folder
+from rso_lidar.studio.document import UNSAVED, Document, list_documents
+from rso_lidar.studio.job_queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
+from rso_lidar.study.previews.text_assessment import Assessment, assess, check_study
 
 _PAUSE_S = 0.3  # without a further edit, after which a text is assessed
 

@@ -25,7 +25,7 @@ from rso_lidar.study.passes.pass_table import Encounters
 from rso_lidar.study.passes.scenario_text import scenario_text
 from rso_lidar.study.passes.search import encounters
 from rso_lidar.study.passes.set_errors import SetErrors, estimate_set_errors
-from rso_lidar.study.pixel_summary import PixelReport, report_pixel
+from rso_lidar.study.previews.pixel_summary import PixelReport, report_pixel
 from rso_lidar.study.recorded_runs.conversion import save
 from rso_lidar.study.recorded_runs.display import view
 from rso_lidar.study.recorded_runs.frame_comparison import FrameDifference, compare_frames

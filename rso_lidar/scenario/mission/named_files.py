@@ -61,6 +61,13 @@ def list_fmus(part: Any) -> list[str]:
     return found
 
 
+def list_named_code(scenario: Any) -> list[str]:
+    """List the Python functions and FMUs that the bodies and the PTU of a scenario name."""
+    bodies = (*scenario.target, scenario.follower)
+    parts = [part for body in bodies for part in (body.motion, body.attitude)]
+    return [name for part in (*parts, scenario.ptu) for name in (*list_dynamics(part), *list_fmus(part))]
+
+
 def list_named_files(part: Any) -> list[str]:
     """List the files that a part and all parts in it name, in the order of their fields."""
     found: list[str] = []

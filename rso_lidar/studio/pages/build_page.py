@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
-from pathlib import PurePosixPath
 from typing import Any
 
 from nicegui import events, run, ui
@@ -13,13 +12,12 @@ from rso_lidar.errors import RsoLidarError
 from rso_lidar.part import Part
 from rso_lidar.part.toml_text import split_place
 from rso_lidar.scenario import Scenario
-from rso_lidar.studio.documents.assessment import describe
-from rso_lidar.studio.documents.document import EditConflictError
-from rso_lidar.studio.documents.upload import MOST_BYTES, SUFFIXES, keep_upload
+from rso_lidar.studio.pages.elements import draw_button, mark
 from rso_lidar.studio.pages.form import TableForm, change_document, draw_add, draw_type
 from rso_lidar.studio.pages.header import draw_menu
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.study.mission_parameters.form_fields import TABLES, FieldForm, find_part, list_fields
+from rso_lidar.study.previews.text_assessment import describe
 
 _NESTED = "lidar"  # its tables have forms of their own, because they are long
 _DISK_S = 2.0
@@ -34,24 +32,17 @@ class BuildPage:
         self._form: TableForm | None = None
         self._told = ""
         with ui.row(wrap=False).classes("w-full gap-0 studio-build items-stretch"):
-            with ui.column().classes("studio-column studio-tables gap-0").props('data-test="tables" role=navigation'):
+            tables = ui.column().classes("studio-column studio-tables gap-0")
+            with mark(tables, "tables", 'role=navigation aria-label="Tables of the scenario"'):
                 self._tables = ui.column().classes("w-full gap-0")
-            with ui.column().classes("studio-column studio-form gap-2").props('data-test="form"'):
+            with mark(ui.column().classes("studio-column studio-form gap-2"), "form"):
                 self._title = ui.label().classes("text-base font-medium")
                 self._fields = ui.column().classes("w-full gap-2")
             with ui.column().classes("studio-column studio-text gap-0"):
-                self._editor = (
-                    ui.codemirror(
-                        tab.document.text,
-                        language="TOML",
-                        theme="githubLight",
-                        on_change=self._take_text,
-                        line_wrapping=False,
-                    )
-                    .classes("w-full grow studio-editor")
-                    .props('data-test="editor" aria-label="Text of the scenario"')
-                )
-                self._editor.mark("editor")
+                text, take = tab.document.text, self._take_text
+                editor = ui.codemirror(text, language="TOML", theme="githubLight", on_change=take, line_wrapping=False)
+                self._editor = mark(editor.classes("w-full grow studio-editor"), "editor")
+                self._editor.props["aria-label"] = "Text of the scenario"
                 self._draw_check()
         tab.document_changed.subscribe(self._show_document)
         tab.assessed.subscribe(self._show_check)
@@ -60,25 +51,14 @@ class BuildPage:
         ui.on("studio_dark", lambda event: self._editor.set_theme("githubDark" if event.args else "githubLight"))
 
     def _draw_check(self) -> None:
-        with (
-            ui.column().classes("w-full gap-1 p-2 studio-check").props('role=status aria-live=polite data-test="check"')
-        ):
+        result = ui.column().classes("w-full gap-1 p-2 studio-check")
+        with mark(result, "check", "role=status aria-live=polite"):
             with ui.row(wrap=False).classes("w-full items-center gap-2"):
                 self._icon = ui.icon("hourglass_empty")
-                self._verdict = (
-                    ui.label("Checking").classes("grow break-words").mark("verdict").props('data-test="verdict"')
-                )
-                self._to_field = (
-                    ui.button("Go to it", on_click=self._go_to_problem)
-                    .props('outline dense no-caps data-test="go-to-problem"')
-                    .mark("go-to-problem")
-                )
-                self._more = (
-                    ui.button("Describe", on_click=self._describe)
-                    .props('outline dense no-caps data-test="describe"')
-                    .mark("describe")
-                )
-            self._description = ui.label().classes("studio-description").mark("description")
+                self._verdict = mark(ui.label("Checking").classes("grow break-words"), "verdict")
+                self._to_field = draw_button("Go to it", self._go_to_problem, "go-to-problem")
+                self._more = draw_button("Describe", self._describe, "describe")
+            self._description = mark(ui.label().classes("studio-description"), "description")
             self._description.set_visibility(False)
 
     # ------------------------------------------------------------------------------------------------- the document
@@ -89,9 +69,7 @@ class BuildPage:
     def _show_document(self) -> None:
         """Show another text: values in place, and the form anew only where tables came, went or changed their type."""
         document = self._tab.document
-        if document.notice and document.notice != self._told:
-            self._told = document.notice
-            ui.notify(document.notice, type="info", multi_line=True, timeout=8000)
+        self._tell(document.notice)
         if self._editor.value != document.text:
             self._editor.value = document.text
         shape = (id(document), _outline(document.tables()))
@@ -106,13 +84,11 @@ class BuildPage:
         self._tables.clear()
         with self._tables:
             for label, place, present in self._iterate_tables():
-                is_chosen = place == self._place
-                item = ui.button(label or "scenario", on_click=partial(self._choose, place)).props(
-                    f'flat dense no-caps align=left data-test="table-{place or "scenario"}"'
-                    + (" aria-current=true" if is_chosen else "")
-                )
+                name, is_chosen = f"table-{place or 'scenario'}", place == self._place
+                item = draw_button(label, partial(self._choose, place), name, "flat align=left")
                 item.classes("w-full" + (" studio-chosen" if is_chosen else "") + ("" if present else " studio-absent"))
-                item.mark(f"table-{place or 'scenario'}")
+                if is_chosen:
+                    item.props("aria-current=true")
             with ui.column().classes("p-2 gap-1"):
                 for field in list_fields(Scenario):
                     if field.kind == "entries":
@@ -156,7 +132,7 @@ class BuildPage:
                 ).classes("text-negative")
                 return
             if not document.text.strip():
-                ui.label("An empty scenario. “New” begins with an example.").mark("empty")
+                mark(ui.label("An empty scenario. “New” begins with an example."), "empty")
             cls = find_part(Scenario, document.tables(), steps) if steps else Scenario
             field = self._find_field(steps)
             if field is not None:
@@ -176,21 +152,17 @@ class BuildPage:
 
     def _draw_choice(self, field: FieldForm, steps: tuple[str | int, ...]) -> None:
         """Draw the choice of the type of the table, and the buttons that add, copy and remove it."""
-        document, place = self._tab.document, self._place
-        value = document.get(place)
+        tab, place = self._tab, self._place
+        value = tab.document.get(place)
         with ui.row().classes("w-full items-center"):
             if field.kind == "variant":
-                draw_type(self._tab, field, place, value)
+                draw_type(tab, field, place, value)
             elif value is None:
-                ui.button(f"Set {field.key}", on_click=lambda: change_document(self._tab, "set", place, {})).props(
-                    f'outline dense no-caps data-test="set-{place}"'
-                ).mark(f"set-{place}")
+                draw_button(f"Set {field.key}", partial(change_document, tab, "set", place, {}), f"set-{place}")
             if isinstance(steps[-1], int) and isinstance(value, Mapping):
-                ui.button("Copy", on_click=lambda: self._copy(field.key, dict(value))).props("outline dense no-caps")
+                draw_button("Copy", partial(self._copy, field.key, dict(value)))
             if value is not None and (isinstance(steps[-1], int) or not field.required):
-                ui.button("Remove", on_click=lambda: change_document(self._tab, "remove", place)).props(
-                    "flat dense no-caps"
-                ).mark("remove")
+                draw_button("Remove", partial(change_document, tab, "remove", place), "remove", "flat")
 
     def _copy(self, key: str, table: dict[str, Any]) -> None:
         if "name" in table:
@@ -205,13 +177,13 @@ class BuildPage:
         if made is None:
             return
         self._description.set_visibility(False)
-        good = made.scenario is not None
+        is_good = made.scenario is not None and not made.refusal
         frames = f": {made.scenario.time.n_frames:,} frames" if made.scenario else ""
         self._verdict.text = made.problem or made.refusal or f"Ready to fly{frames}"
-        self._icon.props(f"name={'check_circle' if good and not made.refusal else 'error' if not good else 'block'}")
-        self._icon.classes(replace="text-positive" if good and not made.refusal else "text-negative")
+        self._icon.props(f"name={'check_circle' if is_good else 'block' if made.refusal else 'error'}")
+        self._icon.classes(replace="text-positive" if is_good else "text-negative")
         self._to_field.set_visibility(bool(made.place or made.line))
-        self._more.set_visibility(good and not made.refusal)
+        self._more.set_visibility(is_good)
         lines = [{"kind": "line", "line": made.line, "class": "studio-bad-line"}] if made.line else []
         if self._editor.decorations != lines:
             self._editor.decorations = lines
@@ -258,19 +230,17 @@ class BuildPage:
             if await run.io_bound(document.changed_on_disk):
                 if not document.is_changed:
                     document.reload()
-                    ui.notify(
-                        f"{document.title}: was changed by another program, and is shown as it is now", type="info"
-                    )
-                elif self._told != f"disk {document.title}":
-                    self._told = f"disk {document.title}"
-                    ui.notify(
-                        f"{document.title}: another program changed the file; Save asks whose text to keep",
-                        type="warning", multi_line=True, timeout=10000,
-                    )  # fmt: skip
+                    self._tell(f"{document.title}: was changed by another program, and is shown as it is now")
+                else:
+                    self._tell(f"{document.title}: another program changed the file; Save asks whose text to keep")
         except (RsoLidarError, OSError) as error:
-            if self._told != str(error):
-                self._told = str(error)
-                ui.notify(f"no draft was kept: {error}", type="warning", multi_line=True)
+            self._tell(f"no draft was kept: {error}")
+
+    def _tell(self, text: str) -> None:
+        """Show a message, once until another one comes."""
+        if text and text != self._told:
+            self._told = text
+            ui.notify(text, type="info", multi_line=True, timeout=8000)
 
 
 def _outline(tables: Any) -> Any:
@@ -286,73 +256,7 @@ def _outline(tables: Any) -> Any:
     return 0
 
 
-async def take_upload(tab: BrowserTab, event: Any) -> None:
-    """Keep an uploaded file in the folder after its reader has checked it, or say what is wrong with it."""
-    name = PurePosixPath(str(event.file.name).replace("\\", "/")).name
-    try:
-        content = await event.file.read()
-        said = await run.io_bound(keep_upload, tab.workspace.folder, name, content)
-    except (RsoLidarError, OSError) as error:
-        ui.notify(str(error), type="negative", multi_line=True)
-        return
-    ui.notify(said or name, type="positive")
-
-
-def open_upload(tab: BrowserTab) -> None:
-    """Open the dialog for uploads into the folder."""
-    with ui.dialog() as dialog, ui.card():
-        ui.label("Upload into the folder").classes("text-lg font-medium")
-        ui.label(
-            f"Meshes, element sets, tables, scenarios: {', '.join(SUFFIXES)}; at most {MOST_BYTES >> 20} MB."
-        ).classes("text-sm")
-        ui.upload(
-            auto_upload=True, multiple=True, max_file_size=MOST_BYTES, on_upload=partial(take_upload, tab),
-            on_rejected=lambda: ui.notify(f"at most {MOST_BYTES >> 20} MB, and the endings above", type="negative"),
-        ).props(f"accept='{','.join(SUFFIXES)}'")  # fmt: skip
-        ui.button("Close", on_click=dialog.close).props("flat")
-    dialog.open()
-
-
-async def save(tab: BrowserTab, ask_name: Callable[[], Any]) -> None:
-    """Save the document; where another program changed the file, ask what to keep.
-
-    Parameters
-    ----------
-    tab : whose document is saved.
-    ask_name : asks for a name and saves under it.
-    """
-    document = tab.document
-    if not document.name:
-        ask_name()
-        return
-    try:
-        document.save()  # not in a thread: its listeners draw
-    except EditConflictError as error:
-        with ui.dialog() as dialog, ui.card():
-            ui.label(str(error))
-            with ui.row():
-                ui.button("Keep mine", on_click=lambda: dialog.submit("mine")).mark("keep-mine")
-                ui.button("Take the file's", on_click=lambda: dialog.submit("disk")).mark("take-disk")
-                ui.button("Save under another name", on_click=lambda: dialog.submit("other"))
-                ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat")
-        answer = await dialog
-        try:
-            if answer == "mine":
-                document.save(overwrite=True)
-            elif answer == "disk":
-                document.reload()
-            elif answer == "other":
-                ask_name()
-        except RsoLidarError as second:
-            ui.notify(str(second), type="negative", multi_line=True)
-        return
-    except (RsoLidarError, OSError) as error:
-        ui.notify(f"not saved: {error}", type="negative", multi_line=True)
-        return
-    ui.notify(f"saved {document.name}", type="positive")
-
-
 def draw(tab: BrowserTab) -> None:
     """Draw the page for one tab of the browser."""
-    draw_menu(tab, partial(save, tab), lambda: open_upload(tab))
+    draw_menu(tab)
     BuildPage(tab)

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import fastapi
 from nicegui import run, ui
 
-from rso_lidar.errors import RsoLidarError
 from rso_lidar.orbit import Tle
+from rso_lidar.orbit.sets.search import check_lines, search_sets
 from rso_lidar.part import Part
 from rso_lidar.scenario import Lidar, Target
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scene import Lambertian
 from rso_lidar.scene.library.model_index import models
 from rso_lidar.shipped import shipped
-from rso_lidar.studio.documents.tle_search import check_lines, search_sets
-from rso_lidar.studio.preview.gallery import draw_portrait
+from rso_lidar.studio.pages.elements import draw_button, draw_list, mark, open_dialog, tell_errors
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.study.material_list import list_materials
+from rso_lidar.study.previews.model_portrait import draw_portrait
+from rso_lidar.study.previews.text_assessment import check_file
 
-_MOST_ROWS = 60
+_MOST_ROWS, _WIDE = 60, "w-[900px]"
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def add_routes(application: fastapi.FastAPI) -> None:
 
 
 def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None:
-    """Set and remove (None) values of the document, and close the dialog.
+    """Set values of the document, and close the dialog.
 
     Parameters
     ----------
@@ -63,31 +65,31 @@ def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None
     changes : values by their places.
     dialog : which is closed if that is possible.
     """
-    try:
+    with tell_errors():
         for place, value in changes.items():
-            if value is None:
-                tab.document.remove(place)
-            else:
-                tab.document.set(place, value)
-    except RsoLidarError as error:
-        ui.notify(str(error), type="negative", multi_line=True)
-        return
-    if not dialog.is_deleted:  # the page may have been drawn again, with the changed document
-        dialog.close()
+            tab.document.set(place, value)
+        if not dialog.is_deleted:  # the page may have been drawn again, with the changed document
+            dialog.close()
 
 
-def _open_dialog(title: str) -> tuple[ui.dialog, ui.card]:
-    dialog = ui.dialog().props(f'aria-label="{title}"')
-    dialog.on("hide", dialog.delete)
-    with dialog, ui.card().classes("w-[900px] max-w-full") as card:
-        ui.label(title).classes("text-lg font-medium")
-    dialog.open()
-    return dialog, card
+def _draw_table(columns: Mapping[str, str], rows: list[dict[str, Any]], choose: Callable[[str], Any]) -> ui.table:
+    """Draw a table of which a row can be chosen.
+
+    Parameters
+    ----------
+    columns : titles by their keys, of which one is `name`.
+    rows : values by the keys of the columns.
+    choose : called with the name of the chosen row.
+    """
+    return ui.table(
+        columns=[{"name": k, "field": k, "label": v, "align": "left", "sortable": True} for k, v in columns.items()],
+        rows=rows, row_key="name", selection="single",
+        on_select=lambda event: choose(event.selection[0]["name"]) if event.selection else None,
+    ).classes("w-full").props("dense wrap-cells virtual-scroll style='max-height: 50vh'")  # fmt: skip
 
 
 def _choose_model(tab: BrowserTab, place: str) -> None:
-    dialog, card = _open_dialog("Models")
-    with card:
+    with open_dialog("Models", _WIDE) as dialog:
         wanted = ui.input("Search").props("dense outlined autofocus clearable").classes("w-full")
         grid = ui.element("div").classes("studio-gallery")
 
@@ -97,109 +99,78 @@ def _choose_model(tab: BrowserTab, place: str) -> None:
             with grid:
                 for one in models().values():
                     if words in f"{one.name} {one.what}".lower():
-                        with (
-                            ui.card()
-                            .classes("p-2 gap-1 cursor-pointer")
-                            .props(
-                                f'tabindex=0 role=button aria-label="{one.name}" data-test="model-{one.name}"'
-                            ) as tile
-                        ):
-                            ui.image(f"/studio/models/{one.name}.png").classes("w-full").props(
-                                f'alt="The model {one.name}" loading=lazy ratio=1 no-spinner'
-                            )
-                            ui.label(one.name).classes("font-medium")
-                            size = " × ".join(f"{length:.3g}" for length in one.size_m)
-                            ui.label(f"{size} m; {one.licence}").classes("text-xs opacity-80")
-                            tile.tooltip(one.what)
-                            for event in ("click", "keydown.enter"):
-                                tile.on(event, lambda name=one.name: _set(tab, {f"{place}.model": name}, dialog))
+                        draw_tile(one)
+
+        def draw_tile(one: Any) -> None:
+            with mark(ui.card(), f"model-{one.name}", "tabindex=0 role=button") as tile:
+                tile.classes("p-2 gap-1 cursor-pointer").tooltip(one.what).props["aria-label"] = one.name
+                ui.image(f"/studio/models/{one.name}.png").classes("w-full").props(
+                    f'alt="The model {one.name}" loading=lazy ratio=1 no-spinner'
+                )
+                ui.label(one.name).classes("font-medium")
+                size = " × ".join(f"{length:.3g}" for length in one.size_m)
+                ui.label(f"{size} m; {one.licence}").classes("text-xs opacity-80")
+            for event in ("click", "keydown.enter", "keydown.space"):
+                tile.on(event, partial(_set, tab, {f"{place}.model": one.name}, dialog))
 
         wanted.on_value_change(draw)
         draw()
 
 
 def _choose_material(tab: BrowserTab, place: str) -> None:
-    dialog, card = _open_dialog("Materials")
-    columns = [
-        {"name": key, "field": key, "label": label, "align": "left", "sortable": True}
-        for key, label in (
-            ("name", "Name"),
-            ("kind", "BRDF"),
-            ("nm1064", "1064 nm"),
-            ("nm1570", "1570 nm"),
-            ("what", "What"),
-        )
-    ]
+    columns = {"name": "Name", "kind": "BRDF", "nm1064": "1064 nm", "nm1570": "1570 nm", "what": "What"}
     rows = [
-        {
-            "name": one.name,
-            "kind": one.kind,
-            "nm1064": one.reflectance[0],
-            "nm1570": one.reflectance[1],
-            "what": one.what,
-        }
+        {"name": one.name, "kind": one.kind, "nm1064": one.reflectance[0], "nm1570": one.reflectance[1],
+         "what": one.what}
         for one in list_materials()
-    ]
-    with card:
-        ui.label("Total reflectance at the wavelengths of the lasers; docs/materials say how sure it is.").classes(
-            "text-sm"
-        )
-        ui.table(
-            columns=columns, rows=rows, row_key="name", selection="single",
-            on_select=lambda event: _set(tab, {place: event.selection[0]["name"]}, dialog) if event.selection else None,
-        ).classes("w-full").props("dense wrap-cells virtual-scroll style='max-height: 60vh'")  # fmt: skip
+    ]  # fmt: skip
+    with open_dialog("Materials", _WIDE) as dialog:
+        text = "Total reflectance at the wavelengths of the lasers; docs/materials say how sure it is."
+        ui.label(text).classes("text-sm")
+        _draw_table(columns, rows, lambda name: _set(tab, {place: name}, dialog))
 
 
 def _choose_elements(tab: BrowserTab, place: str) -> None:
-    dialog, card = _open_dialog("Element sets")
     found: dict[str, tuple[str, ...]] = {}
-    files = [f"tle/{path.name}" for path in sorted(shipped("tle").glob("*.tle"))]
-    files = [*tab.workspace.folder.list_files((".tle", ".txt", ".3le")), *files]
+    folder = tab.workspace.folder
+    files = folder.list_files((".tle", ".txt", ".3le"))
+    files += [f"tle/{path.name}" for path in sorted(shipped("tle").glob("*.tle"))]
 
-    async def take_lines() -> None:
-        try:
-            lines = await run.io_bound(check_lines, pasted.value or "") or ()
-        except RsoLidarError as error:
-            problem.set_text(str(error))
-            return
+    def take(lines: Iterable[str]) -> None:
         _set(tab, {place: {"type": "tle", "lines": list(lines)}}, dialog)
 
+    def find() -> dict[str, tuple[str, ...]]:
+        return search_sets(check_file(file.value, folder, "catalogue"), wanted.value or "", _MOST_ROWS)
+
+    async def take_lines() -> None:
+        with tell_errors():
+            take(await run.io_bound(check_lines, pasted.value or "") or ())
+
     async def search() -> None:
-        problem.set_text("")
-        try:
-            made = await run.io_bound(search_sets, file.value, tab.workspace.folder, wanted.value or "", _MOST_ROWS)
-        except RsoLidarError as error:
-            problem.set_text(str(error))
-            return
-        found.clear()
-        found.update(made or {})
+        with tell_errors():
+            found.clear()
+            found.update(await run.io_bound(find) or {})
         table.rows = [{"name": name} for name in found]
 
-    with card:
+    with open_dialog("Element sets", _WIDE) as dialog:
         pasted = ui.textarea("Paste two or three lines").classes("w-full font-mono").props("outlined dense rows=3")
-        ui.button("Take these lines", on_click=take_lines).props("outline dense no-caps")
+        draw_button("Take these lines", take_lines)
         with ui.row(wrap=False).classes("w-full items-center"):
-            file = (
-                ui.select(files, value=files[0] if files else None, label="Catalogue").classes("w-1/3").props("dense")
-            )
+            file = ui.select(files, value=files[0], label="Catalogue").classes("w-1/3").props("dense")
             wanted = ui.input("Name or number").classes("grow").props("dense").on("keydown.enter", search)
-            ui.button("Search", on_click=search).props("outline dense no-caps")
-        problem = ui.label().classes("text-negative").props('role="alert"')
-        table = ui.table(
-            columns=[{"name": "name", "field": "name", "label": "Object", "align": "left"}], rows=[], row_key="name",
-            selection="single", on_select=lambda event: _set(
-                tab, {place: {"type": "tle", "lines": list(found.get(event.selection[0]["name"], ()))}}, dialog
-            ) if event.selection else None,
-        ).classes("w-full").props("dense virtual-scroll style='max-height: 40vh'")  # fmt: skip
+            draw_button("Search", search)
+        table = _draw_table({"name": "Object"}, [], lambda name: take(found.get(name, ())))
 
 
 def _choose_camera(tab: BrowserTab, place: str) -> None:
-    dialog, card = _open_dialog("Cameras")
-    with card, ui.list().props("separator").classes("w-full"):
-        for name, table in load_presets().items():
-            with ui.item(on_click=lambda name=name: _set(tab, {f"{place}.preset": name}, dialog)), ui.item_section():
-                ui.item_label(name)
-                ui.item_label(str(table.get("what", ""))).props("caption")
+    with open_dialog("Cameras", _WIDE) as dialog:
+        draw_list(
+            (
+                (name, str(table.get("what", "")), partial(_set, tab, {f"{place}.preset": name}, dialog))
+                for name, table in load_presets().items()
+            ),
+            "camera",
+        )
 
 
 _CHOOSERS: dict[tuple[type[Part], str], Chooser] = {

@@ -12,6 +12,7 @@ from nicegui import ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.part import Part
 from rso_lidar.studio.pages.choosers import find_chooser
+from rso_lidar.studio.pages.elements import draw_button, mark, tell_errors
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.study.mission_parameters.form_fields import SCALARS, FieldForm, list_fields, parse_value, show_value
 
@@ -77,22 +78,20 @@ class TableForm:
             with ui.row(wrap=False).classes("w-full items-center gap-1"):
                 one: Any
                 if field.kind in ("choice", "flag"):
-                    names = ["true", "false"] if field.kind == "flag" else list(field.choices)
                     left = "required" if field.required else f"default: {field.default}" if field.default else "default"
-                    one = ui.select({None: left, **{name: name for name in names}}, label=label)
+                    names = ("true", "false") if field.kind == "flag" else tuple(field.choices)
+                    one = ui.select({None: left, **dict(zip(names, names, strict=True))}, label=label)
                     one.on_value_change(partial(self._commit, field, place, one))
                 else:
                     one = ui.input(label).on("change", lambda: self._commit(field, place, one))
                     one.props('autocomplete="off" spellcheck="false" stack-label')
-                one.classes("grow").props(f'dense outlined data-test="field-{place}"').mark(f"field-{place}")
+                mark(one.classes("grow"), f"field-{place}", "dense outlined")
                 one.props["aria-description"] = words
                 if field.required:
                     one.props("aria-required=true")
-                chooser = find_chooser(cls, field.key)
-                if chooser:
-                    ui.button(chooser.title, on_click=lambda: chooser.open(self._tab, place.rpartition(".")[0])).props(
-                        f'outline dense no-caps data-test="choose-{place}"'
-                    ).mark(f"choose-{place}")
+                if chooser := find_chooser(cls, field.key):
+                    table = place.rpartition(".")[0]
+                    draw_button(chooser.title, partial(chooser.open, self._tab, table), f"choose-{place}")
             ui.label(words + (" Required." if field.required else "")).classes("text-xs opacity-80 ml-1")
             self._inputs[place] = (field, one)
 
@@ -150,12 +149,11 @@ class TableForm:
             if field.kind == "variant":
                 draw_type(self._tab, field, place, value)
             elif value is None:
-                ui.button("Set", on_click=lambda: self._do("set", place, {})).props("outline dense no-caps")
-            chooser = next((found for cls in field.classes if (found := find_chooser(cls, ""))), None)
-            if chooser:
-                ui.button(chooser.title, on_click=lambda: chooser.open(self._tab, place)).props("outline dense no-caps")
+                draw_button("Set", partial(change_document, self._tab, "set", place, {}))
+            if chooser := next((found for cls in field.classes if (found := find_chooser(cls, ""))), None):
+                draw_button(chooser.title, partial(chooser.open, self._tab, place))
             if value is not None and not field.required:
-                ui.button("Remove", on_click=lambda: self._do("remove", place)).props("flat dense no-caps")
+                draw_button("Remove", partial(change_document, self._tab, "remove", place), look="flat")
         if isinstance(value, str):
             ui.label(f"“{value}” of the catalogue").classes("text-sm")
         elif value is not None and chosen is not None:
@@ -173,19 +171,10 @@ class TableForm:
             chosen, here = field.choose(entry), f"{place}[{number}]"
             with ui.row().classes("items-center"):
                 ui.label(f"{field.key} {number + 1}").classes("font-medium")
-                ui.button("Remove", on_click=partial(self._do, "remove", here)).props("flat dense no-caps")
+                draw_button("Remove", partial(change_document, self._tab, "remove", here), look="flat")
             if chosen is not None:
                 self._draw(chosen, here, depth + 1)
         draw_add(self._tab, field, place)
-
-    def _do(self, deed: str, place: str, *value: Any) -> None:
-        """Change the document.
-
-        Parameters
-        ----------
-        deed, place, *value : as for `change_document`.
-        """
-        change_document(self._tab, deed, place, *value)
 
 
 def draw_type(tab: BrowserTab, field: FieldForm, place: str, value: Any) -> None:
@@ -199,8 +188,7 @@ def draw_type(tab: BrowserTab, field: FieldForm, place: str, value: Any) -> None
     names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
     tag = value.get("type", field.usual) if isinstance(value, Mapping) else None
     select = ui.select(names, value=tag if tag in names else None, label="type", with_input=True).classes("grow")
-    select.props(f'dense outlined data-test="type-{place}"').mark(f"type-{place}")
-    select.on_value_change(
+    mark(select, f"type-{place}", "dense outlined").on_value_change(
         lambda event: change_document(tab, "set", place, {"type": event.value}) if event.value else None
     )
 
@@ -214,13 +202,9 @@ def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:
     field, place : the list, and its place.
     """
     if len(field.classes) == 1:
-        ui.button(f"Add {field.key}", on_click=lambda: _add_entry(tab, field, place, field.classes[0])).props(
-            f'outline dense no-caps data-test="add-{place}"'
-        ).mark(f"add-{place}")
+        draw_button(f"Add {field.key}", partial(_add_entry, tab, field, place, field.classes[0]), f"add-{place}")
         return
-    with ui.dropdown_button(f"Add {field.key}", auto_close=True).props(
-        f'outline dense no-caps data-test="add-{place}"'
-    ):
+    with mark(ui.dropdown_button(f"Add {field.key}", auto_close=True), f"add-{place}", "outline dense no-caps"):
         for cls in field.classes:
             ui.item(str(cls.model_fields["type"].default), on_click=partial(_add_entry, tab, field, place, cls))
 
@@ -252,10 +236,8 @@ def change_document(tab: BrowserTab, deed: str, place: str, *value: Any) -> None
     place : of the change.
     *value : further arguments.
     """
-    try:
+    with tell_errors():
         getattr(tab.document, deed)(place, *value)
-    except RsoLidarError as error:
-        ui.notify(str(error), type="negative", multi_line=True)
 
 
 def _resolve(scenario: Any, place: str) -> Any:

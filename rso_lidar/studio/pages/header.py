@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import events, run, ui
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.scenario.examples import SHORTEST, find_companions, find_examples, summarize_example
-from rso_lidar.studio.documents.document import EditConflictError, list_documents
+from rso_lidar.studio.document import EditConflictError, list_documents
+from rso_lidar.studio.pages.elements import (
+    ask,
+    draw_button,
+    draw_icon_button,
+    draw_list,
+    mark,
+    open_dialog,
+    tell_errors,
+)
 from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.state import BrowserTab
+from rso_lidar.studio.upload import MOST_BYTES, SUFFIXES, keep_upload
 
 _PAGES = ("build", "see", "run")
 _SCHEMES = {None: "brightness_auto", True: "dark_mode", False: "light_mode"}
@@ -22,64 +33,45 @@ def draw_header(tab: BrowserTab, guide: Guide) -> ui.tabs:
     ui.label("rso_lidar studio").classes("text-base font-medium whitespace-nowrap")
     with ui.tabs().props("dense no-caps") as chosen:
         for name in _PAGES:
-            ui.tab(name, label=name.capitalize()).props(f'data-test="page-{name}"').mark(f"page-{name}")
+            mark(ui.tab(name, label=name.capitalize()), f"page-{name}")
     tab.page_chosen.subscribe(chosen.set_value)
     ui.space()
-    title = ui.label().classes("text-sm truncate").mark("title").props('data-test="title"')
+    title = mark(ui.label().classes("text-sm truncate"), "title")
 
     def show_title() -> None:
         title.text = tab.document.title + (" (edited)" if tab.document.is_changed else "")
 
     show_title()
     tab.document_changed.subscribe(show_title)
-    ui.button("Guide", on_click=guide.start).props('flat dense no-caps color=white data-test="guide-start"').mark(
-        "guide-start"
-    )
+    draw_button("Guide", guide.start, "guide-start", "flat color=white")
     dark = ui.dark_mode(None)
-    scheme = ui.button(icon=_SCHEMES[None]).props('flat dense round color=white aria-label="Light or dark"')
 
     def change_scheme() -> None:
         dark.value = {None: True, True: False, False: None}[dark.value]
         scheme.props(f"icon={_SCHEMES[dark.value]}")
 
-    scheme.on_click(change_scheme).tooltip("Light, dark, or as the system has it")
+    label = "Light, dark, or as the system has it"
+    scheme = draw_icon_button(_SCHEMES[None], label, change_scheme, "scheme", "color=white")
     if not list_documents(tab.workspace.folder):
         ui.context.client.on_connect(guide.start)
     return chosen
 
 
-def draw_menu(tab: BrowserTab, save: Callable[[Callable[[], Any]], Any], upload: Callable[[], None]) -> None:
-    """Draw the menu of documents: new, open, save, undo and redo.
+def draw_menu(tab: BrowserTab) -> None:
+    """Draw the menu of documents: new, open, save, upload, undo and redo."""
 
-    Parameters
-    ----------
-    tab : whose document it changes.
-    save : saves the document, and calls what it is given where a name is missing.
-    upload : opens the dialog for uploads.
-    """
+    def change(deed: str) -> None:
+        getattr(tab.document, deed)()  # of the document that is shown then
 
-    async def save_now() -> None:
-        await save(lambda: _ask_name(tab))
-
-    with (
-        ui.row(wrap=False)
-        .classes("w-full items-center gap-1 px-2 py-1 studio-menu")
-        .props("role=toolbar aria-label=Document")
-    ):
-        for label, icon, deed in (
-            ("New", "note_add", lambda: _open_templates(tab)),
-            ("Open", "folder_open", lambda: _open_list(tab)),
-            ("Save", "save", save_now),
-            ("Save as", "save_as", lambda: _ask_name(tab)),
-            ("Upload", "upload_file", upload),
-        ):
-            name = label.lower().replace(" ", "-")
-            ui.button(label, icon=icon, on_click=deed).props(f'flat dense no-caps data-test="{name}"').mark(name)
+    deeds = {"New": _open_templates, "Open": _open_list, "Save": _save, "Save as": _ask_name, "Upload": _open_upload}
+    icons = ("note_add", "folder_open", "save", "save_as", "upload_file")
+    bar = ui.row(wrap=False).classes("w-full items-center gap-1 px-2 py-1 studio-menu")
+    with bar.props("role=toolbar aria-label=Document"):
+        for (label, deed), icon in zip(deeds.items(), icons, strict=True):
+            draw_button(label, partial(deed, tab), label.lower().replace(" ", "-"), f"flat icon={icon}")
         ui.space()
-        undo = ui.button("Undo", icon="undo", on_click=tab.document.undo)
-        redo = ui.button("Redo", icon="redo", on_click=tab.document.redo)
-        for button, name in ((undo, "undo"), (redo, "redo")):
-            button.props(f'flat dense no-caps data-test="{name}"').mark(name)
+        undo = draw_button("Undo", partial(change, "undo"), "undo", "flat icon=undo")
+        redo = draw_button("Redo", partial(change, "redo"), "redo", "flat icon=redo")
 
     def show_history() -> None:
         undo.set_enabled(tab.document.can_undo)
@@ -88,9 +80,9 @@ def draw_menu(tab: BrowserTab, save: Callable[[Callable[[], Any]], Any], upload:
     def press(event: events.KeyEventArguments) -> None:
         if event.action.keydown and event.modifiers.ctrl and not event.action.repeat:
             if event.key == "z" and not event.modifiers.shift:
-                tab.document.undo()
+                change("undo")
             elif event.key == "y" or (event.key in ("z", "Z") and event.modifiers.shift):
-                tab.document.redo()
+                change("redo")
 
     show_history()
     tab.document_changed.subscribe(show_history)
@@ -104,55 +96,33 @@ def draw_menu(tab: BrowserTab, save: Callable[[Callable[[], Any]], Any], upload:
 
 def _open_templates(tab: BrowserTab) -> None:
     """Open the dialog with the examples, which a new scenario begins with."""
-    with ui.dialog() as dialog, ui.card().classes("w-[720px] max-w-full"):
-        ui.label("New scenario from an example").classes("text-lg font-medium")
-        with ui.list().props("separator dense").classes("w-full"):
-            for name, path in find_examples().items():
-                text = path.read_text(encoding="utf-8")
-                item = ui.item(on_click=lambda text=text, path=path: _take(tab, text, path, dialog))
-                with item.props(f'data-test="template-{name}"').mark(f"template-{name}"), ui.item_section():
-                    ui.item_label(name)
-                    ui.item_label(summarize_example(text)).props("caption")
-            with ui.item(on_click=lambda: _take(tab, SHORTEST, None, dialog)), ui.item_section():
-                ui.item_label("shortest")
-                ui.item_label("The keys that a scenario must have, and a plate 300 m away.").props("caption")
-    dialog.open()
 
+    def take(text: str, path: Path | None) -> None:
+        needed = [one.name for one in find_companions(text, path.parent)] if path else []
+        absent = [name for name in needed if not (tab.workspace.folder.path / name).exists()]
+        tab.show(tab.workspace.new_document(text))
+        dialog.close()
+        if absent:
+            words = f"the example needs {', '.join(absent)}: `rso-lidar new` writes it with its files"
+            ui.notify(words, type="warning")
 
-def _take(tab: BrowserTab, text: str, path: Any, dialog: ui.dialog) -> None:
-    """Show an example, or an empty text, as a new document.
-
-    Parameters
-    ----------
-    tab : that shows it.
-    text, path : of the example; None for no example.
-    dialog : which is closed.
-    """
-    needed = [one.name for one in find_companions(text, path.parent)] if path else []
-    absent = [name for name in needed if not (tab.workspace.folder.path / name).exists()]
-    tab.show(tab.workspace.new_document(text))
-    dialog.close()
-    if absent:
-        ui.notify(f"the example needs {', '.join(absent)}: `rso-lidar new` writes it with its files", type="warning")
+    texts = {name: (path.read_text(encoding="utf-8"), path) for name, path in find_examples().items()}
+    rows = [(name, summarize_example(text), partial(take, text, path)) for name, (text, path) in texts.items()]
+    shortest = "The keys that a scenario must have, and a plate 300 m away."
+    with open_dialog("New scenario from an example", "w-[720px]") as dialog:
+        draw_list([*rows, ("shortest", shortest, partial(take, SHORTEST, None))], "template")
 
 
 def _open_list(tab: BrowserTab) -> None:
     """Open the dialog with the scenarios of the folder."""
 
     def take(name: str) -> None:
-        try:
+        with tell_errors():
             tab.show(tab.workspace.open_document(name))
             dialog.close()
-        except (RsoLidarError, OSError) as error:
-            ui.notify(str(error), type="negative", multi_line=True)
 
-    with ui.dialog() as dialog, ui.card().classes("w-[520px]"):
-        ui.label("Scenarios of the folder").classes("text-lg font-medium")
-        with ui.list().props("separator dense").classes("w-full"):
-            for name in list_documents(tab.workspace.folder):
-                with ui.item(on_click=lambda name=name: take(name)).mark(f"open-{name}"), ui.item_section():
-                    ui.item_label(name)
-    dialog.open()
+    with open_dialog("Scenarios of the folder") as dialog:
+        draw_list(((name, "", partial(take, name)) for name in list_documents(tab.workspace.folder)), "open")
 
 
 def _ask_name(tab: BrowserTab) -> None:
@@ -170,14 +140,53 @@ def _ask_name(tab: BrowserTab) -> None:
             dialog.close()
             ui.notify(f"saved {tab.document.name}", type="positive")
 
-    with ui.dialog() as dialog, ui.card().classes("w-[420px]"):
-        name = ui.input("File name", value=tab.document.name or "scenario.toml").props(
-            'autofocus dense outlined data-test="file-name"'
-        ).classes("w-full").mark("file-name").on("keydown.enter", save)  # fmt: skip
+    with open_dialog("Save as", "w-[420px]") as dialog:
+        name = ui.input("File name", value=tab.document.name or "scenario.toml").classes("w-full")
+        mark(name, "file-name", "autofocus dense outlined").on("keydown.enter", save)
         problem = ui.label().classes("text-negative").props("role=alert")
         with ui.row():
-            ui.button("Save", on_click=save).props('data-test="save-name"').mark("save-name")
-            replace = ui.button("Replace", on_click=lambda: save(overwrite=True)).props("outline").mark("replace-file")
-            ui.button("Cancel", on_click=dialog.close).props("flat")
+            draw_button("Save", save, "save-name", "unelevated")
+            replace = draw_button("Replace", partial(save, overwrite=True), "replace-file")
+            draw_button("Cancel", dialog.close, look="flat")
         replace.set_visibility(False)
-    dialog.open()
+
+
+async def _save(tab: BrowserTab) -> None:
+    """Save the document; where another program changed the file, ask what to keep."""
+    document = tab.document
+    if not document.name:
+        _ask_name(tab)
+        return
+    with tell_errors("not saved: "):
+        try:
+            document.save()  # not in a thread: its listeners draw
+            ui.notify(f"saved {document.name}", type="positive")
+        except EditConflictError as error:
+            answers = {"keep-mine": "Keep mine", "take-disk": "Take the file's", "other": "Save under another name"}
+            answer = await ask(str(error), answers)
+            if answer == "keep-mine":
+                document.save(overwrite=True)
+            elif answer == "take-disk":
+                document.reload()
+            elif answer == "other":
+                _ask_name(tab)
+
+
+async def take_upload(tab: BrowserTab, event: Any) -> None:
+    """Keep an uploaded file in the folder after its reader has checked it, or say what is wrong with it."""
+    name = PurePosixPath(str(event.file.name).replace("\\", "/")).name
+    with tell_errors():
+        content = await event.file.read()
+        ui.notify(await run.io_bound(keep_upload, tab.workspace.folder, name, content) or name, type="positive")
+
+
+def _open_upload(tab: BrowserTab) -> None:
+    """Open the dialog for uploads into the folder."""
+    most = f"at most {MOST_BYTES >> 20} MB"
+    with open_dialog("Upload into the folder") as dialog:
+        ui.label(f"Meshes, element sets, tables, scenarios: {', '.join(SUFFIXES)}; {most}.").classes("text-sm")
+        ui.upload(
+            auto_upload=True, multiple=True, max_file_size=MOST_BYTES, on_upload=partial(take_upload, tab),
+            on_rejected=lambda: ui.notify(f"{most}, and the endings above", type="negative"),
+        ).props(f"accept='{','.join(SUFFIXES)}'")  # fmt: skip
+        draw_button("Close", dialog.close, look="flat")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -13,12 +14,13 @@ import fastapi
 from nicegui import run, ui
 
 from rso_lidar.errors import RsoLidarError
+from rso_lidar.export.reader.recording_list import RECORDINGS
 from rso_lidar.export.reader.status import RecordingStatus
 from rso_lidar.export.registry import FORMATS
 from rso_lidar.scenario.tables.world import parse_frames
-from rso_lidar.studio.jobs.queue import KINDS, Job, JobRequest
+from rso_lidar.studio.job_queue import KINDS, Job, JobRequest
+from rso_lidar.studio.pages.elements import ask, draw_button, draw_icon_button, mark, tell_errors
 from rso_lidar.studio.pages.frame_viewer import FrameViewer
-from rso_lidar.studio.root_folder import RECORDINGS
 from rso_lidar.studio.state import BrowserTab, Workspace
 
 _USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
@@ -57,16 +59,14 @@ class RunPage:
             with ui.column().classes("w-[400px] shrink-0 gap-4"):
                 self._draw_form()
                 ui.label("Jobs").classes("text-base font-medium")
-                self._list = ui.column().classes("w-full gap-2").mark("jobs").props('data-test="jobs"')
+                self._list = mark(ui.column().classes("w-full gap-2"), "jobs")
                 ui.label("Recordings").classes("text-base font-medium")
-                columns = [
-                    {"name": key, "label": label, "field": key, "align": "left"}
-                    for key, label in (("name", "Name"), ("frames", "Frames"), ("state", "State"), ("size", "MB"))
-                ]
+                titles = {"name": "Name", "frames": "Frames", "state": "State", "size": "MB"}
                 self._table = ui.table(
-                    columns=columns, rows=[], row_key="name", selection="single",
-                    on_select=lambda event: self._open(event.selection),
-                ).classes("w-full").props('dense flat data-test="recordings" no-data-label="No recording yet"')  # fmt: skip
+                    columns=[{"name": k, "label": v, "field": k, "align": "left"} for k, v in titles.items()],
+                    rows=[], row_key="name", selection="single", on_select=lambda event: self._open(event.selection),
+                ).classes("w-full").props('dense flat no-data-label="No recording yet"')  # fmt: skip
+                mark(self._table, "recordings")
             with ui.column().classes("grow min-w-0 gap-2"):
                 self._viewer = FrameViewer(self.folder)
                 self._draw_actions()
@@ -76,11 +76,10 @@ class RunPage:
 
     def _draw_form(self) -> None:
         with ui.card().classes("w-full gap-2"):
-            self._kind = ui.select({key: KINDS[key].title for key in _FROM_SCENARIO}, value="run", label="Job",
-                                   on_change=self._describe).classes("w-full").props("dense")  # fmt: skip
-            self._output = (
-                ui.input("Name of the result").classes("w-full").props('dense data-test="output"').mark("output")
-            )
+            titles = {key: KINDS[key].title for key in _FROM_SCENARIO}
+            self._kind = ui.select(titles, value="run", label="Job", on_change=self._describe).props("dense")
+            self._output = mark(ui.input("Name of the result").classes("w-full"), "output", "dense")
+            self._kind.classes("w-full")
             with ui.row(wrap=False).classes("w-full gap-2") as self._options:
                 self._frames = ui.input("Frames", placeholder="all; A:B", on_change=self._describe).props("dense")
                 self._seed = ui.input("Seed", placeholder="file's").props("dense")
@@ -89,22 +88,17 @@ class RunPage:
                 self._seed.tooltip("random seed of all noise, instead of that of the file")
                 self._keep.tooltip("intermediate products to record: photons, waveforms, oversampled, prediction")
             self._note = ui.label().classes("text-sm")
-            self._start = ui.button("Start", on_click=self._begin).props('data-test="start"').mark("start")
+            self._start = draw_button("Start", self._begin, "start", "unelevated")
 
     def _draw_actions(self) -> None:
         with ui.row().classes("gap-2"):
             for kind, suffix in (("sheet", ".png"), ("animate", ".gif"), ("curves", ".png"), ("track", ".png")):
-                ui.button(
-                    KINDS[kind].title, on_click=lambda kind=kind, suffix=suffix: self._make(kind, f"_{kind}{suffix}")
-                ).props(f'outline dense no-caps data-test="{kind}"').mark(kind)
+                draw_button(KINDS[kind].title, partial(self._make, kind, f"_{kind}{suffix}"), kind)
             with ui.dropdown_button("Export", auto_close=True).props("outline dense no-caps"):
-                for form in FORMATS.values():
-                    if form.suffixes[0] == RECORDINGS[0]:
-                        continue  # the recording itself
-                    ui.item(
-                        f"{form.name} ({form.suffixes[0]})",
-                        on_click=lambda form=form: self._make("export", form.suffixes[0]),
-                    ).tooltip(f"lost: {form.loses}")
+                for one in FORMATS.values():
+                    if one.suffixes[0] != RECORDINGS[0]:  # the recording itself
+                        make = partial(self._make, "export", one.suffixes[0])
+                        ui.item(f"{one.name} ({one.suffixes[0]})", on_click=make).tooltip(f"lost: {one.loses}")
 
     def _describe(self) -> None:
         """Update the default name, and what a start would do."""
@@ -136,33 +130,22 @@ class RunPage:
 
     async def _begin(self) -> None:
         """Save the document if the user agrees, and start the job of the form."""
-        document = self.tab.document
-        on_disk = None
-        if document.name:
-            try:
-                on_disk = await run.io_bound(self.folder.resolve(document.name, (".toml",)).read_text, encoding="utf-8")
-            except (OSError, RsoLidarError) as error:
-                ui.notify(f"{document.name}: cannot be read ({error}); save it again", type="negative")
-                return
-        if on_disk != document.text:
-            if not document.name:
-                ui.notify("the scenario has no file yet; give it a name under Save as", type="warning")
-                return
-            with ui.dialog() as dialog, ui.card():
-                ui.label(f"{document.title} has changes that are not saved; a job runs the file.")
-                with ui.row():
-                    ui.button("Save and start", on_click=lambda: dialog.submit(True)).mark("save-and-start")
-                    ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat")
-            if not await dialog:
-                return
-            try:
+        document, question = self.tab.document, "{} has changes that are not saved; a job runs the file."
+        if not document.name:
+            ui.notify("the scenario has no file yet; give it a name under Save as", type="warning")
+            return
+        with tell_errors("not started: "):
+            if not await run.io_bound(document.is_as_on_disk):
+                if not await ask(question.format(document.title), {"save-and-start": "Save and start"}):
+                    return
                 document.save()
-            except RsoLidarError as error:
-                ui.notify(f"{error}; save it with the button above", type="negative")
-                return
+            await self._add(self._read_form())
+
+    def _read_form(self) -> JobRequest:
+        """Return the request that the form holds."""
         values = {"frames": self._frames.value, "seed": self._seed.value, "keep": self._keep.value}
         values = {key: (value or "").strip() for key, value in values.items()} if self._kind.value == "run" else {}
-        await self._add(JobRequest(self._kind.value, document.name, self._output.value.strip(), **values))
+        return JobRequest(self._kind.value, self.tab.document.name, self._output.value.strip(), **values)
 
     async def _make(self, kind: str, ending: str) -> None:
         """Start a job on the recording that is shown."""
@@ -173,31 +156,22 @@ class RunPage:
 
     async def _add(self, request: JobRequest) -> None:
         """Queue a job; where its output exists, or an interrupted run left frames, ask first."""
-        try:
+        with tell_errors():
             output = self.folder.resolve(request.output, KINDS[request.kind].makes)
-            has_frames = any(output.parent.glob(f"{glob.escape(output.name)}.tmp-*")) or (
-                request.kind == "dataset" and output.exists()
-            )
+            has_frames = any(output.parent.glob(f"{glob.escape(output.name)}.tmp-*"))
+            has_frames |= request.kind == "dataset" and output.exists()
             if output.exists() or has_frames:
-                with ui.dialog() as dialog, ui.card():
-                    ui.label(f"{request.output}: " + ("has frames of an interrupted run" if has_frames else "exists"))
-                    with ui.row():
-                        if has_frames:
-                            ui.button("Resume", on_click=lambda: dialog.submit("resume"))
-                        if request.kind != "dataset":
-                            ui.button("Replace", on_click=lambda: dialog.submit("overwrite")).mark("replace")
-                        ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat")
-                answer = await dialog
+                answers = {"resume": "Resume"} if has_frames else {}
+                answers |= {} if request.kind == "dataset" else {"replace": "Replace"}
+                found = "has frames of an interrupted run" if has_frames else "exists"
+                answer = await ask(f"{request.output}: {found}", answers)
                 if answer is None:
                     return
-                request = replace(request, resume=answer == "resume", overwrite=answer == "overwrite")
+                request = replace(request, resume=answer == "resume", overwrite=answer == "replace")
             self.jobs.add(request)
             self._awaited = request.output if request.kind == "run" else self._awaited
-        except RsoLidarError as error:
-            ui.notify(str(error), type="negative", multi_line=True)
-            return
-        self._was_active = True
-        self._draw_jobs()
+            self._was_active = True
+            self._draw_jobs()
 
     def _draw_jobs(self) -> None:
         """Update the rows of the queue; rows are made and removed only where the list has changed."""
@@ -208,11 +182,8 @@ class RunPage:
                 with self._list:
                     self._rows[job] = self._draw_row(job)
             _, state, bar, message, stop, resume, remove, result = self._rows[job]
-            left = (
-                f", {job.rate_hz:.1f}/s, {(job.total - job.done) / job.rate_hz:,.0f} s left"
-                if job.rate_hz and job.is_active
-                else ""
-            )
+            rate = job.rate_hz if job.is_active else 0.0
+            left = f", {rate:.1f}/s, {(job.total - job.done) / rate:,.0f} s left" if rate else ""
             count = f" {job.done:,}/{job.total:,}{left}" if job.total and job.state != "done" else ""
             state.set_text(f"{job.state}{count}")
             bar.set_value(1.0 if job.state == "done" else min(job.done / job.total, 1.0) if job.total else 0.0)
@@ -226,36 +197,33 @@ class RunPage:
         with ui.card().classes("w-full p-2 gap-1") as row:
             with ui.row(wrap=False).classes("w-full items-center gap-1"):
                 ui.label(f"{KINDS[job.request.kind].title}: {job.request.output}").classes("font-medium grow truncate")
-                stop = ui.button(icon="stop", on_click=lambda: self._do(self.jobs.stop, job))
-                resume = ui.button(icon="play_arrow", on_click=lambda: self._do(self.jobs.resume, job))
-                remove = ui.button(icon="close", on_click=lambda: self._do(self.jobs.remove, job))
-                for button, word in ((stop, "Stop"), (resume, "Resume"), (remove, "Remove from the list")):
-                    button.props(f'flat dense round size=sm aria-label="{word}" data-test="{word.split()[0].lower()}"')
-                    button.mark(word.split()[0].lower()).tooltip(word)
+                stop, resume, remove = (
+                    draw_icon_button(icon, label, partial(self._do, deed, job), label.split()[0].lower(), "size=sm")
+                    for icon, label, deed in (
+                        ("stop", "Stop", self.jobs.stop),
+                        ("play_arrow", "Resume", self.jobs.resume),
+                        ("close", "Remove from the list", self.jobs.remove),
+                    )
+                )
             bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback aria-label=Progress")
-            state = ui.label().classes("text-sm").mark("job-state").props('data-test="job-state" role=status')
+            state = mark(ui.label().classes("text-sm"), "job-state", "role=status")
             message = ui.label().classes("text-sm break-words opacity-80")
-            result = ui.link("Open the result", f"/studio/results/{quote(job.request.output)}", new_tab=True).classes(
-                "text-sm"
-            )
+            address = f"/studio/results/{quote(job.request.output)}"
+            result = ui.link("Open the result", address, new_tab=True).classes("text-sm")
         return row, state, bar, message, stop, resume, remove, result
 
     def _do(self, deed: Callable[[Job], object], job: Job) -> None:
         self._was_active = True
-        try:
+        with tell_errors():
             deed(job)
-        except RsoLidarError as error:
-            ui.notify(str(error), type="negative")
         self._draw_jobs()
 
     async def _tick(self) -> None:
         """Update the page once a second while something runs, and once afterwards."""
         if self._is_listing or not (self._was_active or self.jobs.is_active or self._viewer.is_following):
             return
-        self._was_active, self._is_listing = (
-            self.jobs.is_active or (self._was_active and self._viewer.is_following),
-            True,
-        )
+        self._was_active = self.jobs.is_active or (self._was_active and self._viewer.is_following)
+        self._is_listing = True
         try:
             self._draw_jobs()
             found = await run.io_bound(self.tab.workspace.recordings.read)

@@ -6,6 +6,7 @@ import asyncio
 import secrets
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 import fastapi
@@ -16,14 +17,16 @@ from rso_lidar.orbit.epochs import format_utc
 from rso_lidar.picture import DARK, LIGHT
 from rso_lidar.picture.frames.frame_image import choose_window, draw_image, find_pixel, mark_pixel
 from rso_lidar.picture.viewers.space_scene import draw_cloud
+from rso_lidar.picture.viewers.waveform_chart import make_waveform_chart
 from rso_lidar.records import Frame
-from rso_lidar.studio.documents.assessment import describe
+from rso_lidar.studio.pages.elements import draw_button, draw_icon_button, mark
 from rso_lidar.studio.pages.space_view import SpaceView
-from rso_lidar.studio.preview.figures import FIGURES, draw_figure
-from rso_lidar.studio.preview.flight import PreviewFlight
-from rso_lidar.studio.preview.views import VIEWS
 from rso_lidar.studio.state import BrowserTab, Workspace
-from rso_lidar.study.pixel_summary import PixelReport, report_pixel
+from rso_lidar.study.previews.flight import PreviewFlight
+from rso_lidar.study.previews.pixel_summary import report_pixel
+from rso_lidar.study.previews.scenario_figures import FIGURES, draw_figure
+from rso_lidar.study.previews.space_views import VIEWS
+from rso_lidar.study.previews.text_assessment import describe
 
 T = TypeVar("T")
 _EVERY_S = 0.2  # between two frames shown
@@ -49,6 +52,10 @@ def draw(tab: BrowserTab) -> None:
     SeePage(tab)
 
 
+def _run(client: Any, script: str) -> None:
+    client.run_javascript(script)  # what it returns is not awaited
+
+
 class SeePage:
     """The page of one tab: the flight that it shows, the row of its slider, and its elements."""
 
@@ -67,106 +74,76 @@ class SeePage:
         if isinstance(self.panels, ui.tab_panels):
             self.panels.on_value_change(self.request)
         self._draw_bars()
-        with (
-            ui.row()
-            .classes("w-full no-wrap gap-2 items-stretch")
-            .style("height: calc(100vh - 124px); min-height: 480px")
-        ):
-            with ui.column().classes("gap-1 h-full").style("width: 44%"):
-                self.view = ui.toggle(
-                    {name: name.capitalize() for name in VIEWS}, value="target", on_change=self.request
-                )
-                self.view.props('dense no-caps data-test="view" aria-label="View in space"').mark("view")
+        with ui.row(wrap=False).classes("w-full gap-2 items-stretch studio-see"):
+            with ui.column().classes("gap-1 h-full studio-space"):
+                names = {name: name.capitalize() for name in VIEWS}
+                self.view = ui.toggle(names, value="target", on_change=self.request)
+                mark(self.view, "view", 'dense no-caps aria-label="View in space"')
                 self.space = SpaceView("View in space", f"/studio/see/{self.key}/").classes("w-full grow")
-                self.space.props('data-test="space"')
-            with ui.column().classes("gap-0 h-full").style("width: 56%"):
+                mark(self.space, "space")
+            with ui.column().classes("gap-0 h-full studio-right"):
                 self._draw_right()
         self.timer = ui.timer(_EVERY_S, self._play, active=False)
-        client = ui.context.client
+        client, is_dark = ui.context.client, "document.body.classList.contains('body--dark')"
+        tell = f"emitEvent('studio_dark', {is_dark})"
+        watch = f"new MutationObserver(() => {tell}).observe(document.body, {{attributeFilter: ['class']}}); {tell}"
         client.on_delete(lambda: _shelves.pop(self.key, None))
+        client.on_connect(lambda: _run(client, watch))
         ui.on("studio_dark", self._set_dark)
-        look = "emitEvent('studio_dark', document.body.classList.contains('body--dark'))"
-        watch = f"new MutationObserver(() => {look}).observe(document.body, {{attributeFilter: ['class']}}); {look}"
-
-        def watch_colours() -> None:
-            client.run_javascript(watch)
-
-        client.on_connect(watch_colours)
         tab.assessed.subscribe(self.request)
 
     def _draw_bars(self) -> None:
-        with ui.row().classes("w-full items-center gap-2").mark("problem") as self.problem:
-            self.problem_text = ui.label().classes("text-negative grow")
-            ui.button("Show in Build", on_click=self._go_to_build).props("dense outline no-caps")
+        with mark(ui.row().classes("w-full items-center gap-2"), "problem") as self.problem:
+            self.problem_text = ui.label().classes("text-negative grow").props("role=alert")
+            draw_button("Show in Build", self._go_to_build)
         self.problem.set_visibility(False)
-        with ui.row().classes("w-full no-wrap items-center gap-1"):
-            for icon, label, step in (("skip_previous", "Previous frame", -1), ("skip_next", "Next frame", 1)):
-                ui.button(icon=icon, on_click=lambda step=step: self._step(step)).props(
-                    f'flat round dense aria-label="{label}"'
-                ).mark(label)
-            self.play = ui.button(icon="play_arrow", on_click=self._toggle_play).props(
-                'flat round dense aria-label="Play"'
-            )
+        with ui.row(wrap=False).classes("w-full items-center gap-1"):
+            draw_icon_button("skip_previous", "Previous frame", partial(self._step, -1))
+            draw_icon_button("skip_next", "Next frame", partial(self._step, 1))
+            self.play = draw_icon_button("play_arrow", "Play", self._toggle_play)
             self.slider = ui.slider(min=0, max=1, step=1, value=0, on_change=self.request).classes("grow mx-2")
-            self.slider.props('aria-label="Time" data-test="time"').mark("time")
-            self.when = (
-                ui.label()
-                .classes("text-sm tabular-nums text-right whitespace-nowrap")
-                .style("min-width: 450px")
-                .mark("when")
-            )
-        with ui.row().classes("w-full items-center gap-2").style("height: 22px; margin: -12px 0"):
+            mark(self.slider, "time", "aria-label=Time")
+            self.slider.on("keydown.home", partial(self._step, -(10**9))).on("keydown.end", partial(self._step, 10**9))
+            when = ui.label().classes("text-sm tabular-nums text-right whitespace-nowrap studio-when")
+            self.when = mark(when, "when")
+        with ui.row().classes("w-full items-center gap-2 studio-note"):
             self.spinner = ui.spinner(size="sm")
-            self.note = ui.label().classes("text-sm").props('role="status"').mark("note")
+            self.note = mark(ui.label().classes("text-sm"), "note", "role=status")
         self.spinner.set_visibility(False)
 
     def _draw_right(self) -> None:
-        names = {
-            "image": "Image",
-            "cloud": "Point cloud",
-            **{name: name.capitalize() for name in FIGURES},
-            "text": "Text",
-        }
+        names = {"image": "Image", "cloud": "Point cloud", **{k: k.capitalize() for k in FIGURES}, "text": "Text"}
         with ui.tabs(on_change=self.request).props("dense no-caps align=left inline-label") as self.tabs:
             for name, label in names.items():
-                ui.tab(name, label=label)
+                mark(ui.tab(name, label=label), f"show-{name}")
+        self.pictures: dict[str, ui.image] = {}
         with ui.tab_panels(self.tabs, value="image").classes("w-full grow"):
             with ui.tab_panel("image").classes("gap-1 p-1"):
-                self.image = ui.interactive_image(on_mouse=self._click, sanitize=False).classes(
-                    "w-full cursor-crosshair"
-                )
-                self.image.props('role="img" data-test="image" aria-label="Range and intensity of the frame"').mark(
-                    "image"
-                )
-                with ui.row().classes("w-full no-wrap gap-2 items-start"):
-                    with ui.column().classes("gap-1").style("width: 235px"):
-                        with ui.row().classes("no-wrap gap-2"):
-                            self.row = ui.number("Row", min=0, precision=0, value=0, on_change=self._choose)
-                            self.col = ui.number("Column", min=0, precision=0, value=0, on_change=self._choose)
-                            for field in (self.row, self.col):
-                                field.props("dense").style("width: 62px")
-                            ui.switch("Whole field", on_change=self._set_whole).props("dense").classes("text-xs")
-                        self.numbers = ui.grid(columns="auto auto").classes("text-xs gap-x-3 gap-y-0").mark("numbers")
-                    self.chart = ui.echart({}, renderer="svg").classes("grow").style("height: 235px; min-width: 300px")
-                    self.chart.props('data-test="waveform" role="img" aria-label="Waveform of the pixel"')
+                self._draw_image_panel()
             with ui.tab_panel("cloud").classes("h-full gap-1"):
                 with ui.row():
-                    choices = ["range", "intensity", "part", "probability"]
-                    self.colour = ui.select(choices, value="range", label="Colour", on_change=self.request).props(
-                        "dense"
-                    )
-                    self.cloud_axes = ui.select(["lidar"], value="lidar", label="Axes", on_change=self.request).props(
-                        "dense"
-                    )
-                self.cloud = (
-                    SpaceView("Point cloud", f"/studio/see/{self.key}/").classes("w-full").style("height: 440px")
-                )
-            self.pictures: dict[str, ui.image] = {}
+                    colours, ask = ["range", "intensity", "part", "probability"], self.request
+                    self.colour = ui.select(colours, value="range", label="Colour", on_change=ask).props("dense")
+                    self.cloud_axes = ui.select(["lidar"], value="lidar", label="Axes", on_change=ask).props("dense")
+                self.cloud = SpaceView("Point cloud", f"/studio/see/{self.key}/").classes("w-full studio-cloud")
             for name in FIGURES:
                 with ui.tab_panel(name):
                     self.pictures[name] = ui.image().props(f'alt="{name} of the scenario" fit=contain no-transition')
             with ui.tab_panel("text"):
-                self.text = ui.label().classes("text-xs").style("white-space: pre-wrap; font-family: monospace")
+                self.text = ui.label().classes("studio-description")
+
+    def _draw_image_panel(self) -> None:
+        image = ui.interactive_image(on_mouse=self._click, sanitize=False).classes("w-full cursor-crosshair")
+        self.image = mark(image, "image", 'role=img aria-label="Range and intensity of the frame"')
+        with ui.row(wrap=False).classes("w-full gap-2 items-start"):
+            with ui.column().classes("gap-1 studio-pixel"):
+                with ui.row(wrap=False).classes("gap-2"):
+                    self.row = ui.number("Row", min=0, precision=0, value=0, on_change=self._choose).props("dense")
+                    self.col = ui.number("Column", min=0, precision=0, value=0, on_change=self._choose).props("dense")
+                    ui.switch("Whole field", on_change=self._set_whole).props("dense").classes("text-xs")
+                self.numbers = mark(ui.grid(columns="auto auto").classes("text-xs gap-x-3 gap-y-0"), "numbers")
+            self.chart = mark(ui.echart({}, renderer="svg").classes("grow studio-waveform"), "waveform", "role=img")
+            self.chart.props('aria-label="Waveform of the pixel"')
 
     def _go_to_build(self) -> None:
         self.tab.page_chosen.emit("build")
@@ -184,6 +161,7 @@ class SeePage:
         self.request()
 
     def _step(self, step: int) -> None:
+        """Move the slider by a number of frames, at most to its ends."""
         last = len(self.flight.numbers) - 1 if self.flight else 0
         self.slider.value = min(max(int(self.slider.value) + step, 0), last)
 
@@ -241,7 +219,7 @@ class SeePage:
         self.problem.set_visibility(bool(text))
         self.note.text = "Below: the last version that could be flown." if text and self.flight else ""
         for element in (self.space, self.image, self.cloud):
-            element.style(f"opacity: {0.45 if text else 1}")
+            element.classes("studio-old") if text else element.classes(remove="studio-old")
 
     async def _fly(self) -> None:
         made = self.tab.assessment
@@ -299,20 +277,13 @@ class SeePage:
             if (shown, scheme) not in self.drawn:
                 self.note.text = "Drawing."
                 self.drawn.add((shown, scheme))
-                self.pictures[shown].set_source(
-                    self._put(shown, await self._work(draw_figure, shown, flight.scenario, scheme), "image/png")
-                )
+                png = await self._work(draw_figure, shown, flight.scenario, scheme)
+                self.pictures[shown].set_source(self._put(shown, png, "image/png"))
         elif shown == "text" and not self.text.text:
             self.note.text = "Describing."
             self.text.text = await self._work(describe, flight.scenario)
         elif shown in ("image", "cloud"):
-            keep = (
-                ("waveforms", "taps")
-                if shown == "image"
-                else ("prediction",)
-                if self.colour.value == "probability"
-                else ()
-            )
+            keep = ("waveforms", "taps") if shown == "image" else ("prediction",) * (self.colour.value == "probability")
             self.frame = frame = await self._work(flight.frame, row, keep)
             if shown == "cloud":
                 colour, axes = self.colour.value, self.cloud_axes.value
@@ -331,11 +302,9 @@ class SeePage:
         """
         png = await self._work(lambda: draw_image(frame, self.scheme, whole=self.whole))
         self.image.set_source(self._put("image", png, "image/png"))
-        if self.pixel[0] < 0 or any(
-            k >= n for k, n in zip(self.pixel, frame.valid.shape, strict=True)
-        ):  # the brightest
-            row_of, col_of = divmod(int(frame.intensity_counts.argmax()), frame.valid.shape[1])
-            self.pixel = self.row.value, self.col.value = row_of, col_of
+        rows, cols = frame.valid.shape
+        if not (0 <= self.pixel[0] < rows and 0 <= self.pixel[1] < cols):  # the brightest
+            self.pixel = self.row.value, self.col.value = divmod(int(frame.intensity_counts.argmax()), cols)
         report = await self._work(report_pixel, frame, flight.moments[row].lidar, self.pixel)
         boxes = mark_pixel(choose_window(frame, whole=self.whole), *self.pixel)
         self.image.content = "".join(
@@ -348,46 +317,5 @@ class SeePage:
                 ui.label(name).classes("opacity-80 whitespace-nowrap")
                 ui.label(value).classes("tabular-nums")
         self.chart.options.clear()
-        self.chart.options.update(_chart_options(report, self.scheme))
+        self.chart.options.update(make_waveform_chart(report.curves, report.instants_ns, report.note, self.scheme))
         self.chart.update()
-
-
-def _chart_options(report: PixelReport, scheme: Any) -> dict[str, Any]:
-    """Return the options of the chart of a waveform."""
-    words = {"color": scheme.quiet}
-    title = {"text": report.note, "textStyle": {**words, "fontSize": 12, "fontWeight": "normal"}}
-    if not report.curves:
-        return {"title": title}
-    axis = {
-        "nameLocation": "middle",
-        "scale": True,
-        "axisLabel": words,
-        "nameTextStyle": words,
-        "splitLine": {"show": False},
-    }
-    # Along their lines on different sides: truth and report are often within a nanosecond.
-    sides = {"truth": "insideEndBottom", "reported": "insideEndTop", "trigger": "insideStartTop"}
-    marks = [
-        {"xAxis": at, "label": {"formatter": name, "position": sides[name], **words}}
-        for name, at in report.instants_ns.items()
-    ]
-    series = []
-    for k, (name, curve) in enumerate(report.curves.items()):
-        one = {"name": name, "type": "line", "data": curve.round(4).tolist(), "showSymbol": name == "samples"}
-        one |= {"color": scheme.lines[k % 6], "yAxisIndex": int(name.startswith("light")), "animation": False}
-        one["lineStyle"] = {"width": 1.4, "type": "dashed" if name in ("threshold", "reported pulse") else "solid"}
-        if name == "samples":
-            one["markLine"] = {"symbol": "none", "animation": False, "data": marks, "lineStyle": {"color": scheme.mark}}
-        series.append(one)
-    start, end = report.curves["samples"][[0, -1], 0]
-    return {
-        "grid": {"left": 60, "right": 55, "top": 48, "bottom": 38},
-        "legend": {"textStyle": {**words, "fontSize": 11}, "top": 0, "itemWidth": 16, "itemGap": 8},
-        "tooltip": {"trigger": "axis"},
-        "xAxis": {**axis, "type": "value", "name": "time since emission [ns]", "nameGap": 24, "min": start, "max": end},
-        "yAxis": [
-            {**axis, "name": "counts", "nameGap": 44},
-            {**axis, "name": "photoelectrons per step", "nameGap": 38},
-        ],
-        "series": series,
-    }

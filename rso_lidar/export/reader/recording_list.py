@@ -1,4 +1,4 @@
-"""The recordings of the folder: their status, and how one is opened."""
+"""The recordings of a folder: their status, and how one is opened."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.export.reader.outside_data import check_self_contained
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.reader.status import RecordingStatus, read_status
-from rso_lidar.studio.root_folder import RECORDINGS, Folder
+from rso_lidar.files.folder import Folder
 
+RECORDINGS = (".h5", ".nc")
 Stamp = tuple[int, int, int]
 
 
@@ -52,7 +53,7 @@ def open_recording(folder: Folder, name: str) -> tuple[Recording, bool]:
 
     Parameters
     ----------
-    folder : of the studio.
+    folder : that holds it.
     name : of the recording in it.
 
     Raises

@@ -1,23 +1,18 @@
-"""The text of one scenario while it is edited, with its history, its draft and its file."""
+"""The text of one scenario while it is edited, with its draft and its file."""
 
 from __future__ import annotations
 
 import hashlib
-import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.files import check_writable, read_bytes, write_atomically
-from rso_lidar.part.toml_edits import remove_value, set_value
-from rso_lidar.part.toml_text import MOST_BYTES, parse_toml, split_place
-from rso_lidar.studio.root_folder import Folder
+from rso_lidar.files.folder import Folder
+from rso_lidar.part.editable_toml import EditableToml
+from rso_lidar.part.toml_text import MOST_BYTES
 
-_MOST_STEPS, _MOST_CHARACTERS = 300, 20_000_000  # of the history
-_LONGEST_FOR_FORMS = 300_000  # characters; tomlkit parses about 1 MB in 10 s
-_PAUSE_S = 1.0  # edits of one kind that follow each other faster are one step of the history
 UNSAVED = "unsaved.toml"  # the name of the draft of the first document without one
 
 
@@ -25,10 +20,10 @@ class EditConflictError(RsoLidarError, RuntimeError):
     """A file that another program changed since it was read, or that exists already."""
 
 
-class Document:
+class Document(EditableToml):
     """The TOML text of one scenario: what the editor and the forms both change.
 
-    `listeners` are called after each change. `notice` is a line for the user about how the document was opened.
+    `notice` is a line for the user about how the document was opened.
     """
 
     def __init__(self, folder: Folder, text: str, name: str = "", draft_name: str = UNSAVED) -> None:
@@ -41,16 +36,12 @@ class Document:
         name : of its file; empty for none.
         draft_name : after which the draft of a document without a file is named.
         """
-        self.folder, self.name, self._text, self._draft_name = folder, name, text, draft_name
-        self.listeners: set[Callable[[], None]] = set()
+        super().__init__(text)
+        self.folder, self.name, self._draft_name = folder, name, draft_name
         self.notice = ""
-        self._past: list[str] = []
-        self._future: list[str] = []
-        self._last = ("", 0.0)  # kind and instant of the last edit
         self._line_end = "\n"  # of the file; the text has "\n"
         self._saved_text, self._drafted = "", text
         self._digest, self._stamp = "", (0, 0)  # of the file as read or written last; empty for no file
-        self._parsed: tuple[str, dict[str, Any], bool] = ("", {}, True)
 
     @classmethod
     def open(cls, folder: Folder, name: str) -> Self:
@@ -78,108 +69,9 @@ class Document:
         return self.name or "unsaved"
 
     @property
-    def text(self) -> str:
-        """The text."""
-        return self._text
-
-    @property
     def is_changed(self) -> bool:
         """Whether the text differs from the file as it was read or saved last."""
         return self._text != self._saved_text
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether there is an edit to undo."""
-        return bool(self._past)
-
-    @property
-    def can_redo(self) -> bool:
-        """Whether there is an undone edit."""
-        return bool(self._future)
-
-    @property
-    def is_toml(self) -> bool:
-        """Whether the text is TOML, so that forms can change it."""
-        self.tables()
-        return self._parsed[2] and len(self._text) <= _LONGEST_FOR_FORMS
-
-    def tables(self) -> dict[str, Any]:
-        """Return the tables of the text, or of the last text that was TOML."""
-        text, tables, _ = self._parsed
-        if text != self._text:
-            try:
-                self._parsed = self._text, parse_toml(self._text, self.title, ScenarioError), True
-            except ScenarioError:
-                self._parsed = self._text, tables, False
-        return self._parsed[1]
-
-    def get(self, place: str) -> Any:
-        """Return the value at a place, or None."""
-        here: Any = self.tables()
-        for step in split_place(place):
-            try:
-                here = here[step]
-            except (KeyError, IndexError, TypeError):
-                return None
-        return here
-
-    def set_text(self, text: str, kind: str = "text") -> None:
-        """Replace the text; edits of the same kind that follow each other fast are undone together."""
-        if text == self._text:
-            return
-        now = time.monotonic()
-        if kind == "whole" or self._last[0] != kind or now - self._last[1] > _PAUSE_S:
-            self._past.append(self._text)
-            while len(self._past) > _MOST_STEPS or sum(map(len, self._past)) > _MOST_CHARACTERS:
-                del self._past[0]
-        self._last = (kind, now)
-        self._future.clear()
-        self._show(text)
-
-    def undo(self) -> None:
-        """Undo the last edit."""
-        if self._past:
-            self._future.append(self._text)
-            self._last = ("", 0.0)
-            self._show(self._past.pop())
-
-    def redo(self) -> None:
-        """Make the last undone edit again."""
-        if self._future:
-            self._past.append(self._text)
-            self._last = ("", 0.0)
-            self._show(self._future.pop())
-
-    def _show(self, text: str) -> None:
-        self._text = text
-        for listener in list(self.listeners):
-            listener()
-
-    def set(self, place: str, value: Any) -> None:
-        """Set the value at a place; tables on the way are made. Comments and layout of all else stay.
-
-        Raises
-        ------
-        ScenarioError
-            If the text is not TOML, or the value cannot be placed.
-        """
-        self._require_toml()
-        self.set_text(set_value(self._text, place, value), place)
-
-    def remove(self, place: str) -> None:
-        """Remove the value, table or entry at a place; nothing happens where there is none."""
-        if self.get(place) is not None:
-            self._require_toml()
-            self.set_text(remove_value(self._text, place), place)
-
-    def add_entry(self, place: str, table: dict[str, Any]) -> None:
-        """Add an entry at the end of the list of tables at a place, which is made if it is missing."""
-        entries = self.get(place)
-        self.set(f"{place}[{len(entries)}]" if entries else place, table if entries else [table])
-
-    def _require_toml(self) -> None:
-        if not self.is_toml:
-            raise ScenarioError("the text is not valid TOML, or too long for forms; correct it in the editor first")
 
     def save(self, *, overwrite: bool = False) -> None:
         """Write the text to its file, and remove the draft.
@@ -238,6 +130,10 @@ class Document:
         if now == self._digest:
             self._stamp = _stamp(self._path())
         return now != self._digest
+
+    def is_as_on_disk(self) -> bool:
+        """Return whether the file holds the text."""
+        return self._path().is_file() and _decode(self._path()).replace("\r\n", "\n") == self._text
 
     def keep_draft(self) -> None:
         """Write unsaved edits beside the file, where the next session finds them."""

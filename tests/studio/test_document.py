@@ -9,10 +9,11 @@ import pytest
 pytest.importorskip("tomlkit", reason="documents need tomlkit, of the extra studio")
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.files.folder import Folder
+from rso_lidar.part import editable_toml
 from rso_lidar.shipped import shipped
-from rso_lidar.studio.documents import document as module
-from rso_lidar.studio.documents.document import UNSAVED, Document, EditConflictError, list_documents
-from rso_lidar.studio.root_folder import Folder
+from rso_lidar.studio import document as module
+from rso_lidar.studio.document import UNSAVED, Document, EditConflictError, list_documents
 
 FIRST, SECOND = 'name = "first"  # a comment\n', 'name = "second"\n'
 APPROACH = shipped("examples/tdrs_approach.toml").read_text(encoding="utf-8")
@@ -291,7 +292,7 @@ def test_an_edit_after_undo_drops_what_was_undone(document):
 
 def test_typing_is_one_step_and_a_pause_begins_another(document, monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(editable_toml.time, "monotonic", lambda: now[0])
     for text in ("n", "na", "nam"):
         document.set_text(text)
         now[0] += 0.2
@@ -304,7 +305,7 @@ def test_typing_is_one_step_and_a_pause_begins_another(document, monkeypatch):
 
 
 def test_an_edit_fast_after_undo_can_be_undone_by_itself(document, monkeypatch):
-    monkeypatch.setattr(module.time, "monotonic", lambda: 100.0)
+    monkeypatch.setattr(editable_toml.time, "monotonic", lambda: 100.0)
     document.set_text("one")
     document.undo()
     document.set_text("two")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.studio.preview.flight import PreviewFlight
+from rso_lidar.study.previews.flight import PreviewFlight
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ import zipfile
 import pytest
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.files.folder import Folder
 from rso_lidar.shipped import shipped
-from rso_lidar.studio.documents import upload as module
-from rso_lidar.studio.documents.upload import MOST_BYTES, SUFFIXES, keep_upload
-from rso_lidar.studio.root_folder import Folder
+from rso_lidar.studio import upload as module
+from rso_lidar.studio.upload import MOST_BYTES, SUFFIXES, keep_upload
 
 OBJECT = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar import picture, study
+from rso_lidar import picture
 from rso_lidar.picture.style.figures import PAGE_DPI
 from rso_lidar.picture.style.palette import Scheme
 from rso_lidar.scenario import Scenario
+from rso_lidar.study.budgets.range_budget import budget
 from rso_lidar.study.time_history.open_loop import fly_open_loop
+from rso_lidar.study.time_history.timeline import timeline
 
 _lock = Lock()  # matplotlib's caches are not made for threads
 
@@ -24,8 +26,8 @@ def _fly(scenario: Scenario) -> Any:
 
 
 FIGURES: dict[str, Callable[[Scenario], Any]] = {
-    "budget": lambda scenario: study.budget(scenario).figure(),
-    "timeline": lambda scenario: study.timeline(scenario).figure(),
+    "budget": lambda scenario: budget(scenario).figure(),
+    "timeline": lambda scenario: timeline(scenario).figure(),
     "trajectory": lambda scenario: picture.orbit_figure(_fly(scenario), title=scenario.name),
     "orbits": lambda scenario: picture.inertial_figure(_fly(scenario), scenario.name),
 }

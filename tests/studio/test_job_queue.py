@@ -14,16 +14,16 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from rso_lidar.export.reader.recording_list import RecordingList
 from rso_lidar.export.reader.status import RecordingStatus
-from rso_lidar.studio.jobs.queue import KINDS, Job, JobQueue, JobRequest
-from rso_lidar.studio.jobs.recording_list import RecordingList
-from rso_lidar.studio.root_folder import Folder
+from rso_lidar.files.folder import Folder
+from rso_lidar.studio.job_queue import KINDS, Job, JobQueue, JobRequest
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Folder:
     """Return a folder with a short scenario."""
-    rl_scenario = (Path(__file__).parents[3] / "examples" / "bench_plate.toml").read_text(encoding="utf-8")
+    rl_scenario = (Path(__file__).parents[2] / "examples" / "bench_plate.toml").read_text(encoding="utf-8")
     (tmp_path / "short.toml").write_text(rl_scenario, encoding="utf-8")
     return Folder(tmp_path)
 
@@ -175,7 +175,7 @@ def test_an_unexpected_error_ends_its_job_only(folder: Folder) -> None:
 def test_a_run_that_goes_on_without_its_studio_is_not_begun_twice(
     folder: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from rso_lidar.studio.jobs import queue as module
+    from rso_lidar.studio import job_queue as module
 
     (folder.path / ".rso_lidar_studio.json").write_text(
         '[{"kind": "run", "source": "short.toml", "output": "a.h5"}]', encoding="utf-8"

@@ -11,7 +11,7 @@ from rso_lidar.picture.plots.orbit import osculating_orbit_m
 from rso_lidar.picture.style.palette import DAY, OTHER_PART, Scheme
 from rso_lidar.picture.viewers.space_scene import SpaceScene
 from rso_lidar.pose import ROOT, rotate_vectors
-from rso_lidar.studio.preview.flight import PreviewFlight
+from rso_lidar.study.previews.flight import PreviewFlight
 from rso_lidar.units import DEG, EARTH_RADIUS_M
 
 _MM = 1e-6  # 1,000 km, the unit of views of orbits

@@ -1,4 +1,4 @@
-"""The folder of the studio: names of files inside it, and nothing outside it."""
+"""A folder that is the only one a program may read and write: names of files inside it, and nothing outside it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from rso_lidar.errors import ScenarioError
 
 _MOST_FILES = 500  # that a list shows
 _LONGEST_NAME = 200  # bytes of a path inside the folder; file systems take 255
-RECORDINGS = (".h5", ".nc")
 
 
 class Folder:
-    """One folder, with the files that the studio may read and write.
+    """One folder, with the only files that a program may read and write.
 
     Names are relative paths inside it. Absolute names, `..`, hidden files, and symbolic links that lead outside are refused.
     """

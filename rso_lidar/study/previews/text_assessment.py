@@ -7,16 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, suppress_warnings
-from rso_lidar.part.toml_text import find_line, parse_toml
+from rso_lidar.files.folder import Folder
+from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.assessment.problem_place import locate_problem
 from rso_lidar.scenario.examples import iterate_texts
-from rso_lidar.scenario.mission.named_files import iterate_named_files, list_dynamics, list_fmus
+from rso_lidar.scenario.mission.named_files import iterate_named_files, list_named_code
 from rso_lidar.scene.library.model_index import model
 from rso_lidar.shipped import find, is_shipped
-from rso_lidar.studio.root_folder import Folder
 
 _CODE = re.compile(r"\bdynamics\b|\bfmu\b", re.IGNORECASE)  # fields and files that hold Python or native code
-_PLACE = re.compile(r"([A-Za-z_][\w-]*(?:\[\d+\]|\.[\w-]+)*): ")
+
+_CODE_REFUSED = "the studio runs none of a file; fly it with `rso-lidar run` on the command line"
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ def assess(text: str, folder: Folder, title: str) -> Assessment:
     folder : of the studio.
     title : of the text, which begins its messages.
     """
+    refusal = ""
     try:
         with suppress_warnings():
             # Before any part sees the text: some read the files that they name.
@@ -50,12 +53,13 @@ def assess(text: str, folder: Folder, title: str) -> Assessment:
                 check_file(name, folder, f"{title}: {place}")
             scenario = Scenario.loads(text, folder=folder.path, where=title)
             _check_models(scenario, title)
-            refusal = _find_refusal(scenario)
-            if not refusal:
+            if named := list_named_code(scenario):
+                refusal = f"names code, {named[0]}: {_CODE_REFUSED}"
+            else:
                 _ = scenario.bodies, scenario.pan_tilt, scenario.instrument  # these read the files that the text names
     except RsoLidarError as error:
         message = str(error)
-        place, line = _locate(message.removeprefix(f"{title}: "), text)
+        place, line = locate_problem(message.removeprefix(f"{title}: "), text)
         return Assessment(text, None, message, place, line)
     return Assessment(text, scenario, refusal=refusal)
 
@@ -153,37 +157,3 @@ def _check_models(scenario: Scenario, title: str) -> None:
                 model(target.shape)
         except RsoLidarError as error:
             raise ScenarioError(f"{title}: target[{number}].model: {error}") from None
-
-
-def _find_refusal(scenario: Scenario) -> str:
-    """Return why the studio does not fly a scenario: it names code, Python or native."""
-    parts = [part for body in (*scenario.target, scenario.follower) for part in (body.motion, body.attitude)]
-    named = [name for part in (*parts, scenario.ptu) for name in (*list_dynamics(part), *list_fmus(part))]
-    if not named:
-        return ""
-    return f"names code, {named[0]}: the studio runs none of a file; fly it with `rso-lidar run` on the command line"
-
-
-def _locate(message: str, text: str) -> tuple[str, int | None]:
-    """Return the place that a message names, as a TOML key, and its line in the text."""
-    if found := re.search(r"\(at line (\d+), column \d+\)", message):
-        return "", int(found[1])
-    found = _PLACE.match(message)
-    place = found[1] if found else ""
-    if unknown := re.search(r"(?:^|: )unknown key '([^']+)'", message):
-        place = f"{place}.{unknown[1]}".lstrip(".")
-    first, _, rest = place.partition(".")
-    if found := re.match(r"target (\S+): ", message):  # messages of loaded bodies have names, not numbers
-        first, rest = found[1], ""
-    names = _list_targets(text)
-    if first in names:
-        place = f"target[{names.index(first)}].{rest}".rstrip(".")
-    return place, find_line(text, place)
-
-
-def _list_targets(text: str) -> list[str]:
-    try:
-        tables = parse_toml(text, "", ScenarioError).get("target", [])
-    except ScenarioError:
-        return []
-    return [str(one.get("name")) if isinstance(one, dict) else "" for one in tables] if isinstance(tables, list) else []

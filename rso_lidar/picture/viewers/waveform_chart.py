@@ -1,0 +1,62 @@
+"""The waveform of a pixel as a chart of Apache ECharts: options as a browser takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.picture.style.palette import Scheme
+
+
+def make_waveform_chart(
+    curves: Mapping[str, np.ndarray], instants_ns: Mapping[str, float], note: str, scheme: Scheme
+) -> dict[str, Any]:
+    """Make the options of the chart of a waveform.
+
+    Parameters
+    ----------
+    curves : parts of the waveform by name, each (n, 2): time since emission [ns] and counts; of names that begin with
+        "light", photoelectrons per step.
+    instants_ns : instants to be marked, by name [ns since emission]: truth, reported, trigger.
+    note : title, which says why there are no curves.
+    scheme : `LIGHT` or `DARK`.
+    """
+    words = {"color": scheme.quiet}
+    title = {"text": note, "textStyle": {**words, "fontSize": 12, "fontWeight": "normal"}}
+    if not curves:
+        return {"title": title}
+    axis = {
+        "nameLocation": "middle",
+        "scale": True,
+        "axisLabel": words,
+        "nameTextStyle": words,
+        "splitLine": {"show": False},
+    }
+    # Along their lines on different sides: truth and report are often within a nanosecond.
+    sides = {"truth": "insideEndBottom", "reported": "insideEndTop", "trigger": "insideStartTop"}
+    marks = [
+        {"xAxis": at, "label": {"formatter": name, "position": sides[name], **words}}
+        for name, at in instants_ns.items()
+    ]
+    series = []
+    for k, (name, curve) in enumerate(curves.items()):
+        one = {"name": name, "type": "line", "data": curve.round(4).tolist(), "showSymbol": name == "samples"}
+        one |= {"color": scheme.lines[k % 6], "yAxisIndex": int(name.startswith("light")), "animation": False}
+        one["lineStyle"] = {"width": 1.4, "type": "dashed" if name in ("threshold", "reported pulse") else "solid"}
+        if name == "samples":
+            one["markLine"] = {"symbol": "none", "animation": False, "data": marks, "lineStyle": {"color": scheme.mark}}
+        series.append(one)
+    start, end = curves["samples"][[0, -1], 0]
+    return {
+        "grid": {"left": 60, "right": 55, "top": 48, "bottom": 38},
+        "legend": {"textStyle": {**words, "fontSize": 11}, "top": 0, "itemWidth": 16, "itemGap": 8},
+        "tooltip": {"trigger": "axis"},
+        "xAxis": {**axis, "type": "value", "name": "time since emission [ns]", "nameGap": 24, "min": start, "max": end},
+        "yAxis": [
+            {**axis, "name": "counts", "nameGap": 44},
+            {**axis, "name": "photoelectrons per step", "nameGap": 38},
+        ],
+        "series": series,
+    }

@@ -1,0 +1,111 @@
+"""Elements that the pages share: buttons, dialogs, lists and messages, each named for tests and the guide."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from typing import Any, TypeVar
+
+from nicegui import ui
+from nicegui.element import Element
+
+from rso_lidar.errors import RsoLidarError
+
+E = TypeVar("E", bound=Element)
+
+
+def mark(element: E, name: str, props: str = "") -> E:
+    """Name an element for tests and for the guide, and return it.
+
+    Parameters
+    ----------
+    element : to be named.
+    name : as the mark of NiceGUI, and as `data-test` on the page.
+    props : further properties.
+    """
+    element.mark(name).props(props)
+    element.props["data-test"] = name
+    return element
+
+
+def draw_button(text: str, deed: Callable[..., Any], name: str = "", look: str = "outline") -> ui.button:
+    """Draw a small button.
+
+    Parameters
+    ----------
+    text : on the button.
+    deed : called at a click.
+    name : as for `mark`; empty for none.
+    look : further properties of Quasar.
+    """
+    button = ui.button(text, on_click=deed).props(f"dense no-caps {look}")
+    return mark(button, name) if name else button
+
+
+def draw_icon_button(icon: str, label: str, deed: Callable[..., Any], name: str = "", look: str = "") -> ui.button:
+    """Draw a button that shows an icon and names itself to screen readers.
+
+    Parameters
+    ----------
+    icon, label : the icon, and what the button does in words.
+    deed : called at a click.
+    name, look : as for `draw_button`.
+    """
+    button = draw_button("", deed, name or label, f"flat round {look}").tooltip(label)
+    button.props["icon"], button.props["aria-label"] = icon, label
+    return button
+
+
+def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str) -> None:
+    """Draw a list of things to choose from.
+
+    Parameters
+    ----------
+    rows : name, caption and what a click does, of each.
+    kind : begins the mark of each row.
+    """
+    with ui.list().props("separator dense").classes("w-full"):
+        for name, caption, deed in rows:
+            with mark(ui.item(on_click=deed), f"{kind}-{name}"), ui.item_section():
+                ui.item_label(name)
+                if caption:
+                    ui.item_label(caption).props("caption")
+
+
+@contextmanager
+def open_dialog(title: str, width: str = "w-[520px]") -> Iterator[ui.dialog]:
+    """Open a dialog, and yield it while it is filled; it is deleted when it closes."""
+    dialog = ui.dialog()
+    dialog.on("hide", dialog.delete)
+    dialog.props["aria-label"] = title
+    with dialog, ui.card().classes(f"{width} max-w-full"):
+        ui.label(title).classes("text-lg font-medium")
+        yield dialog
+    dialog.open()
+
+
+def ask(question: str, answers: Mapping[str, str]) -> Awaitable[str | None]:
+    """Ask a question, and return the name of the answer, or None where the user cancels.
+
+    Parameters
+    ----------
+    question : one sentence.
+    answers : words of each answer by its name, which is its mark, too.
+    """
+    with ui.dialog().props('aria-label="Question"') as dialog, ui.card():
+        ui.label(question)
+        with ui.row():
+            for name, text in answers.items():
+                draw_button(text, partial(dialog.submit, name), name)
+            draw_button("Cancel", partial(dialog.submit, None), look="flat")
+    return dialog
+
+
+@contextmanager
+def tell_errors(start: str = "") -> Iterator[None]:
+    """Show an error of what is done in this context as a message, which begins with `start`, and continue after it."""
+    try:
+        yield
+    except (RsoLidarError, OSError) as error:
+        ui.notify(f"{start}{error}", type="negative", multi_line=True)

@@ -1,1 +1,0 @@
-"""Previews of the studio: single frames, pixels and geometry of a scenario, without a run."""
