@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
@@ -61,6 +61,10 @@ class EditableToml:
             except ScenarioError:
                 self._parsed = self._text, tables, False
         return self._parsed[1]
+
+    def outline(self) -> Any:
+        """Return the structure of the tables: their keys and entries, with types and names, in a form to be compared."""
+        return _outline(self.tables())
 
     def get(self, place: str) -> Any:
         """Return the value at a place, or None."""
@@ -129,3 +133,16 @@ class EditableToml:
     def _require_toml(self) -> None:
         if not self.is_toml:
             raise ScenarioError("the text is not valid TOML, or too long for forms; correct it in the editor first")
+
+
+def _outline(tables: Any) -> Any:
+    """Return the structure of tables: keys of tables and lists of tables, and their types and names."""
+    if isinstance(tables, Mapping):
+        return tuple(
+            (key, _outline(value) if isinstance(value, dict | list) else value if key in ("type", "name") else 0)
+            for key, value in sorted(tables.items())
+            if isinstance(value, dict | list) or key in ("type", "name")
+        )
+    if isinstance(tables, list):
+        return tuple(_outline(one) for one in tables if isinstance(one, dict))
+    return 0

@@ -13,7 +13,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import IO
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
@@ -73,18 +73,14 @@ class JobRequest:
     @property
     def is_plain(self) -> bool:
         """Whether all its values have the types that they are declared with, which a damaged journal may not."""
-        flags = (self.overwrite, self.resume)
-        texts = (self.kind, self.source, self.output, self.frames, self.seed, self.keep)
-        return all(isinstance(one, str) for one in texts) and all(isinstance(one, bool) for one in flags)
+        return all(type(getattr(self, one.name)).__name__ == one.type for one in fields(self))
 
     def command(self) -> list[str]:
         """Return the command. Python does not import from the working folder (-P), which may hold any file."""
-        # A name that begins with a dash is no option.
-        names = {
-            key: f"./{name}" if name.startswith("-") else name
-            for key, name in (("source", self.source), ("output", self.output))
-        }
-        words = [word.format(**names) for word in KINDS[self.kind].command.split()]
+        source, output = (
+            f"./{name}" if name.startswith("-") else name for name in (self.source, self.output)
+        )  # no options
+        words = [word.format(source=source, output=output) for word in KINDS[self.kind].command.split()]
         given = {"frames": self.frames, "seed": self.seed, "keep": self.keep} if self.kind == "run" else {}
         words += [f"--{name}={value}" for name, value in given.items() if value]
         words += ["--no-code"] * (self.kind in _FLIES_CODE)
@@ -186,7 +182,7 @@ class JobQueue:
         """
         if job.is_active:
             return job
-        if self._is_written(job.request):
+        if self._has_status(job.request, "running"):
             raise ScenarioError(f"{job.request.output}: {_STILL_RUNNING}; it can be resumed if that ends early")
         made = self.add(replace(job.request, resume=job.request.kind in ("run", "dataset")))
         with self._lock:  # only now: what cannot be queued again stays in the list
@@ -255,11 +251,8 @@ class JobQueue:
             self._measure(job)
             line = _read_last_line(log)
         if code < 0 and not job.is_stopping:
-            kept = (
-                f"; {job.done} frames are kept, resume it"
-                if job.request.kind == "run" and job.done
-                else "; start it again"
-            )
+            is_kept = job.request.kind == "run" and job.done
+            kept = f"; {job.done} frames are kept, resume it" if is_kept else "; start it again"
             line = f"the process was killed ({signal.Signals(-code).name}){kept}"
         self._end(job, "done" if code == 0 else "stopped" if job.is_stopping else "failed", line)
 
@@ -291,23 +284,19 @@ class JobQueue:
         for entry in entries[:_MOST_JOBS] if isinstance(entries, list) else []:
             with contextlib.suppress(TypeError, RsoLidarError):
                 one = JobRequest(**entry)
-                if one.is_plain and one.kind in KINDS and not self._is_complete(one):
+                if one.is_plain and one.kind in KINDS and not self._has_status(one, "complete"):
                     self.folder.resolve(one.output, KINDS[one.kind].makes)
                     requests.append(one)
         return requests
 
     def _tell_state(self, request: JobRequest) -> str:
-        return _STILL_RUNNING if self._is_written(request) else "left by an earlier studio"
+        return _STILL_RUNNING if self._has_status(request, "running") else "left by an earlier studio"
 
-    def _is_written(self, request: JobRequest) -> bool:
-        """Return whether a process writes the recording of a run."""
+    def _has_status(self, request: JobRequest, name: str) -> bool:
+        """Return whether the recording of a run is `running`, so that a process writes it, or `complete`."""
         with contextlib.suppress(RsoLidarError, OSError):
-            return request.kind == "run" and read_status(self.folder.resolve(request.output, RECORDINGS)).running
-        return False
-
-    def _is_complete(self, request: JobRequest) -> bool:
-        with contextlib.suppress(RsoLidarError, OSError):
-            return request.kind == "run" and read_status(self.folder.resolve(request.output, RECORDINGS)).complete
+            status = read_status(self.folder.resolve(request.output, RECORDINGS))
+            return request.kind == "run" and bool(getattr(status, name))
         return False
 
     def _save_journal(self) -> None:

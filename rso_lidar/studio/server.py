@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import secrets
 import socket
 import webbrowser
@@ -65,15 +64,8 @@ def open_studio(folder: Path, address: NetworkAddress, *, opens_browser: bool, t
 def _listen(address: NetworkAddress) -> socket.socket:
     """Open the socket of the server, so that an occupied port is one line."""
     family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
-    listening = socket.socket(family, socket.SOCK_STREAM)
-    with contextlib.suppress(OSError):
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listening.bind((address.host, address.port))
-        listening.listen(128)
+        return socket.create_server((address.host, address.port), family=family, backlog=128)
     except OSError as problem:
-        listening.close()
-        raise RunError(
-            f"--at {address.text}: {problem.strerror or problem}; give another port, or port 0 for a free one"
-        ) from None
-    return listening
+        why = problem.strerror or problem
+        raise RunError(f"--at {address.text}: {why}; give another port, or port 0 for a free one") from None

@@ -72,7 +72,7 @@ class BuildPage:
         self._tell(document.notice)
         if self._editor.value != document.text:
             self._editor.value = document.text
-        shape = (id(document), _outline(document.tables()))
+        shape = (id(document), document.outline())
         if shape != self._shape:
             self._shape = shape
             self._draw_tables()
@@ -202,7 +202,6 @@ class BuildPage:
         self._more.props(remove="loading")
         if text and made is self._tab.assessment:
             self._description.text = text
-            self._description.set_visibility(True)
 
     def _go_to_problem(self) -> None:
         made = self._tab.assessment
@@ -213,10 +212,8 @@ class BuildPage:
 
     def _go_to(self, place: str) -> None:
         """Show the form that has the field at a place, and move the focus there."""
-        above = [
-            one for _, one, _ in self._iterate_tables() if place == one or place.startswith((f"{one}.", f"{one}["))
-        ]
-        own = max(above, key=len, default="")
+        places = (one for _, one, _ in self._iterate_tables())
+        own = max((one for one in places if f"{place}.".startswith((f"{one}.", f"{one}["))), key=len, default="")
         if own != self._place or self._form is None:
             self._choose(own)
         if self._form:
@@ -241,19 +238,6 @@ class BuildPage:
         if text and text != self._told:
             self._told = text
             ui.notify(text, type="info", multi_line=True, timeout=8000)
-
-
-def _outline(tables: Any) -> Any:
-    """Return the structure of tables: keys of tables and lists of tables, and their types and names."""
-    if isinstance(tables, Mapping):
-        return tuple(
-            (key, _outline(value) if isinstance(value, dict | list) else value if key in ("type", "name") else 0)
-            for key, value in sorted(tables.items())
-            if isinstance(value, dict | list) or key in ("type", "name")
-        )
-    if isinstance(tables, list):
-        return tuple(_outline(one) for one in tables if isinstance(one, dict))
-    return 0
 
 
 def draw(tab: BrowserTab) -> None:

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from nicegui import events, run, ui
+from nicegui import run, ui
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.scenario.examples import SHORTEST, find_companions, find_examples, summarize_example
@@ -24,6 +24,7 @@ from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.studio.upload import MOST_BYTES, SUFFIXES, keep_upload
 
+_SHORTCUTS = Path(__file__).with_name("shortcuts.js")
 _PAGES = ("build", "see", "run")
 _SCHEMES = {None: "brightness_auto", True: "dark_mode", False: "light_mode"}
 
@@ -77,21 +78,9 @@ def draw_menu(tab: BrowserTab) -> None:
         undo.set_enabled(tab.document.can_undo)
         redo.set_enabled(tab.document.can_redo)
 
-    def press(event: events.KeyEventArguments) -> None:
-        if event.action.keydown and event.modifiers.ctrl and not event.action.repeat:
-            if event.key == "z" and not event.modifiers.shift:
-                change("undo")
-            elif event.key == "y" or (event.key in ("z", "Z") and event.modifiers.shift):
-                change("redo")
-
     show_history()
     tab.document_changed.subscribe(show_history)
-    ui.keyboard(on_key=press)  # not while a text is typed, which has an undo of its own; the script below saves
-    ui.add_head_html(
-        "<script>addEventListener('keydown', e => {"
-        " if (e.ctrlKey && e.key === 's') { e.preventDefault(); document.querySelector('[data-test=save]')?.click(); } });"
-        "</script>"
-    )
+    ui.add_body_html(f"<script>{_SHORTCUTS.read_text(encoding='utf-8')}</script>")
 
 
 def _open_templates(tab: BrowserTab) -> None:

@@ -25,6 +25,7 @@ from rso_lidar.studio.state import BrowserTab, Workspace
 
 _USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
 _FROM_SCENARIO = ("run", "timeline", "budget", "trade", "dataset")
+_DEEDS = ("Stop", "Resume", "Remove from the list")  # of the buttons of a job
 _RESULTS = tuple({suffix for kind in KINDS.values() for suffix in kind.makes if suffix})
 
 
@@ -40,12 +41,9 @@ def add_routes(application: fastapi.FastAPI, workspace: Workspace) -> None:
         if not path.is_file():
             return fastapi.Response(f"{name}: is not in the folder", 404, media_type="text/plain")
         shown = path.suffix in (".html", ".png", ".gif", ".mp4")
-        return fastapi.responses.FileResponse(
-            path,
-            filename=path.name,
-            content_disposition_type="inline" if shown else "attachment",
-            headers={"content-security-policy": "sandbox"},
-        )
+        how, headers = "inline" if shown else "attachment", {"content-security-policy": "sandbox"}
+        respond = fastapi.responses.FileResponse
+        return respond(path, filename=path.name, content_disposition_type=how, headers=headers)
 
 
 class RunPage:
@@ -111,9 +109,8 @@ class RunPage:
         self._options.set_visibility(self._kind.value == "run")
         found = self.tab.assessment
         problem = "" if found is None or self._kind.value in ("trade", "dataset") else found.problem or found.refusal
-        if problem:
-            text = problem
-        elif self._kind.value == "run" and found is not None and found.scenario is not None:
+        text = problem or f"{document.title}: {kind.title.lower()}"
+        if not problem and self._kind.value == "run" and found is not None and found.scenario is not None:
             frames = found.scenario.time
             try:
                 count = len(frames.choose_frames(parse_frames((self._frames.value or "").strip() or None)))
@@ -123,8 +120,6 @@ class RunPage:
                 rate = next((job.rate_hz for job in reversed(self.jobs.jobs) if job.rate_hz), _USUAL_HZ)
                 of = f"{count:,} of {frames.n_frames:,} frames in all"
                 text = f"{of}; some {max(count / rate, 1):,.0f} s, and 15 s more at the very first start"
-        else:
-            text = f"{document.title}: {kind.title.lower()}"
         self._note.set_text(text)
         self._start.set_enabled(not problem)
 
@@ -197,13 +192,10 @@ class RunPage:
         with ui.card().classes("w-full p-2 gap-1") as row:
             with ui.row(wrap=False).classes("w-full items-center gap-1"):
                 ui.label(f"{KINDS[job.request.kind].title}: {job.request.output}").classes("font-medium grow truncate")
+                deeds = {"stop": self.jobs.stop, "play_arrow": self.jobs.resume, "close": self.jobs.remove}
                 stop, resume, remove = (
                     draw_icon_button(icon, label, partial(self._do, deed, job), label.split()[0].lower(), "size=sm")
-                    for icon, label, deed in (
-                        ("stop", "Stop", self.jobs.stop),
-                        ("play_arrow", "Resume", self.jobs.resume),
-                        ("close", "Remove from the list", self.jobs.remove),
-                    )
+                    for (icon, deed), label in zip(deeds.items(), _DEEDS, strict=True)
                 )
             bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback aria-label=Progress")
             state = mark(ui.label().classes("text-sm"), "job-state", "role=status")
@@ -232,17 +224,13 @@ class RunPage:
                 if rows != self._table.rows:
                     self._table.rows = rows
                 self._viewer.offer([row["name"] for row in rows])
-                await self._show_awaited(rows)
+                begun = [row for row in rows if row["name"] == self._awaited and row["frames"]]
+                if begun:  # the run that was started last is shown as soon as it has a frame
+                    self._awaited, self._table.selected = "", begun
+                    await self._open(begun)
                 await self._viewer.refresh()
         finally:
             self._is_listing = False
-
-    async def _show_awaited(self, rows: list[dict[str, Any]]) -> None:
-        """Show the recording of the run that was started last, as soon as it has a frame."""
-        begun = [row for row in rows if row["name"] == self._awaited and row["frames"]]
-        if begun:
-            self._awaited, self._table.selected = "", begun
-            await self._viewer.open(begun[0]["name"])
 
     def _describe_recording(self, status: RecordingStatus) -> dict[str, Any]:
         name = status.output.relative_to(self.folder.path).as_posix()

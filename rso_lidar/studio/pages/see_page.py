@@ -183,11 +183,10 @@ class SeePage:
 
     def _choose(self) -> None:
         if self.frame is not None:
-            last = (size - 1 for size in self.frame.valid.shape)
             asked = (int(self.row.value or 0), int(self.col.value or 0))
-            pixel = tuple(min(max(k, 0), end) for k, end in zip(asked, last, strict=True))
-            if pixel != self.pixel:
-                self.pixel = pixel[0], pixel[1]
+            row, col = (min(max(k, 0), n - 1) for k, n in zip(asked, self.frame.valid.shape, strict=True))
+            if (row, col) != self.pixel:
+                self.pixel = row, col
                 self.request()
 
     def request(self, *_: Any) -> None:
@@ -306,10 +305,9 @@ class SeePage:
         if not (0 <= self.pixel[0] < rows and 0 <= self.pixel[1] < cols):  # the brightest
             self.pixel = self.row.value, self.col.value = divmod(int(frame.intensity_counts.argmax()), cols)
         report = await self._work(report_pixel, frame, flight.moments[row].lidar, self.pixel)
-        boxes = mark_pixel(choose_window(frame, whole=self.whole), *self.pixel)
         self.image.content = "".join(
             f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="#ff7a18" stroke-width="3"/>'
-            for x, y, side in boxes
+            for x, y, side in mark_pixel(choose_window(frame, whole=self.whole), *self.pixel)
         )
         self.numbers.clear()
         with self.numbers:
