@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import socket
 import webbrowser
@@ -67,5 +68,5 @@ def _listen(address: NetworkAddress) -> socket.socket:
     try:
         return socket.create_server((address.host, address.port), family=family, backlog=128)
     except OSError as problem:
-        why = problem.strerror or problem
+        why = os.strerror(problem.errno) if problem.errno else problem
         raise RunError(f"--at {address.text}: {why}; give another port, or port 0 for a free one") from None
