@@ -17,6 +17,7 @@ from rso_lidar.studio.state import BrowserTab, Workspace
 
 _RECONNECT_S = 300.0  # for which a page waits for its server: a large file keeps it busy, and laptops sleep
 _STYLE = Path(__file__).parent / "pages" / "style.css"
+_NAMES = Path(__file__).parent / "pages" / "names.js"
 _PAGES = {"build": build_page.draw, "see": see_page.draw, "run": run_page.draw}
 
 
@@ -50,6 +51,7 @@ def make_root(workspace: Workspace) -> Callable[[], Any]:
     def root() -> None:
         ui.colors(primary="#1f6feb", secondary="#4b7a9f", accent="#b35900", positive="#1a7f37", negative="#c62828")
         ui.add_css(_STYLE)
+        ui.add_head_html(f"<script>{_NAMES.read_text(encoding='utf-8')}</script>")
         tab = BrowserTab(workspace, workspace.first_document())
         guide = Guide(tab)
         with ui.header().classes("studio-header"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from contextlib import suppress
 from pathlib import Path
+from threading import RLock
 from typing import Self
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
@@ -42,6 +43,7 @@ class Document(EditableToml):
         self._line_end = "\n"  # of the file; the text has "\n"
         self._saved_text, self._drafted = "", text
         self._digest, self._stamp = "", (0, 0)  # of the file as read or written last; empty for no file
+        self._draft_lock = RLock()  # each tab keeps the draft, in a thread of its own
 
     @classmethod
     def open(cls, folder: Folder, name: str) -> Self:
@@ -137,14 +139,15 @@ class Document(EditableToml):
 
     def keep_draft(self) -> None:
         """Write unsaved edits beside the file, where the next session finds them."""
-        text = self._text
-        if text == self._drafted:
-            return
-        if text == self._saved_text:
-            self._drop_draft()
-        else:
-            _write(self._draft_path(), f"# draft of {self._digest or 'none'}\n{text}")
-        self._drafted = text
+        with self._draft_lock:
+            text = self._text
+            if text == self._drafted:
+                return
+            if text == self._saved_text:
+                self._drop_draft()
+            else:
+                _write(self._draft_path(), f"# draft of {self._digest or 'none'}\n{text}")
+            self._drafted = text
 
     def _path(self) -> Path:
         return self.folder.resolve(self.name, (".toml",))
@@ -154,8 +157,8 @@ class Document(EditableToml):
         return self.folder.require_inside(place.with_name(f".{place.name}.draft"))
 
     def _drop_draft(self) -> None:
-        self.notice, self._drafted = "", self._text
-        with suppress(OSError):
+        with self._draft_lock, suppress(OSError):
+            self.notice, self._drafted = "", self._text
             self._draft_path().unlink(missing_ok=True)
 
     def _load(self) -> None:

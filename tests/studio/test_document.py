@@ -2,6 +2,7 @@
 
 import errno
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
@@ -182,6 +183,15 @@ def test_a_draft_is_kept_and_the_next_session_restores_it(document):
     assert again.text == FIRST
     again.keep_draft()
     assert Document.open(document.folder, "a.toml").notice == ""
+
+
+def test_many_tabs_keep_one_draft(document):
+    with ThreadPoolExecutor(8) as threads:
+        for number in range(40):
+            document.set_text(document.text + f"# {number}\n")
+            for kept in [threads.submit(document.keep_draft) for _ in range(8)]:
+                kept.result()
+    assert read(document, ".a.toml.draft").endswith(document.text)
 
 
 def test_a_draft_is_restored_where_its_file_was_changed_and_saving_then_is_a_conflict(document):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.reader.hdf5_file import open_hdf5
+from rso_lidar.export.reader.hdf5_file import TEMPORARY, open_hdf5
 
 _MOST_OBJECTS = 10_000  # groups and datasets; a recording has some hundred
 
@@ -26,7 +26,8 @@ def check_self_contained(path: Path) -> None:
     RecordingError
         If the file cannot be read, names other files, or has more than 10,000 objects.
     """
-    with open_hdf5(path, swmr=True) as file:
+    # HDF5 refuses this mode for a file that the process has open without it, such as a recording that is shown.
+    with open_hdf5(path, swmr=TEMPORARY.search(path.name) is not None) as file:
         groups, seen = [file], 0
         while groups:
             group = groups.pop()

@@ -53,7 +53,15 @@ def make_waveform_chart(
         "grid": {"left": 60, "right": 55, "top": 48, "bottom": 38},
         "legend": {"textStyle": {**words, "fontSize": 11}, "top": 0, "itemWidth": 16, "itemGap": 8},
         "tooltip": {"trigger": "axis"},
-        "xAxis": {**axis, "type": "value", "name": "time since emission [ns]", "nameGap": 24, "min": start, "max": end},
+        "xAxis": {
+            **axis,
+            "type": "value",
+            "name": "time since emission [ns]",
+            "nameGap": 24,
+            "min": start,
+            "max": end,
+            "axisLabel": {**words, "showMinLabel": False, "showMaxLabel": False},  # the ends are no round numbers
+        },
         "yAxis": [
             {**axis, "name": "counts", "nameGap": 44},
             {**axis, "name": "photoelectrons per step", "nameGap": 38},

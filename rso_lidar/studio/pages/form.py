@@ -33,11 +33,15 @@ class TableForm:
         """
         self._tab, self._skip = tab, skip
         self._inputs: dict[str, tuple[FieldForm, Any]] = {}
+        self._shown: dict[str, Any] = {}  # values of the document as they were shown last
         self._draw(cls, place, 0)
         self.update()
 
     def update(self) -> None:
-        """Show the values of the document, and of what is left empty those in force; the field with the focus stays."""
+        """Show the values of the document that have changed, and of what is left empty those in force.
+
+        Another field keeps what is being typed in it, although an edit or an assessment comes meanwhile.
+        """
         document, made = self._tab.document, self._tab.assessment
         scenario = made.scenario if made and made.text == document.text else None
         for place, (field, one) in self._inputs.items():
@@ -45,14 +49,17 @@ class TableForm:
             shown = show_value(value) if not isinstance(one, ui.select) else value if value is None else str(value)
             if isinstance(value, bool):
                 shown = str(value).lower()
-            if one.value != shown and not (one.value in ("", None) and shown in ("", None)):
+            is_new = shown != self._shown.get(place, one.value)
+            self._shown[place] = shown
+            if is_new and one.value != shown and not (one.value in ("", None) and shown in ("", None)):
                 one.value = shown
             if isinstance(one, ui.input):
                 in_force = "" if value is not None else show_value(_resolve(scenario, place)) or field.default
-                one.props["placeholder"] = in_force[:80]
                 if one.error and one.value == shown:
                     one.error = None
-                one.update()
+                if one.props.get("placeholder") != in_force[:80]:
+                    one.props["placeholder"] = in_force[:80]
+                    one.update()
 
     def focus(self, place: str) -> bool:
         """Move the focus to a field, if the form has it."""

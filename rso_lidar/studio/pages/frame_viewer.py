@@ -28,6 +28,7 @@ class FrameViewer:
         self.name, self.is_following = "", False
         self._scheme, self._wanted = LIGHT, -1
         self._shown: Any = None
+        self._names: list[str] = []
         self._is_drawing = False
         self._title = ui.label("Choose a recording in the list").classes("text-base font-medium")
         with ui.row(wrap=False).classes("w-full items-center gap-2 max-w-[1000px]"):
@@ -35,6 +36,7 @@ class FrameViewer:
             self._newest = ui.switch("Newest", on_change=lambda event: self._set(len(self)) if event.value else None)
             self._slider = ui.slider(min=0, max=0, step=1, value=0, on_change=lambda event: self._request(event.value))
             mark(self._slider.classes("grow mx-3"), "slider", 'aria-label="Frame"')
+            self._slider.on("keydown.home", lambda: self._set(1)).on("keydown.end", lambda: self._set(len(self)))
         with ui.row(wrap=False).classes("w-full items-center gap-3 max-w-[1000px]"):
             self._against = ui.select({None: "nothing"}, value=None, label="Compare with", on_change=self._compare)
             mark(self._against.classes("w-64"), "compare", "dense outlined")
@@ -44,9 +46,11 @@ class FrameViewer:
         self._images: dict[str, Any] = {}
         with ui.column().classes("w-full max-w-[1000px] gap-2") as self._stack:
             for title, name in (("A", "A"), ("B", "B"), ("B − A", "difference")):
+                caption = ui.label(f"Recording {title}" if name == title else title).classes("text-sm font-medium")
                 image = ui.interactive_image(size=IMAGE_SIZE, sanitize=False).classes("w-full")
                 self._images[title] = mark(image, f"frame-{name}", "role=img")
                 image.set_visibility(False)
+                caption.bind_visibility_from(image)
         ui.on("studio_dark", lambda event: self._set_scheme(DARK if event.args else LIGHT))
         ui.timer(_PLAY_S, self._advance)
 
@@ -56,11 +60,13 @@ class FrameViewer:
     async def open(self, name: str) -> None:
         """Show a recording of the folder."""
         self.name, self._shown = name, None
+        self.offer(self._names)
         await self._read()
         await self._request(min(int(self._slider.value), max(len(self) - 1, 0)))
 
     def offer(self, names: list[str]) -> None:
         """Offer recordings to compare with."""
+        self._names = names
         options: dict[str | None, str] = {None: "nothing", **{name: name for name in names if name != self.name}}
         if options != self._against.options:
             self._against.set_options(options, value=self._against.value if self._against.value in options else None)

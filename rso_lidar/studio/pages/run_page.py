@@ -24,6 +24,7 @@ from rso_lidar.studio.pages.frame_viewer import FrameViewer
 from rso_lidar.studio.state import BrowserTab, Workspace
 
 _USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
+_CHECKBOX = '<q-checkbox v-model="props.selected" dense :aria-label="`Show ${props.row.name}`" />'
 _FROM_SCENARIO = ("run", "timeline", "budget", "trade", "dataset")
 _DEEDS = ("Stop", "Resume", "Remove from the list")  # of the buttons of a job
 _RESULTS = tuple({suffix for kind in KINDS.values() for suffix in kind.makes if suffix})
@@ -64,7 +65,7 @@ class RunPage:
                     columns=[{"name": k, "label": v, "field": k, "align": "left"} for k, v in titles.items()],
                     rows=[], row_key="name", selection="single", on_select=lambda event: self._open(event.selection),
                 ).classes("w-full").props('dense flat no-data-label="No recording yet"')  # fmt: skip
-                mark(self._table, "recordings")
+                mark(self._table, "recordings").add_slot("body-selection", _CHECKBOX)
             with ui.column().classes("grow min-w-0 gap-2"):
                 self._viewer = FrameViewer(self.folder)
                 self._draw_actions()

@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
+import rso_lidar as rl
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.reader.outside_data import check_self_contained
 
@@ -43,6 +44,13 @@ def test_a_file_with_its_own_data_passes(tmp_path):
     check_self_contained(tmp_path / "a.h5")
     with pytest.raises(RecordingError, match="no such file"):
         check_self_contained(tmp_path / "b.h5")
+
+
+def test_a_recording_that_is_open_already_passes(tmp_path, text):
+    rl.save(tmp_path / "a.h5", rl.simulate(rl.Scenario.loads(text), frames=[0]))
+    with rl.open(tmp_path / "a.h5") as recording:
+        check_self_contained(tmp_path / "a.h5")
+        assert len(recording) == 1
 
 
 def test_groups_that_contain_each_other_end(tmp_path):

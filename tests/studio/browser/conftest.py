@@ -55,7 +55,7 @@ def chromium() -> Iterator:
 def watch_pages(browser, served, **settings):
     """Yield a function that opens a tab of a studio; at the end, no tab may have had an error or asked another host."""
     watch = Watch(served.port)
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, **settings)
+    context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **settings})
     context.set_default_timeout(WAIT_MS)
 
     def open_tab():

@@ -1,18 +1,9 @@
 """The journey of a first visit: an empty folder, the guide, the example, a recording as the command line makes it."""
 
 import re
-import subprocess
-import sys
 
-import rso_lidar as rl
 from rso_lidar.shipped import shipped
-
-IS_DRAWN = "() => [...document.images].some((it) => it.offsetParent && it.complete && it.naturalWidth > 99)"
-
-
-def read(path):
-    with rl.open(path) as recording:
-        return {name: recording.dataset(name)[:] for name in recording.paths}
+from tests.studio.browser.page_elements import find_differences, run_command_line, see_variance, wait_until_drawn
 
 
 def test_first_visit(journey, tmp_path):
@@ -41,11 +32,8 @@ def test_first_visit(journey, tmp_path):
     row = page.locator('[data-test="recordings"] tbody tr').filter(has_text="mine.h5")
     row.get_by_text("complete").wait_for()
     page.get_by_text(re.compile(r"^Frame 53[89], 2,69[05]\.000 s")).wait_for()  # shown by itself, with its first frames
-    page.wait_for_function(IS_DRAWN)
+    wait_until_drawn(page, "frame-A")
+    assert see_variance(page.locator('[data-test="frame-A"] img')) > 10.0
 
-    other = tmp_path / "other.h5"
-    command = [sys.executable, "-m", "rso_lidar", "run", str(source), "-o", str(other), "--frames", "538:540"]
-    subprocess.run(command, check=True, capture_output=True)
-    first, second = read(tmp_path / "mine.h5"), read(other)
-    assert first.keys() == second.keys()
-    assert [name for name in first if first[name].tobytes() != second[name].tobytes()] == []
+    run_command_line(source, tmp_path / "other.h5", "538:540")
+    assert find_differences(tmp_path / "mine.h5", tmp_path / "other.h5") == []

@@ -9,14 +9,9 @@ from PIL import Image
 import rso_lidar as rl
 from rso_lidar.picture.frames.frame_image import choose_window, draw_image, mark_pixel
 from rso_lidar.shipped import shipped
+from tests.studio.browser.page_elements import find_thumb, see_variance, wait_until_drawn
 
 IMAGE = '[data-test="image"] img'
-IS_DRAWN = "(place) => { const it = document.querySelector(place); return it && it.complete && it.naturalWidth > 99; }"
-
-
-def see_variance(element):
-    """Return how much the pixels of an element differ, as the page shows it."""
-    return float(np.asarray(Image.open(io.BytesIO(element.screenshot())).convert("L"), dtype=float).var())
 
 
 def test_pixel_to_waveform(journey, tmp_path):
@@ -28,11 +23,11 @@ def test_pixel_to_waveform(journey, tmp_path):
 
     page = journey()
     page.get_by_role("tab", name="See").click()
-    page.wait_for_function(IS_DRAWN, arg=IMAGE, timeout=180_000)  # a new installation compiles the kernels first
+    wait_until_drawn(page, "image")
     first = page.get_attribute(IMAGE, "src")
     track = page.locator('[data-test="time"]').bounding_box()
     page.mouse.click(track["x"] + track["width"] - 1, track["y"] + track["height"] / 2)
-    page.locator('[data-test="time"] [tabindex]').press("ArrowRight")  # the click may end one row before
+    find_thumb(page, "time").press("ArrowRight")  # the click may end one row before
     page.get_by_text(f"frame {last}").wait_for()
     page.wait_for_function(
         "([place, old]) => { const it = document.querySelector(place); return it.src.indexOf(old) < 0 && it.complete; }",
