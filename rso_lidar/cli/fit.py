@@ -1,6 +1,5 @@
 """`rso-lidar fit`: the follower's own orbit and its orbit relative to a target, by least squares on a recording."""
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np

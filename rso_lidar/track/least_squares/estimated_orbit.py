@@ -39,8 +39,8 @@ class EstimatedOrbit:
 
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
-        shift_s = -float(Epochs(self.start_utc, np.zeros(1)).since(epochs.start_utc)[0])
-        return propagate_state(self.vector, epochs.time_s - shift_s, self.epoch_s, self.start_utc, self.forces)
+        later_s = float(Epochs(epochs.start_utc, np.zeros(1)).since(self.start_utc)[0])
+        return propagate_state(self.vector, epochs.time_s + later_s, self.epoch_s, self.start_utc, self.forces)
 
     @property
     def vector(self) -> np.ndarray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import PropagationError, ScenarioError
 
 GATE = 0.9999  # probability that a measurement without fault is kept
 SHARE = 0.95  # probability of the bounds that a description states
@@ -110,7 +110,7 @@ def solve_gated(
     Raises
     ------
     ScenarioError
-        For a gate that is no probability, or measurements that do not determine the parameters.
+        For a gate that is no probability, or measurements that do not determine the parameters or contradict each other.
     """
     from scipy.optimize import least_squares
     from scipy.special import chdtri
@@ -146,7 +146,12 @@ def solve_gated(
         # A relative change of the cost of 1e-6 is enough to find outliers. That of values is relative to the radius of an
         # orbit, so it needs to be near the rounding of float64.
         ends = {"ftol": 1e-6 if robust else 1e-12, "xtol": 1e-15, "gtol": 1e-14, "max_nfev": 50}
-        found: np.ndarray = least_squares(find_rows, values, jac=find_slopes, x_scale="jac", **loss, **ends).x
+        try:
+            found: np.ndarray = least_squares(find_rows, values, jac=find_slopes, x_scale="jac", **loss, **ends).x
+        except PropagationError:  # a step toward wrong measurements leads into the Earth
+            raise ScenarioError(
+                f"{name}: no orbit fits; check measurements, state more noise, or other forces"
+            ) from None
         return found
 
     used = np.ones(count, dtype=bool)

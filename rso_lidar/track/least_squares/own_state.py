@@ -15,7 +15,7 @@ from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit, find_t
 from rso_lidar.track.least_squares.fit_statistics import FitStatistics
 from rso_lidar.track.least_squares.gated_solution import GATE, solve_gated
 
-MOST_SOLUTIONS = 1500  # of more, an even selection: their covariance is a dense matrix
+MOST_SOLUTIONS = 1000  # of more, an even selection: their covariance is a dense matrix
 _LEAST = (1e-3, 1e-6)  # sigma of a receiver without stated errors [m], [m/s]: below what GNSS reaches in orbit
 
 
