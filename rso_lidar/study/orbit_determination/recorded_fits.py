@@ -147,10 +147,10 @@ def fit_relative_orbit(
 ) -> RelativeNavigation:
     """Fit the follower's orbit relative to a target to ranges and lines of sight of a recording.
 
-    Each frame gives the centroid of the returns. The offset of the centroid from the target's origin is an estimated
-    constant, with the mean and the standard deviations that the mesh has over all directions as prior. Its changes from
-    frame to frame are noise of the same standard deviations, so that the covariance holds for a target that keeps one side
-    to the lidar and for one that tumbles.
+    Each frame in which the target is whole in the field gives the centroid of its returns. The offset of the centroid from
+    the target's origin is an estimated constant, with the mean and the standard deviations that the mesh has over all
+    directions as prior. Its changes from frame to frame are noise of the same standard deviations, so that the covariance
+    holds for a target that keeps one side to the lidar and for one that tumbles.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def fit_relative_orbit(
     )
     seen = np.flatnonzero(np.isfinite(fixes.position_m).all(axis=1))
     if not len(seen):
-        raise RecordingError(f"fit: no frame measures '{name}' with an attitude; give frames with returns of it")
+        raise RecordingError(f"fit: no frame measures '{name}' whole in the field and with an attitude; give others")
     at_s = float(fixes.time_s[seen[0]]) if epoch_s is None else float(epoch_s)
     found = None if part is None else _fit_gnss(scenario, frames, part, attitude, at_s, forces, gate)
     flown = own if own is not None else _take_known_orbit(scenario, frames[0], forces) if found is None else found.orbit

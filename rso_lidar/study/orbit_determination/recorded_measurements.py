@@ -21,6 +21,7 @@ from rso_lidar.study.orbit_determination.attitude_history import (
 )
 from rso_lidar.study.track_quality.lidar_mount import find_measured_mount, find_pointing_error_rad
 from rso_lidar.track import GnssErrors, locate_centroid
+from rso_lidar.track.centroid import select_target_points
 
 _Sensor = TypeVar("_Sensor", bound=Any)
 
@@ -146,6 +147,8 @@ def measure_target(
 ) -> TargetFixes:
     """Measure a target in each frame by the centroid of its points: range and line of sight.
 
+    A target that the edge of the field cuts has another centroid, so such a frame is no measurement.
+
     Parameters
     ----------
     scenario, frames : of the recording.
@@ -161,7 +164,7 @@ def measure_target(
         pixel_rad = scenario.lidar.receiver.pixel_pitch_m / observation.settings["focal_length_m"]
         fix = locate_centroid(observation.points_m, pixel_rad=pixel_rad, range_noise_m=range_noise_m, gate_m=size_m)
         time_s.append(observation.time_s)
-        if fix is None:
+        if fix is None or _is_cut(observation.points_m, size_m):
             lines.append(np.full(3, np.nan))
             spreads.append(np.full((3, 3), np.nan))
             continue
@@ -185,3 +188,9 @@ def measure_target(
         turned @ spread @ np.swapaxes(turned, -1, -2),
         turned,
     )
+
+
+def _is_cut(cloud: np.ndarray, size_m: float) -> bool:
+    """Return whether points of a target are in the outermost pixels of a cloud (row, col, 3)."""
+    taken = select_target_points(cloud, size_m)
+    return bool(taken[[0, -1]].any() or taken[:, [0, -1]].any())

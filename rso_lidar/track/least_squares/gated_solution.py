@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
 
 GATE = 0.9999  # probability that a measurement without fault is kept
@@ -58,6 +59,23 @@ class GatedSolution:
         """
         mapped: np.ndarray = -self.covariance @ self.jacobian.T @ self.weighting(derivative)
         return mapped
+
+
+def check_epoch(epoch_s: float | None, time_s: np.ndarray, name: str) -> float:
+    """Return the epoch of a fit, which is near its measurements.
+
+    Parameters
+    ----------
+    epoch_s : instant [s] (None: the first measurement).
+    time_s : (measurement) instants [s].
+    name : start of the error message.
+    """
+    at_s = float(time_s[0]) if epoch_s is None else float(epoch_s)
+    if not time_s.min() - units.DAY_S <= at_s <= time_s.max() + units.DAY_S:
+        raise ScenarioError(
+            f"{name}: epoch {at_s:g} s is more than a day from the measurements; give an instant near them"
+        )
+    return at_s
 
 
 def whiten_each(values: np.ndarray, factor: np.ndarray) -> np.ndarray:
@@ -110,7 +128,8 @@ def solve_gated(
     Raises
     ------
     ScenarioError
-        For a gate that is no probability, or measurements that do not determine the parameters or contradict each other.
+        For a gate that is no probability, a singular covariance, or measurements that do not determine the parameters or
+        contradict each other.
     """
     from scipy.optimize import least_squares
     from scipy.special import chdtri
@@ -120,7 +139,10 @@ def solve_gated(
             f"{name}: gate {gate:g} is not a probability from 0.5 to below 1; give for example {GATE:g}"
         )
     count, rows = covariance.shape[:2]
-    factor = np.linalg.cholesky(covariance)
+    try:
+        factor = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        raise ScenarioError(f"{name}: the covariance of a measurement is singular; state more noise") from None
     limit = float(chdtri(rows, 1.0 - gate))
     sigma = np.full(len(start), np.inf) if prior_sigma is None else prior_sigma
     known = np.flatnonzero(np.isfinite(sigma))

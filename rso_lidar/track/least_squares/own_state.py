@@ -13,7 +13,7 @@ from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.two_body.kepler import propagate_two_body
 from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit, find_transition, propagate_state
 from rso_lidar.track.least_squares.fit_statistics import FitStatistics
-from rso_lidar.track.least_squares.gated_solution import GATE, solve_gated
+from rso_lidar.track.least_squares.gated_solution import GATE, check_epoch, solve_gated
 
 MOST_SOLUTIONS = 1000  # of more, an even selection: their covariance is a dense matrix
 _LEAST = (1e-3, 1e-6)  # sigma of a receiver without stated errors [m], [m/s]: below what GNSS reaches in orbit
@@ -115,7 +115,7 @@ def fit_own_state(
     Raises
     ------
     ScenarioError
-        For fewer than three solutions, or arrays of other shapes.
+        For fewer than three solutions, arrays of other shapes, or an epoch more than a day from them.
     """
     from scipy.linalg import solve_triangular
 
@@ -126,11 +126,11 @@ def fit_own_state(
     rows = np.concatenate([position_m, velocity_m_s], axis=1)
     good = np.flatnonzero(np.isfinite(rows).all(axis=1) & np.isfinite(time_s))
     if len(good) < 3:
-        raise ScenarioError(f"own orbit: {len(good)} valid solutions of GNSS; three or more are needed: record more")
+        raise ScenarioError(f"own orbit: needs 3 or more valid solutions of GNSS, not {len(good)}; record more")
     if len(good) > MOST_SOLUTIONS:
         good = good[np.linspace(0, len(good) - 1, MOST_SOLUTIONS).round().astype(int)]
     time_s, rows = time_s[good], rows[good]
-    at_s = float(time_s[0]) if epoch_s is None else float(epoch_s)
+    at_s = check_epoch(epoch_s, time_s, "own orbit")
     up = rows[:, :3] / np.linalg.norm(rows[:, :3], axis=1)[:, None]
     outer = np.einsum("ni,nj->nij", up, up)
     even = np.eye(3) + (1.0 / errors.vertical_ratio - 1.0) * outer  # equal errors along all axes

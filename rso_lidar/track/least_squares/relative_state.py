@@ -13,7 +13,7 @@ from rso_lidar.orbit.two_body.orbit_axes import rtn_matrix
 from rso_lidar.records import BodyState
 from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit
 from rso_lidar.track.least_squares.fit_statistics import FitStatistics, normalize_error
-from rso_lidar.track.least_squares.gated_solution import GATE, solve_gated
+from rso_lidar.track.least_squares.gated_solution import GATE, check_epoch, solve_gated
 from rso_lidar.track.least_squares.own_state import describe_forces, format_row
 from rso_lidar.track.least_squares.relative_prediction import RelativeModel, RelativePrediction
 
@@ -156,7 +156,8 @@ def fit_relative_state(
     Raises
     ------
     ScenarioError
-        For fewer than three measurements, arrays of other shapes, or measurements that do not determine the state.
+        For fewer than three measurements, arrays of other shapes, an epoch more than a day from them, or measurements that
+        do not determine the state.
     """
     time_s, position_m, covariance_m2 = (np.asarray(each, dtype=float) for each in (time_s, position_m, covariance_m2))
     n = time_s.size
@@ -170,9 +171,9 @@ def fit_relative_state(
         )
     good = np.isfinite(position_m).all(axis=1) & np.isfinite(covariance_m2).all(axis=(1, 2)) & np.isfinite(time_s)
     if good.sum() < FEWEST:
-        raise ScenarioError(f"relative orbit: {good.sum()} measurements; {FEWEST} or more are needed: give more frames")
+        raise ScenarioError(f"relative orbit: needs {FEWEST} or more measurements, not {good.sum()}; give more frames")
     time_s, line, spread = time_s[good], position_m[good], covariance_m2[good]
-    own = own.move_epoch(float(time_s[0]) if epoch_s is None else float(epoch_s))
+    own = own.move_epoch(check_epoch(epoch_s, time_s, "relative orbit"))
     prediction = RelativePrediction(own, time_s, motion)
     flown = own.states(Epochs(own.start_utc, time_s))
     basis = find_sight_axes(line, flown)  # (n, 3, 3), rows along and across the line of sight

@@ -1,5 +1,7 @@
 """Measurements of a recording: the antenna beside the origin, sensors by name, and fixes of the target."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -65,3 +67,18 @@ def test_fixes_are_of_the_target_in_inertial_axes(flown):
         toward = true / np.linalg.norm(true)
         assert toward @ fixes.covariance_m2[k] @ toward == pytest.approx(0.25, rel=0.1)
     assert fixes.time_s.tolist() == [frame.time_s for frame in flown]
+
+
+def test_a_target_that_the_field_cuts_is_no_measurement(flown):
+    scenario = load_small()
+    reading = flown[3].observation.reading
+    row, col = np.argwhere(np.isfinite(reading.range_m))[0]
+    half = dataclasses.replace(
+        reading,
+        range_m=np.roll(reading.range_m, (-row, -col), (0, 1)),
+        intensity_counts=np.roll(reading.intensity_counts, (-row, -col), (0, 1)),
+    )
+    cut = dataclasses.replace(flown[3], observation=dataclasses.replace(flown[3].observation, reading=half))
+    known = {"size_m": 14.0, "range_noise_m": 0.05, "wander_m": (0.5, 0.1)}
+    fixes = measure_target(scenario, [flown[2], cut], take_known_attitude(flown), **known)
+    assert np.isfinite(fixes.position_m).all(axis=1).tolist() == [True, False]

@@ -68,7 +68,7 @@ def test_what_cannot_be_fitted_is_refused():
     position, velocity = measured()
     with pytest.raises(ScenarioError, match="30 instants need positions and velocities"):
         fit_own_state(TIME_S, position[:4], velocity, ERRORS, start_utc=UTC)
-    with pytest.raises(ScenarioError, match="2 valid solutions of GNSS; three or more"):
+    with pytest.raises(ScenarioError, match="needs 3 or more valid solutions of GNSS, not 2"):
         fit_own_state(TIME_S[:2], position[:2], velocity[:2], ERRORS, start_utc=UTC)
     with pytest.raises(ScenarioError, match=r"own orbit: only . of 30 measurements agree"):
         fit_own_state(TIME_S, position * (1.0 + TIME_S[:, None] / 1e6), velocity, ERRORS, start_utc=UTC)

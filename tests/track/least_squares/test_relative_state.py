@@ -104,7 +104,7 @@ def test_what_cannot_be_fitted_is_refused():
     line = lines()
     with pytest.raises(ScenarioError, match="20 instants need positions"):
         fit_relative_state(TIME_S, line[:3], SPREAD, own())
-    with pytest.raises(ScenarioError, match="2 measurements; 3 or more are needed"):
+    with pytest.raises(ScenarioError, match="needs 3 or more measurements, not 2"):
         fit_relative_state(TIME_S[:2], line[:2], SPREAD[:2], own())
     with pytest.raises(ScenarioError, match="none of nonlinear, yamanaka_ankersen, hill"):
         fit_relative_state(TIME_S, line, SPREAD, own(), motion="kepler")
