@@ -32,7 +32,17 @@ class FitStatistics:
 
     @classmethod
     def from_solution(cls, time_s: np.ndarray, solution: GatedSolution) -> FitStatistics:
-        """Return the statistics of a solution whose measurements are of some instants (measurement) [s]."""
+        """Return the statistics of a solution.
+
+        Parameters
+        ----------
+        time_s : (measurement) instants of its measurements [s].
+        solution : with residuals and chi-square.
+
+        Returns
+        -------
+        FitStatistics
+        """
         found = solution
         return cls(time_s, found.residual, found.square, found.used, found.chi2, found.degrees_of_freedom)
 

@@ -81,6 +81,10 @@ class RelativeOrbitFit:
         Parameters
         ----------
         position_m, velocity_m_s : (3) true relative state [m], [m/s].
+
+        Returns
+        -------
+        the NEES, whose mean is 6.
         """
         error = np.concatenate([self.position_m - position_m, self.velocity_m_s - velocity_m_s])
         return normalize_error(error, self.covariance)
@@ -91,6 +95,10 @@ class RelativeOrbitFit:
         Parameters
         ----------
         target : its name.
+
+        Returns
+        -------
+        lines of text.
         """
         stats, sigma = self.statistics, self.sigma
         forces = f", {describe_forces(self.own.forces)}" if self.motion == "nonlinear" else ""
