@@ -61,7 +61,7 @@ def fit(
         float, typer.Option("--gate", metavar="P", help="Probability to keep a measurement without fault.")
     ] = GATE,
 ) -> None:
-    """Fit orbits to a recording by least squares: the follower's own, and that relative to a target.
+    """Fit own and relative orbit to a recording by least squares.
 
     The fit uses observations only. The truth serves for the error that is printed last.
     """
