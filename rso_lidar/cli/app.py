@@ -35,6 +35,7 @@ COMMANDS = {
     "info": "Print what a recording holds.",
     "plot": "Draw frames of a recording, their trajectory or curves.",
     "track": "Track the target of a recording and compare with the truth.",
+    "fit": "Fit own and relative orbit to a recording by least squares.",
     "animate": "Animate a recording as GIF or MP4.",
     "studio": "Build, see and fly scenarios in a browser.",
     "view": "Show a recording in a viewer, frame by frame.",

@@ -18,6 +18,12 @@ from rso_lidar.study.elevation import (
 )
 from rso_lidar.study.mission_parameters.parameter_list import MissionParameter
 from rso_lidar.study.mission_parameters.parameter_table import ParameterTable, list_parameters
+from rso_lidar.study.orbit_determination.recorded_fits import (
+    RelativeNavigation,
+    find_true_relative_state,
+    fit_own_orbit,
+    fit_relative_orbit,
+)
 from rso_lidar.study.passes.conjunction_assessment import ConjunctionAssessment, assess_conjunction
 from rso_lidar.study.passes.conjunction_scenario import conjunction_scenario_text
 from rso_lidar.study.passes.pass_geometry import Encounter, reach_m
@@ -56,6 +62,7 @@ __all__ = [
     "MissionParameter",
     "ParameterTable",
     "PixelReport",
+    "RelativeNavigation",
     "Requirement",
     "RequirementResult",
     "Requirements",
@@ -77,6 +84,9 @@ __all__ = [
     "estimate_set_errors",
     "find_hazards",
     "find_range",
+    "find_true_relative_state",
+    "fit_own_orbit",
+    "fit_relative_orbit",
     "list_parameters",
     "reach_m",
     "report_pixel",

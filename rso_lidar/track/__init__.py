@@ -4,6 +4,10 @@ from rso_lidar.public_names import limit_dir
 from rso_lidar.track.centroid import Fix, locate_centroid
 from rso_lidar.track.controller import Controller
 from rso_lidar.track.kalman import Track, filter_positions, nis_bounds
+from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit
+from rso_lidar.track.least_squares.fit_statistics import FitStatistics
+from rso_lidar.track.least_squares.own_state import GnssErrors, OwnOrbitFit, fit_own_state
+from rso_lidar.track.least_squares.relative_state import RelativeOrbitFit, SightBias, fit_relative_state
 from rso_lidar.track.navigation.navigation_estimate import NavigationEstimate, NavigationUpdate
 from rso_lidar.track.navigation.navigation_filter import NavigationFilter
 from rso_lidar.track.navigation.navigator import Navigator
@@ -16,19 +20,27 @@ from rso_lidar.track.pose.sampled_mesh import MeshHinge, SampledMesh, measure_vi
 __all__ = [
     "Alignment",
     "Controller",
+    "EstimatedOrbit",
+    "FitStatistics",
     "Fix",
+    "GnssErrors",
     "MeshHinge",
     "NavigationEstimate",
     "NavigationFilter",
     "NavigationUpdate",
     "Navigator",
+    "OwnOrbitFit",
     "Pointing",
     "PoseFollower",
+    "RelativeOrbitFit",
     "SampledMesh",
+    "SightBias",
     "Track",
     "acquire",
     "align",
     "filter_positions",
+    "fit_own_state",
+    "fit_relative_state",
     "locate_centroid",
     "measure_visible_centroid",
     "nis_bounds",

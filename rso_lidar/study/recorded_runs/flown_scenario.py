@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rso_lidar.errors import RecordingError, suppress_warnings
+from rso_lidar.errors import RecordingError, did_you_mean, suppress_warnings
 from rso_lidar.records import Source
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene import Surface
@@ -40,3 +40,27 @@ def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str
             "put that one in its place"
         )
     return surfaces
+
+
+def find_target(source: Source, target: str | None, asked_by: str) -> int:
+    """Find the index of a target.
+
+    Parameters
+    ----------
+    source : of the recording.
+    target : its name (None: the first).
+    asked_by : start of error messages.
+
+    Raises
+    ------
+    RecordingError
+        For a recording without targets, or without that target.
+    """
+    names = [entry.name for entry in source.targets]
+    if not names:
+        raise RecordingError(f"{asked_by}: the recording has no target; record one")
+    if target is not None and target not in names:
+        raise RecordingError(
+            f"{asked_by}: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
+        )
+    return 0 if target is None else names.index(target)

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar import motion, units
-from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.errors import RecordingError
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.picture.plots.tracking import tracking_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
-from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, rotate_vectors
+from rso_lidar.pose import ROOT, cross, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.recorded_runs.flown_scenario import load_scenario, load_surfaces
+from rso_lidar.study.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces
 from rso_lidar.study.track_quality.burns import list_known_burns
+from rso_lidar.study.track_quality.lidar_mount import find_measured_mount, find_pointing_error_rad
 from rso_lidar.study.track_quality.range_noise import estimate_range_noise_m
 from rso_lidar.study.track_quality.target_mesh import measure_hinges_rad, sample_target
 from rso_lidar.track import (
@@ -135,7 +135,7 @@ def tracking(
         raise RecordingError("track: the recording has no frames; record some")
     source = frames[0].source
     scenario = load_scenario(source, folder)
-    number = _find_target([entry.name for entry in source.targets], target)
+    number = find_target(source, target, "track")
     name = source.targets[number].name
     load_surfaces(scenario, source, number, "track")  # raises where the mesh is not the recorded one
     model = sample_target(scenario, number, hinged=hinges)
@@ -163,16 +163,6 @@ def tracking(
         table |= _tabulate_errors(kind, made, rows)
     known = tuple(hinge.name for hinge in model.hinges) if "icp_error_rad" in table else ()
     return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_sqrt_hz, known)
-
-
-def _find_target(names: list[str], target: str | None) -> int:
-    if not names:
-        raise RecordingError("track: the recording has no target; record one")
-    if target is not None and target not in names:
-        raise RecordingError(
-            f"track: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
-        )
-    return 0 if target is None else names.index(target)
 
 
 def _choose_filters(first: Frame, *, local: bool) -> dict[str, float | None]:
@@ -251,7 +241,7 @@ def _evaluate_frame(
     truth, settings = frame.truth, frame.observation.settings
     pixel_rad = scenario.lidar.receiver.pixel_pitch_m / settings["focal_length_m"]
     fix = locate_centroid(frame.points_m, pixel_rad=pixel_rad, range_noise_m=noise_m, gate_m=size_m)
-    seat = _measured_mount(scenario, frame)
+    seat = find_measured_mount(scenario, frame.observation)
     own = truth.pose(ROOT, "follower").rotation
     turns = {"cv": own}
     link, turning = truth.poses.link("follower", name), truth.rates(ROOT, "follower")[1]
@@ -268,7 +258,7 @@ def _evaluate_frame(
         ahead = np.outer(toward, toward)
         before_m, along_m, across_m = wander
         middle = fix.position_m - before_m * toward
-        across_m = float(np.hypot(across_m, _pointing_error_rad(scenario) * fix.range_m))
+        across_m = float(np.hypot(across_m, find_pointing_error_rad(scenario) * fix.range_m))
         covariance = fix.covariance_m2 + along_m**2 * ahead + across_m**2 * (np.eye(3) - ahead)
     kept = None if fix is None else replace(fix, points_m=fix.points_m[:0].copy())
     points, pose = 0 if fix is None else len(fix.points_m), truth.pose("lidar", name)
@@ -287,22 +277,6 @@ def _half_field_rad(frame: Frame) -> tuple[float, float]:
         n_rows / max(n_rows - 1, 1),
     )  # to the pixels' edges
     return float(np.arctan(width)), float(np.arctan(height))
-
-
-def _measured_mount(scenario: Scenario, frame: Frame) -> RigidTransform:
-    """Return follower_from_lidar, from the encoders where there is a PTU."""
-    alone = PoseTree({}, {}).with_node("follower", ROOT, Link.still())
-    measured = frame.observation.pan_tilt_rad
-    angles = np.zeros(2) if measured is None else measured
-    return motion.add_lidar(alone, scenario.ptu, angles, np.zeros(2), scenario.lidar.mount).pose("follower", "lidar")
-
-
-def _pointing_error_rad(scenario: Scenario) -> float:
-    """Return the pointing error of the encoders [rad], one standard deviation of each axis."""
-    if scenario.ptu is None:
-        return 0.0
-    errors = scenario.ptu.errors
-    return float(np.hypot(errors.jitter_deg, errors.encoder_noise_deg)) * units.DEG
 
 
 def _tabulate(rows: Sequence[_EvaluatedFrame], model: SampledMesh) -> dict[str, np.ndarray]:

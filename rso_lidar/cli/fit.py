@@ -1,0 +1,130 @@
+"""`rso-lidar fit`: the follower's own orbit and its orbit relative to a target, by least squares on a recording."""
+
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from rso_lidar import export, units
+from rso_lidar.cli.arguments import RecordingFile, select_frames
+from rso_lidar.cli.progress import count_frames
+from rso_lidar.cli.terminal import echo
+from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.orbit import Forces
+from rso_lidar.study.orbit_determination.recorded_fits import (
+    find_true_relative_state,
+    fit_own_orbit,
+    fit_relative_orbit,
+)
+from rso_lidar.track import RelativeOrbitFit
+from rso_lidar.track.least_squares.fit_statistics import chi_square_bounds
+from rso_lidar.track.least_squares.gated_solution import GATE
+from rso_lidar.track.least_squares.own_state import format_row
+from rso_lidar.track.least_squares.relative_prediction import MODELS
+
+
+def fit(
+    recording: RecordingFile,
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            "--frames", metavar="A:B", help="Frames A to B-1 only, by number in the scenario; A:B:C by steps."
+        ),
+    ] = None,
+    target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
+    own_only: Annotated[bool, typer.Option("--own-only", help="Fit the follower's own orbit to GNSS only.")] = False,
+    epoch_s: Annotated[
+        float | None, typer.Option("--epoch", metavar="S", help="Instant of the state [s] (the first measurement).")
+    ] = None,
+    motion: Annotated[
+        str, typer.Option("--motion", metavar="MODEL", help=f"Model of the relative motion: {', '.join(MODELS)}.")
+    ] = "nonlinear",
+    zonal_degree: Annotated[
+        int, typer.Option("--zonal-degree", min=0, max=6, help="Zonal harmonics of the orbits; 0 is two-body motion.")
+    ] = 2,
+    known_orbit: Annotated[
+        bool, typer.Option("--known-orbit", help="Take the follower's recorded orbit as known, instead of GNSS.")
+    ] = False,
+    known_attitude: Annotated[
+        bool, typer.Option("--known-attitude", help="Take its recorded attitude as known, instead of a star tracker.")
+    ] = False,
+    range_noise_m: Annotated[
+        float | None, typer.Option("--range-noise", metavar="M", help="Noise of one range [m] (the detector's own).")
+    ] = None,
+    shape: Annotated[
+        bool, typer.Option("--shape/--no-shape", help="Whether the fit allows for the shape of the model.")
+    ] = True,
+    misalignment_arcsec: Annotated[
+        float, typer.Option("--misalignment", metavar="A", help="Misalignment of the boresight, 1 sigma [arcsec].")
+    ] = 0.0,
+    gate: Annotated[
+        float, typer.Option("--gate", metavar="P", help="Probability to keep a measurement without fault.")
+    ] = GATE,
+) -> None:
+    """Fit own and relative orbit to a recording by least squares.
+
+    The fit uses observations only. The truth serves for the error that is printed last.
+    """
+    if motion not in MODELS:
+        raise RecordingError(
+            f"--motion {motion}: unknown model{did_you_mean(motion, MODELS)} (known: {', '.join(MODELS)})"
+        )
+    if zonal_degree == 1:
+        raise RecordingError("--zonal-degree 1: J1 does not exist; give 0 for two-body motion, or 2 to 6")
+    if range_noise_m is not None and not 0.0 < range_noise_m < np.inf:
+        raise RecordingError(f"--range-noise {range_noise_m:g}: needs metres above 0")
+    if not 0.0 <= misalignment_arcsec < np.inf:
+        raise RecordingError(f"--misalignment {misalignment_arcsec:g}: needs arcseconds from 0")
+    if not 0.5 <= gate < 1.0:
+        raise RecordingError(f"--gate {gate:g}: needs a probability from 0.5 to below 1")
+    if epoch_s is not None and not np.isfinite(epoch_s):
+        raise RecordingError(f"--epoch {epoch_s:g}: needs seconds since the start")
+    forces = Forces(zonal_degree=zonal_degree) if zonal_degree else None
+    with export.open(recording) as read:
+        some = export.Frames(read, select_frames(read, frames))
+        if own_only:
+            made = fit_own_orbit(
+                some,
+                epoch_s=epoch_s,
+                forces=forces,
+                known_attitude=known_attitude,
+                gate=gate,
+                folder=recording.parent,
+            )
+            lines = made.describe().splitlines()
+        else:
+            found = fit_relative_orbit(
+                some,
+                target,
+                epoch_s=epoch_s,
+                motion=motion,
+                forces=forces,
+                known_orbit=known_orbit,
+                known_attitude=known_attitude,
+                range_noise_m=range_noise_m,
+                shape=shape,
+                misalignment_rad=misalignment_arcsec * units.ARCSEC,
+                gate=gate,
+                folder=recording.parent,
+                each=count_frames(some, "fitting"),
+            )
+            truth = find_true_relative_state(some, found.target, found.fit.epoch_s)
+            lines = found.describe().splitlines() + ([] if truth is None else describe_error(found.fit, truth))
+    for line in lines:
+        echo(line)
+
+
+def describe_error(fit: RelativeOrbitFit, truth: tuple[np.ndarray, np.ndarray]) -> list[str]:
+    """Describe the error of a relative orbit against the true state, and its NEES.
+
+    Parameters
+    ----------
+    fit : the relative orbit.
+    truth : true position [m] and velocity [m/s] in the same axes.
+    """
+    low, high = chi_square_bounds(6)
+    return [
+        format_row("error [m]", fit.position_m - truth[0], "12.4f"),
+        format_row("error [m/s]", fit.velocity_m_s - truth[1], "12.6f"),
+        f"NEES {fit.normalize_error(*truth):.2f}, 6 expected (95 % bounds {low:.2f} to {high:.2f})",
+    ]

@@ -1,0 +1,79 @@
+"""`rso-lidar fit`: what it prints of a recording, and what it refuses."""
+
+from functools import partial
+
+import pytest
+
+import rso_lidar as rl
+from tests.study.orbit_determination.scenario_for_tests import load_small
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory):
+    """Return the file of six frames of a stage, with star tracker and GNSS."""
+    path = tmp_path_factory.mktemp("fit") / "stage.h5"
+    rl.save(path, rl.simulate(load_small("time.duration_s=12")))
+    return path
+
+
+@pytest.fixture
+def call(rso_lidar):
+    return partial(rso_lidar, "fit")
+
+
+def test_both_orbits_and_the_error_are_printed(call, stage):
+    status, said, _ = call(stage, "--zonal-degree", "0", "--range-noise", "0.05")
+    assert status == 0
+    lines = said.splitlines()
+    # After the last sample of the star tracker there is no attitude.
+    assert lines[0] == "Inertial unit, star tracker and GNSS beside the lidar: 5 of 6 frames measure stage"
+    assert lines[1].startswith("relative orbit: 5 of 5 measurements, 0 outliers; motion nonlinear")
+    assert any(line.startswith("own orbit: ") for line in lines)
+    assert lines[-1].startswith("NEES ") and lines[-3].startswith("error [m]")
+
+
+def test_the_own_orbit_alone_and_an_epoch_between_frames(call, stage):
+    status, said, _ = call(stage, "--own-only", "--epoch", "4.5")
+    assert status == 0 and said.startswith("own orbit: ") and "state at 4.5 s in GCRS axes" in said
+    said = call(stage, "--epoch", "4.5", "--motion", "hill", "--no-shape", "--known-orbit", "--range-noise", "0.05")[1]
+    assert "NEES" not in said and "motion hill" in said and said.splitlines()[-1] == "own orbit: taken as known"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--target", "stag"), "fit: no target named 'stag'; did you mean 'stage'? (known: stage)"),
+        (
+            ("--motion", "hil"),
+            "--motion hil: unknown model; did you mean 'hill'? (known: nonlinear, yamanaka_ankersen, hill)",
+        ),
+        (("--zonal-degree", "1"), "--zonal-degree 1: J1 does not exist; give 0 for two-body motion, or 2 to 6"),
+        (("--range-noise", "0"), "--range-noise 0: needs metres above 0"),
+        (("--misalignment", "-1"), "--misalignment -1: needs arcseconds from 0"),
+        (("--gate", "1"), "--gate 1: needs a probability from 0.5 to below 1"),
+        (("--epoch", "nan"), "--epoch nan: needs seconds since the start"),
+        (
+            ("--frames", "0:2", "--known-orbit"),
+            "relative orbit: needs 3 or more measurements, not 1; give more frames",
+        ),
+        (("--frames", "0:2"), "own orbit: needs 3 or more valid solutions of GNSS, not 2; record more"),
+        (
+            ("--epoch", "1e9"),
+            "own orbit: epoch 1e+09 s is more than a day from the measurements; give an instant near them",
+        ),
+        (
+            ("--range-noise", "1e-9", "--no-shape"),
+            "relative orbit: the covariance of a measurement is singular; state more noise",
+        ),
+        (("--frames", "90:99"), "--frames 90:99: stage.h5 holds none of them, but 6 from 0 to 5"),
+    ],
+)
+def test_wrong_options_are_one_line_and_status_2(call, stage, options, message):
+    status, _, errors = call(stage, *options)
+    assert status == 2
+    assert errors[-1].endswith(message)
+
+
+def test_a_recording_without_sensors_needs_flags(call, recorded):
+    status, _, errors = call(recorded)
+    assert status == 2 and "fit: " in errors[-1]
