@@ -13,8 +13,8 @@ from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.screening.close_approach import CloseApproach
 from rso_lidar.orbit.screening.conjunctions import ScreeningResult
+from rso_lidar.orbit.screening.scheduled_fleet import ScheduledFleet
 from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.fleet import ScheduledFleet
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
