@@ -132,7 +132,10 @@ def encounters(
 ) -> None:
     """List the close approaches of one object to others, or of any two."""
     if (follower is None) != all_pairs:
-        raise ScenarioError("encounters: --follower and --all-pairs exclude each other; give one of them")
+        wrong = (
+            "needs the object with the lidar" if follower is None else "--follower and --all-pairs exclude each other"
+        )
+        raise ScenarioError(f"encounters: {wrong}; give --follower or --all-pairs")
     if scenario is None and output is not None:  # the suffix says what is meant
         suffix = output.suffix.lower()
         if suffix == ".csv" and csv is None:

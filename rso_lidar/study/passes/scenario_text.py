@@ -113,7 +113,7 @@ def _write_facts(table: Encounters, number: int) -> list[str]:
     phase = "" if math.isnan(row.phase_deg) else f", {row.phase_deg:.0f} deg between Sun and follower at the object"
     inside = f"{row.inside_s:,.1f} s" + ("" if row.entered and row.left else " and more")
     return [
-        f"# {row.label}{f' (NORAD {row.norad_id})' if row.name else ''} past {row.follower.label}:",
+        f"# {row.label}{f' (NORAD {row.norad_id})' if row.name and row.norad_id else ''} past {row.follower.label}:",
         f"# row {number} of {len(table.rows)}, of {' '.join(table.title.split())}.",
         f"# Closest approach {row.closest_utc}: {row.range_m / units.KM:.3f} km at {row.speed_m_s:.1f} m/s, {light}{phase}.",
         f"# It is within {table.within_m / units.KM:g} km for {inside}, in the lidar's reach for {row.lidar_s:,.1f} s; the "

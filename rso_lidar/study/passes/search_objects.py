@@ -150,7 +150,8 @@ def _add_file(found: SearchObjects, path: Any) -> None:
     if kind == "scenario":
         scenario = Scenario.load(text)
         stem = Path(text).stem
-        for body in scenario.bodies:
+        orbiting = [body for body in scenario.bodies if body.orbits]
+        for body in orbiting or scenario.bodies:
             name = f"{stem} {body.name}" if body.name == _FOLLOWER else body.name
             found.entries.append(NamedTrajectory(name, BodyTrajectory(scenario, body.name)))
     elif kind == "ephemeris":
