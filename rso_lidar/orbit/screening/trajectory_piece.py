@@ -44,21 +44,18 @@ class NamedTrajectory:
     name : of the object
     trajectory : anything that answers `states`
     norad_id : catalogue number, 0 for none
+    source : file that it was read from; trajectories of one name and source are the same object
     """
 
     name: str
     trajectory: Trajectory
     norad_id: int = 0
+    source: str = ""
 
     @property
     def label(self) -> str:
         """Name of the object."""
         return self.name
-
-    @property
-    def identity(self) -> tuple[int, str]:
-        """Catalogue number and name, as of an element set."""
-        return self.norad_id, self.name
 
     def states(self, epochs: Epochs) -> Any:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes, those of the trajectory."""

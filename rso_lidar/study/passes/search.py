@@ -212,7 +212,8 @@ def _warn_of_age(found: ScreeningResult, lead: Any) -> None:
 def _is_same(entry: Any, lead: Any) -> bool:
     """Return whether an entry is the follower: the same one, or an element set of the same object."""
     if not (isinstance(entry, ElementSet) and isinstance(lead, ElementSet)):
-        return entry is lead
+        source = getattr(entry, "source", "")
+        return entry is lead or bool(source and (source, entry.name) == (getattr(lead, "source", ""), lead.name))
     return entry is lead or (entry.identity == lead.identity and any(lead.identity))
 
 

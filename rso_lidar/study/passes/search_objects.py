@@ -149,21 +149,36 @@ def _add_file(found: SearchObjects, path: Any) -> None:
     kind = _find_kind(text)
     if kind == "scenario":
         scenario = Scenario.load(text)
-        stem = Path(text).stem
         orbiting = [body for body in scenario.bodies if body.orbits]
         for body in orbiting or scenario.bodies:
-            name = f"{stem} {body.name}" if body.name == _FOLLOWER else body.name
-            found.entries.append(NamedTrajectory(name, BodyTrajectory(scenario, body.name)))
+            found.entries.append(_name_body(text, scenario, body.name))
     elif kind == "ephemeris":
         names = list_ephemeris_objects(text)
         for name in names:
-            found.entries.append(NamedTrajectory(name, Ephemeris(file=text, object=name)))
+            found.entries.append(NamedTrajectory(name, Ephemeris(file=text, object=name), source=_resolve(text)))
         if not names:
-            found.entries.append(NamedTrajectory(Path(text).stem, Ephemeris(file=text)))
+            found.entries.append(NamedTrajectory(Path(text).stem, Ephemeris(file=text), source=_resolve(text)))
     else:
         catalog = Catalog.from_file(path)
         found.entries += list(catalog)
         _add_problems(found, catalog)
+
+
+def _name_body(path: str, scenario: Scenario, name: str) -> NamedTrajectory:
+    """Name a body of a scenario: a target by its name, the follower by the file as well.
+
+    Parameters
+    ----------
+    path : of the scenario's file.
+    scenario : the scenario.
+    name : of the body.
+    """
+    shown = f"{Path(path).stem} {name}" if name == _FOLLOWER else name
+    return NamedTrajectory(shown, BodyTrajectory(scenario, name), source=_resolve(path))
+
+
+def _resolve(path: str) -> str:
+    return str(Path(path).resolve())
 
 
 def load_follower(path: str) -> Any:
@@ -179,7 +194,7 @@ def load_follower(path: str) -> Any:
         If the file holds several objects.
     """
     if _find_kind(path) == "scenario":
-        return NamedTrajectory(f"{Path(path).stem} {_FOLLOWER}", BodyTrajectory(Scenario.load(path), _FOLLOWER))
+        return _name_body(path, Scenario.load(path), _FOLLOWER)
     objects = collect_objects(path)
     names = {getattr(entry, "label", "") for entry in objects.entries}
     if len(names) != 1:
