@@ -72,7 +72,18 @@ class MixedFleet:
         return bounds
 
     def describe_loss(self, which: int, since_s: float, error: int) -> tuple[str, str]:
-        """Describe why a set or a piece has no state, as `Fleet.describe_loss` does."""
+        """Describe why a set or a piece has no state, as `Fleet.describe_loss` does.
+
+        Parameters
+        ----------
+        which : number of the set or piece
+        since_s : instant [s since the start]
+        error : SGP4's code, or `NO_STATE`
+
+        Returns
+        -------
+        its label, and the reason with its instant
+        """
         if self._is_piece[which]:
             return self.sets[which].label, f"has no state at {format_utc(self.start_utc, since_s)}"
         return self._fleet.describe_loss(int(self._row[which]), since_s, error)

@@ -62,7 +62,12 @@ class NamedTrajectory:
         return self.trajectory.states(epochs)
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants [s] at which the states jump or have a corner, those of the trajectory."""
+        """Return the instants [s] at which the states jump or have a corner, those of the trajectory.
+
+        Parameters
+        ----------
+        epochs : instants that matter
+        """
         return find_breaks_s(self.trajectory, epochs)
 
 

@@ -100,17 +100,26 @@ class Fleet:
         return _mask_failures(position, velocity, error)
 
     def find_measured_bounds(self, which: np.ndarray) -> np.ndarray | None:
-        """Return no bounds: those of element sets follow from their orbits."""
+        """Return no bounds: those of element sets follow from their orbits.
+
+        Parameters
+        ----------
+        which : (set,) numbers of the sets
+        """
         return None
 
     def describe_loss(self, which: int, since_s: float, error: int) -> tuple[str, str]:
-        """Describe why a set has no state: its label, and the reason with its instant.
+        """Describe why a set has no state.
 
         Parameters
         ----------
         which : number of the set
         since_s : instant [s since the start]
         error : SGP4's code
+
+        Returns
+        -------
+        its label, and the reason with its instant
         """
         elements = self.sets[which]
         return (

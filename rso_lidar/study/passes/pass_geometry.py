@@ -125,7 +125,12 @@ class Encounter:
         return self.follower_name or f"NORAD {self.follower_norad_id}"
 
     def closest_at(self, start_utc: datetime.datetime) -> datetime.datetime:
-        """Return the instant of the closest approach, to a microsecond, in a search that begins at `start_utc`."""
+        """Return the instant of the closest approach, to a microsecond.
+
+        Parameters
+        ----------
+        start_utc : begin of the search.
+        """
         return start_utc.astimezone(datetime.UTC) + datetime.timedelta(seconds=self.time_s)
 
     @property
