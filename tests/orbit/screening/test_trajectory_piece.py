@@ -6,6 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
+from rso_lidar import units
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit import Burn, Ephemeris, Epochs, Impulse, Kepler, Numerical, State, Tle, write_oem
 from rso_lidar.orbit.screening.all_pairs import screen_pairs
@@ -269,3 +270,23 @@ def test_pieces_end_where_the_states_do(gappy):
 def test_a_tle_motion_is_a_trajectory_too():
     found = screen(Tle(file="tle/flyby.tle", name="FOLLOWER (SYNTHETIC)"), [FOLLOWER], START, 3600.0, 1e6)
     assert found.follower.several.tolist() == [False]
+
+
+@pytest.mark.parametrize("step_s", [300.0, 600.0])
+def test_an_encounter_that_the_cubic_misses_is_found_by_its_measured_error(step_s):
+    """A perigee of e = 0.727 half a metre above a circle, limit 20 m, wherever the grid falls.
+
+    The cubic errs by h^4 / 384 times the difference of the fourth derivatives, 3 e mu^2 / r^5 along r: 0.5 km for 300 s.
+    """
+    radius_m, e = 6.647e6, 0.727
+    speed_m_s = float(np.sqrt(units.EARTH_GM_M3_S2 / radius_m))
+    assert 3.0 * e * units.EARTH_GM_M3_S2**2 / radius_m**5 * step_s**4 / 384.0 > 500.0  # m: far outside the limit
+    for phase in (0.0, 0.2, 0.45, 0.5, 0.7):
+        meet_s = (2.0 + phase) * step_s
+        at = {"epoch_utc": START + datetime.timedelta(seconds=meet_s)}
+        circle = State(position_m=(radius_m, 0.0, 0.0), velocity_m_s=(0.0, speed_m_s, 0.0), **at)
+        fast = (0.0, speed_m_s * float(np.sqrt(1.0 + e)), 0.0)
+        transfer = State(position_m=(radius_m + 0.5, 0.0, 0.0), velocity_m_s=fast, **at)
+        (stay,) = screen(circle, [transfer], START, 5.0 * step_s, 20.0, step_s).approaches
+        assert stay.time_s == pytest.approx(meet_s, abs=2e-3)
+        assert stay.range_m < 1.0
