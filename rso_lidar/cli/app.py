@@ -26,7 +26,7 @@ COMMANDS = {
     "parameters": "List all parameters of a scenario and figures derived from them.",
     "requirements": "Verify requirements on a scenario, a study or a recording.",
     "catalog": "List the objects of a catalogue, or write a selection of them.",
-    "encounters": "List the close approaches of one object to a catalogue.",
+    "encounters": "List the close approaches of one object to others, or of any two.",
     "conjunction": "Compute the probability of collision of a conjunction message.",
     "run": "Simulate a scenario and record its frames with truth and labels.",
     "serve": "Serve a simulation to flight software in another process.",

@@ -1,4 +1,4 @@
-"""`rso-lidar encounters`: close approaches of one object of a catalogue to the others."""
+"""`rso-lidar encounters`: close approaches of one object to others, or of any two."""
 
 import datetime
 from collections.abc import Mapping, Sequence
@@ -18,28 +18,57 @@ from rso_lidar.files import check_suffix, check_writable, write_text
 from rso_lidar.picture.studies.encounters import encounter_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.picture.style.palette import Scheme
-from rso_lidar.scenario import Constraints
-from rso_lidar.study import Encounters, scenario_text
+from rso_lidar.scenario import Constraints, Finding, Lidar, Scenario
+from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.study import Encounters, ViewedPlate, scenario_text
 from rso_lidar.study import encounters as find
-from rso_lidar.study.passes.pass_table import format_count
+from rso_lidar.study.passes.pass_table import LEFT_HEADS, format_count
 from rso_lidar.study.passes.search import MAX_SLEW_DEG_S
+from rso_lidar.study.passes.search_objects import load_follower
 
 _GREATEST_KEEP_OUT_M = 1e7
 _ORDERS = ("range", "time", "speed")
 _GAP = 2  # spaces between columns of a terminal
-_NAMING = 4  # columns that identify an encounter and its range
+_NAMING = 5  # columns that identify an encounter and its range
 # Columns in order of importance, for terminals that are too narrow for all of them.
 _TELLING = (
-    *("#", "object", "closest approach, UTC", "range, km", "usable, s", "breaks", "speed, m/s", "light", "norad"),
-    *("lidar, s", "phase, deg", "slew, deg/s", "clear, s", "inside, s", "Moon, deg", "limb, deg", "age, d"),
+    *("#", "follower", "object", "closest approach, UTC", "range, km", "found", "usable, s", "breaks", "speed, m/s"),
+    *(
+        "light",
+        "norad",
+        "photons",
+        "pixels",
+        "lidar, s",
+        "phase, deg",
+        "slew, deg/s",
+        "clear, s",
+        "inside, s",
+        "Moon, deg",
+        "limb, deg",
+        "age, d",
+    ),
 )
 
 
 def encounters(
-    catalog: Annotated[Path, typer.Argument(metavar="CATALOG", help="File of element sets (TLE, or OMM).")],
-    follower: Annotated[str, typer.Option("--follower", metavar="ID", help="Catalogue number or name.")],
+    catalog: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CATALOG...",
+            help="Files of element sets (TLE, OMM), ephemerides (OEM, CSV) and scenarios (TOML): all bodies in them.",
+        ),
+    ],
     within: Annotated[str, typer.Option("--within", help="Greatest range, with its unit: 50km, 500m.")],
     start: Annotated[str, typer.Option("--start", help="Begin, such as 2026-05-07T00:00:00Z.")],
+    follower: Annotated[
+        str | None,
+        typer.Option(
+            "--follower", metavar="ID|FILE", help="Object with the lidar: catalogue number, name, or its file."
+        ),
+    ] = None,
+    all_pairs: Annotated[
+        bool, typer.Option("--all-pairs", help="Every two objects, the lidar on the first, instead of --follower.")
+    ] = False,
     days: Annotated[float, typer.Option("--days", help="Length of the search [days].")] = 1.0,
     lidar: Annotated[
         str,
@@ -50,6 +79,19 @@ def encounters(
             autocompletion=list_cameras,
         ),
     ] = "long_range_1064",
+    target_size: Annotated[
+        str | None,
+        typer.Option("--target-size", metavar="LENGTH", help="Side of the plate that is looked at (1m, assumed)."),
+    ] = None,
+    reflectance: Annotated[
+        float | None, typer.Option("--reflectance", help="Lambertian reflectance of the plate (0.3, assumed).")
+    ] = None,
+    flash_rate: Annotated[
+        float | None,
+        typer.Option(
+            "--flash-rate", metavar="HZ", help="Flashes a second (the scenario's of --lidar, else 1, assumed)."
+        ),
+    ] = None,
     sun_exclusion: Annotated[
         float | None, typer.Option("--sun-exclusion", metavar="DEG", help="Exclusion angle about the Sun (deg).")
     ] = None,
@@ -88,7 +130,12 @@ def encounters(
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """List the close approaches of one object to a catalogue."""
+    """List the close approaches of one object to others, or of any two."""
+    if (follower is None) != all_pairs:
+        wrong = (
+            "needs the object with the lidar" if follower is None else "--follower and --all-pairs exclude each other"
+        )
+        raise ScenarioError(f"encounters: {wrong}; give --follower or --all-pairs")
     if scenario is None and output is not None:  # the suffix says what is meant
         suffix = output.suffix.lower()
         if suffix == ".csv" and csv is None:
@@ -104,7 +151,12 @@ def encounters(
     if sort not in _ORDERS:
         raise ScenarioError(f"--sort {sort}: unknown order{did_you_mean(sort, _ORDERS)} (known: {', '.join(_ORDERS)})")
     within_m, start_utc = parse_length_m("--within", within), parse_instant("--start", start)
-    camera, asked = load_lidar(lidar)
+    camera, asked, finding, rate_hz = _load_camera(lidar)
+    plate = ViewedPlate(
+        None if target_size is None else parse_length_m("--target-size", target_size),
+        reflectance,
+        rate_hz if flash_rate is None else flash_rate,
+    )
     angles = {"sun": sun_exclusion, "moon": moon_exclusion, "earth": earth_exclusion}
     asked = _choose_constraints(asked, angles, None if keep_out is None else parse_length_m("--keep-out", keep_out))
     if not min_duration >= 0.0:
@@ -115,8 +167,8 @@ def encounters(
                 raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
             check_writable(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
     table = find(
-        catalog,
-        follower,
+        catalog[0] if len(catalog) == 1 else catalog,
+        _choose_follower(follower),
         within_m=within_m,
         start_utc=start_utc,
         days=days,
@@ -128,6 +180,8 @@ def encounters(
         min_duration_s=min_duration,
         sort=sort,  # type: ignore[arg-type]
         limit=limit,
+        plate=plate,
+        finding=finding,
     )
     text = scenario_text(table, scenario) if scenario is not None and (table.rows or scenario < 1) else None
     _print_table(table)
@@ -155,7 +209,7 @@ def _print_table(table: Encounters) -> None:
     fit = choose_columns(heads, rows, console.width)
     shown = Table(box=None, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
     for k in fit:
-        left = heads[k] in ("object", "closest approach, UTC", "breaks")
+        left = heads[k] in LEFT_HEADS
         shown.add_column(heads[k], justify="left" if left else "right", no_wrap=True, overflow="ellipsis")
     for row in rows:
         shown.add_row(*(row[k] for k in fit))
@@ -209,16 +263,30 @@ def _draw(table: Encounters, place: Path, scheme: Scheme) -> Path:
         np.array([row.range_m for row in rows]),
         np.array([row.speed_m_s for row in rows]),
         np.array([row.sunlit_fraction >= 0.5 for row in rows]),
-        [row.label for row in rows],
+        [row.label if table.follower else f"{row.follower_label}, {row.label}" for row in rows],
         table.within_m,
         table.reach_m[1],
-        f"Encounters of {table.follower.name or table.follower.label}",
+        f"Encounters of {(table.follower.name or table.follower.label) if table.follower else 'all pairs'}",
         f"{format_count(len(rows), 'encounter')} within {table.within_m / units.KM:g} km of "
         f"{format_count(table.screened, 'object')}   ·   "
         f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}   ·   element sets are good to a kilometre",
         window_utc=(start, start + np.timedelta64(round(units.DAY_S * 1e3 * table.days), "ms")),
     )
     return picture.save_figure(figure, place, scheme=scheme)
+
+
+def _load_camera(text: str) -> tuple[Lidar, Constraints | None, Finding | None, float | None]:
+    """Load a camera by name, or camera, constraints, finding and frames per second of a scenario file."""
+    camera, asked = load_lidar(text)
+    if text in load_presets():
+        return camera, asked, None, None
+    scenario = Scenario.load(text)
+    return camera, asked, scenario.finding, scenario.time.frame_rate_hz
+
+
+def _choose_follower(text: str | None) -> Any:
+    """Return the follower of an option: a number or a name, or what a file of one object holds."""
+    return load_follower(text) if text is not None and Path(text).is_file() else text
 
 
 def _choose_constraints(

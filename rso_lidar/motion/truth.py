@@ -117,12 +117,7 @@ class _Evaluation:
             return {}
         some = [body.replace(attitude=None, axes=()) for body in self.bodies if body.orbits]
         origins = [self.by_name[name].origin for name in names]
-        breaks = [np.empty(0)]
-        for motion in (body.motion for body in some):
-            if isinstance(motion, RtnMotion):
-                breaks.append(motion.breaks_s(self.epochs, Chief(some, str(chief_of(motion)))))
-            else:
-                breaks.append(find_breaks_s(motion, self.epochs))
+        breaks_s = _list_breaks_s(some, self.epochs)
 
         def rows(time_s: np.ndarray) -> np.ndarray:
             poses = truth(some, Epochs(self.epochs.start_utc, time_s), flights=self.flights, rates=False).poses
@@ -132,7 +127,7 @@ class _Evaluation:
         with suppress_warnings():
             try:
                 here = rows(self.epochs.time_s)
-                change = differentiate(rows, self.epochs.time_s, here, np.concatenate(breaks))
+                change = differentiate(rows, self.epochs.time_s, here, breaks_s)
             except RsoLidarError:  # no state beside an epoch; an error at an epoch itself is raised elsewhere
                 return {}
         back, slope = here.reshape(-1, len(names), 3, 3), change.reshape(-1, len(names), 3, 3)
@@ -372,6 +367,10 @@ class Chief:
             self._known = [*self._known[-3:], (epochs, states)]
         return states
 
+    def list_breaks_s(self, epochs: Epochs) -> np.ndarray:
+        """Return the instants [s] at which the states of the body, or of one of its chiefs, have a jump or a corner."""
+        return _list_breaks_s(self._chain, epochs)
+
     @property
     def force_model(self) -> ForceModel | None:
         """Forces and maneuvers with which the body's own motion is integrated; None for any other motion."""
@@ -387,3 +386,14 @@ class Chief:
         while (relative_to := chief_of(chain[-1].motion)) is not None:
             chain.append(self._by_name[relative_to])
         return [body.replace(attitude=None, axes=()) for body in chain]
+
+
+def _list_breaks_s(bodies: Sequence[Body], epochs: Epochs) -> np.ndarray:
+    """Return the instants [s] at which the states of some bodies in orbit have a jump or a corner."""
+    breaks = [np.empty(0)]
+    for motion in (body.motion for body in bodies):
+        if isinstance(motion, RtnMotion):
+            breaks.append(motion.breaks_s(epochs, Chief(bodies, str(chief_of(motion)))))
+        else:
+            breaks.append(find_breaks_s(motion, epochs))
+    return np.concatenate(breaks)

@@ -46,6 +46,7 @@ from rso_lidar.orbit.propagation.numerical import Numerical, integrate_orbit
 from rso_lidar.orbit.screening.all_pairs import PairScreening, screen_pairs
 from rso_lidar.orbit.screening.close_approach import CloseApproach
 from rso_lidar.orbit.screening.conjunctions import ScreeningResult, screen
+from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.fleet import Fleet
@@ -96,6 +97,7 @@ __all__ = [
     "JplEphemeris",
     "Kepler",
     "LookAngles",
+    "NamedTrajectory",
     "Numerical",
     "Omm",
     "OsculatingElements",

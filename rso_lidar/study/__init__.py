@@ -28,6 +28,7 @@ from rso_lidar.study.passes.conjunction_assessment import ConjunctionAssessment,
 from rso_lidar.study.passes.conjunction_scenario import conjunction_scenario_text
 from rso_lidar.study.passes.pass_geometry import Encounter, reach_m
 from rso_lidar.study.passes.pass_table import Encounters
+from rso_lidar.study.passes.plate_light import ViewedPlate
 from rso_lidar.study.passes.scenario_text import scenario_text
 from rso_lidar.study.passes.search import encounters
 from rso_lidar.study.passes.set_errors import SetErrors, estimate_set_errors
@@ -72,6 +73,7 @@ __all__ = [
     "Tracking",
     "Trade",
     "VerificationMatrix",
+    "ViewedPlate",
     "assess_conjunction",
     "budget",
     "build_elevation_map",

@@ -84,6 +84,12 @@ def test_constraints_of_the_scenario_file_hold_and_options_come_first(call, tmp_
         (["--start", "2024-09-17T11:00:00"], "end it with Z"),
         (["--days", "-1"], "days: -1 is not a time span"),
         (["--follower", "99004"], "did you mean"),
+        (["--all-pairs"], "exclude each other; give --follower or --all-pairs"),
+        (["--target-size", "1"], "--target-size 1: has no unit"),
+        (["--target-size", "0m"], "target_size: 0 is out of range"),
+        (["--reflectance", "2"], "reflectance: 2 is out of range"),
+        (["--flash-rate", "0"], "flash_rate: 0 is out of range"),
+        (["--follower", FLYBY], "holds 2 objects"),
         (["--lidar", "long_range"], "did you mean 'long_range_1064'"),
         (["--sun-exclusion", "0"], "give degrees over 0, under 180"),
         (["--earth-exclusion", "nan"], "--earth-exclusion nan: is not an angle"),
@@ -181,3 +187,33 @@ def test_the_suffix_of_o_says_what_is_written(call, tmp_path):
     call(FLYBY, *ASKED, "--csv", tmp_path / "b.csv", "-o", tmp_path / "a.png")
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+PAIRS = [word for word in ASKED if word not in ("--follower", "99003")]
+
+
+def test_all_pairs_of_several_files_name_both(call, tmp_path):
+    hop = shipped("examples/tdrs_approach.toml")
+    out = call(FLYBY, hop, *PAIRS, "--all-pairs", "--start", "2024-09-17T12:00:00Z", "-o", tmp_path / "a.csv")
+    assert "any two of 4 objects within 20 km" in out
+    assert "follower" in out.splitlines()[1] and "the lidar is on the object named first" in out
+    with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    pairs = {(row["follower_name"], row["name"]) for row in rows}
+    assert pairs == {("ROCKET BODY (SYNTHETIC)", "FOLLOWER (SYNTHETIC)"), ("tdrs", "tdrs_approach follower")}
+
+
+def test_the_follower_of_a_scenario_and_what_its_lidar_gets(call, tmp_path):
+    hop = shipped("examples/tdrs_approach.toml")
+    more = ["--start", "2024-09-17T12:00:00Z", "--days", "0.02", "--lidar", hop, "-o", tmp_path / "a.csv"]
+    out = call(hop, "--within", "20km", *more, "--follower", hop, "--target-size", "2m")
+    assert "a facing square plate of 2 m side, reflectance 0.3 (assumed), flashes at 0.2 Hz" in out
+    with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["name"] == "tdrs" and float(row["photons"]) > 100.0
+    assert float(row["found_probability"]) >= float(row["best_probability"]) > 0.9
+
+
+def test_neither_follower_nor_pairs(call):
+    with pytest.raises(RsoLidarError, match="needs the object with the lidar; give --follower or --all-pairs"):
+        call(FLYBY, *PAIRS)

@@ -38,7 +38,7 @@ def at_least(probability: np.ndarray, least: int) -> float:
     return min(float(state[-1]), 1.0)
 
 
-def k_of_n(probability: np.ndarray, needed: int, flashes: int) -> np.ndarray:
+def k_of_n(probability: np.ndarray, needed: int, flashes: int | np.ndarray) -> np.ndarray:
     """Return the probability (…) that at least `needed` of `flashes` independent flashes succeed (binomial law).
 
     Parameters

@@ -26,6 +26,7 @@ from rso_lidar.orbit.ccsds.message import (
     Message,
     Segment,
     check_increasing,
+    list_objects,
     parse_number,
     select_segments,
     usable_span_s,
@@ -267,6 +268,19 @@ class EphemerisArc:
         if self.velocity_m_s is None:
             raise ScenarioError(f"{self.where}: 'hermite' needs velocities, which it lacks: choose 'lagrange'")
         return interpolate_hermite(inside, self.time_s, self.position_m, self.velocity_m_s, order)
+
+
+def list_ephemeris_objects(file: str) -> list[str]:
+    """List the names of the objects of an OEM; none for a CSV table, which holds one object without a name.
+
+    Raises
+    ------
+    ScenarioError
+        if the file is invalid
+    """
+    path = find_table(file)[0]
+    text = read_table_text(path)
+    return list_objects(read_message(text, "OEM", str(path))) if is_message(text) else []
 
 
 @functools.lru_cache(maxsize=16)

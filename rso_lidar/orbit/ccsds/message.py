@@ -69,6 +69,11 @@ class Message:
         return system
 
 
+def list_objects(message: Message) -> list[str]:
+    """List the names of the objects of a message, in its order."""
+    return list(dict.fromkeys(message.require(segment, "OBJECT_NAME").value for segment in message.segments))
+
+
 def select_segments(message: Message, wanted: str | None) -> list[Segment]:
     """Select the segments of an object by name or id, or of the only object.
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rso_lidar.orbit.screening.close_approach import (
-    BRIEF_S,
     CloseApproach,
     RelativePositions,
     SubIntervals,
@@ -21,15 +20,15 @@ from rso_lidar.orbit.screening.close_approach import (
     refine_approaches,
 )
 from rso_lidar.orbit.screening.conjunctions import (
-    CUT,
-    STEP_S,
     describe_rejected,
     find_near_cells,
     split_into_lots,
 )
+from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
 from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds
-from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.fleet import Fleet, ScheduledFleet
+from rso_lidar.orbit.screening.scheduled_fleet import STEP_S, ScheduledFleet, ScreenedObject
+from rso_lidar.orbit.screening.trajectory_piece import BRIEF_S, CUT
+from rso_lidar.orbit.sets.fleet import Fleet
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +49,14 @@ class PairScreening:
     rejected: tuple[tuple[str, str], ...]
     near: int
 
+    @property
+    def follower(self) -> ScheduledFleet:
+        """The objects, each of which is the first one of a pair in turn."""
+        return self.objects
+
 
 def screen_pairs(
-    objects: Sequence[ElementSet | Sequence[ElementSet]],
+    objects: Sequence[ScreenedObject],
     start_utc: datetime.datetime,
     duration_s: float,
     within_m: float,
@@ -61,11 +65,11 @@ def screen_pairs(
     """Find every close approach of any two of some objects.
 
     The close approaches are those that `screen` finds with each object in turn as the follower. An object with several
-    element sets uses, at each instant, the one whose epoch is nearest.
+    element sets uses, at each instant, the one whose epoch is nearest. A trajectory is searched where it has states.
 
     Parameters
     ----------
-    objects : the element set, or several, of each object
+    objects : the element set, several, or a trajectory (anything that answers `states`), of each object
     start_utc : start of the span
     duration_s : length of the span [s]
     within_m : limit of range [m]
@@ -75,7 +79,7 @@ def screen_pairs(
     -------
     PairScreening
     """
-    flights = ScheduledFleet(objects, start_utc, duration_s)
+    flights = ScheduledFleet(objects, start_utc, duration_s, step_s)
     fleet, sets = flights.fleet, np.arange(len(flights.fleet))
     span_s = np.stack([np.maximum(flights.from_s, 0.0), np.minimum(flights.to_s, duration_s)], axis=1)
     steps = max(1, int(np.ceil(duration_s / step_s)))
@@ -100,7 +104,7 @@ def screen_pairs(
             velocity[others] - velocity[one],
             float(instants[1] - instants[0]),
             (instants[1:] >= both[:, :1]) & (instants[:-1] <= both[:, 1:]),
-            (bounds.speed_m_s[one] + bounds.speed_m_s[others], bounds.fourth_m_s4[one] + bounds.fourth_m_s4[others]),
+            _add_bounds(bounds, one, others),
             within_m,
         )
         kept, place = np.unique(row, return_inverse=True)
@@ -116,7 +120,20 @@ def screen_pairs(
             approaches += refine_approaches(pair, lot, times, within_m)
         approaches = _name_objects(approaches, pair.pairs, flights)
     approaches.sort(key=lambda approach: (approach.time_s, approach.lead, approach.which))
-    return PairScreening(flights, tuple(approaches), tuple(describe_rejected(fleet, rejected)), near)
+    lost = (*flights.gaps, *describe_rejected(fleet, rejected))
+    return PairScreening(flights, tuple(approaches), lost, near)
+
+
+def _add_bounds(bounds: OrbitBounds, one: int, others: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Add the bounds of one set to those of others, as `find_near_cells` needs them.
+
+    Parameters
+    ----------
+    bounds : bounds of the orbits
+    one, others : numbers of the sets
+    """
+    speed, fourth, off = bounds.speed_m_s, bounds.fourth_m_s4, bounds.off_m
+    return speed[one] + speed[others], fourth[one] + fourth[others], off[one] + off[others]
 
 
 class _PairPositions(RelativePositions):
@@ -129,7 +146,7 @@ class _PairPositions(RelativePositions):
     span_s : (pair, 2) when both sets of a pair apply [s since the start]
     """
 
-    def __init__(self, fleet: Fleet, pairs: np.ndarray, span_s: np.ndarray) -> None:
+    def __init__(self, fleet: Fleet | MixedFleet, pairs: np.ndarray, span_s: np.ndarray) -> None:
         super().__init__(fleet, 0, fleet, span_s)
         self.pairs = pairs
 

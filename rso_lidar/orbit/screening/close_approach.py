@@ -13,10 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rso_lidar.orbit.sets.fleet import SWITCH_S, Fleet, InTeme, ScheduledFleet
+from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
+from rso_lidar.orbit.screening.scheduled_fleet import InTeme, ScheduledFleet
+from rso_lidar.orbit.screening.trajectory_piece import BRIEF_S, SWITCH_S
+from rso_lidar.orbit.sets.fleet import Fleet
 
 ROOT_S = 1e-4
-BRIEF_S = 1e-3  # sets that apply for less than this are ignored
 _MOST_TURNS = 80
 _DIFFERENCE_S = 0.5
 _EQUAL_M = (
@@ -70,7 +72,7 @@ class RelativePositions:
     span_s : (set, 2) when each of these applies [s since the start]
     """
 
-    def __init__(self, lead: Fleet, one: int, fleet: Fleet, span_s: np.ndarray) -> None:
+    def __init__(self, lead: Fleet | MixedFleet, one: int, fleet: Fleet | MixedFleet, span_s: np.ndarray) -> None:
         self._lead, self._one, self._fleet, self.span_s = lead, one, fleet, span_s
 
     def relative(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:

@@ -22,6 +22,9 @@ Those that may be inside are evaluated by SGP4 itself (`close_approach`).
 **Several element sets of one object.** Each set is screened separately while it applies and the follower does not
 switch its own. The motion is then smooth; adjoining pieces are joined afterwards. Sets that apply for less than 1 ms,
 because two epochs differ only in the last digit, are ignored.
+
+**Trajectories.** Anything that answers `states` is screened in the same way, piece by piece (`trajectory_piece`). Its shell,
+speed and error of the cubic are measured along each piece.
 """
 
 from __future__ import annotations
@@ -36,20 +39,19 @@ import numpy as np
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.epochs import format_utc
 from rso_lidar.orbit.screening.close_approach import (
-    BRIEF_S,
     CloseApproach,
     RelativePositions,
     SubIntervals,
     join_approaches,
     refine_approaches,
 )
+from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
 from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds
-from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.fleet import Fleet, ScheduledFleet
+from rso_lidar.orbit.screening.scheduled_fleet import STEP_S, ScheduledFleet, ScreenedObject
+from rso_lidar.orbit.screening.trajectory_piece import BRIEF_S, CUT
+from rso_lidar.orbit.sets.fleet import Fleet
 from rso_lidar.orbit.sets.teme import describe_error
 
-STEP_S = 300.0
-CUT = 8  # sub-intervals of a step
 _MOST_STATES = 400_000  # propagated at a time: some 50 MB
 _SPEED_OFF_M_S = 5.0
 
@@ -74,8 +76,8 @@ class ScreeningResult:
 
 
 def screen(
-    follower: ElementSet | Sequence[ElementSet],
-    objects: Sequence[ElementSet | Sequence[ElementSet]],
+    follower: ScreenedObject,
+    objects: Sequence[ScreenedObject],
     start_utc: datetime.datetime,
     duration_s: float,
     within_m: float,
@@ -83,12 +85,13 @@ def screen(
 ) -> ScreeningResult:
     """Find every close approach of objects to one follower.
 
-    An object with several element sets uses, at each instant, the one whose epoch is nearest.
+    An object with several element sets uses, at each instant, the one whose epoch is nearest. A trajectory is searched
+    where it has states.
 
     Parameters
     ----------
-    follower : its element set, or several
-    objects : the element set, or several, of each object
+    follower : its element set, several, or a trajectory: anything that answers `states`
+    objects : the same for each object
     start_utc : start of the span
     duration_s : length of the span [s]
     within_m : limit of range [m]
@@ -101,9 +104,11 @@ def screen(
     Raises
     ------
     PropagationError
-        if SGP4 has no state of the follower
+        if SGP4 has no state of the follower, or its trajectory has none in the whole span
     """
-    lead, flights = ScheduledFleet([follower], start_utc, duration_s), ScheduledFleet(objects, start_utc, duration_s)
+    lead, flights = (ScheduledFleet(some, start_utc, duration_s, step_s) for some in ([follower], objects))
+    if not len(lead.fleet):
+        raise PropagationError(f"follower {lead.gaps[0][0]}: {lead.gaps[0][1]}; shift or shorten the span")
     near = np.zeros(len(flights), dtype=bool)
     rejected: dict[int, tuple[float, int]] = {}
     approaches: list[CloseApproach] = []
@@ -112,9 +117,8 @@ def screen(
     if lead.several.any() or flights.several.any():
         approaches = join_approaches(approaches, lead, flights)
     approaches.sort(key=lambda approach: (approach.time_s, approach.which))
-    return ScreeningResult(
-        lead, flights, tuple(approaches), tuple(describe_rejected(flights.fleet, rejected)), int(near.sum())
-    )
+    lost = (*lead.gaps, *flights.gaps, *describe_rejected(flights.fleet, rejected))
+    return ScreeningResult(lead, flights, tuple(approaches), lost, int(near.sum()))
 
 
 def _screen_one_set(
@@ -154,10 +158,10 @@ def _screen_one_set(
     bad = np.isnan(position[0, :, 0])
     if bad.any():
         at = int(np.argmax(bad))
+        instant, what = format_utc(lead.start_utc, float(instants[at])), int(error[0, at])
+        why = f": {describe_error(what)}; take an element set nearer to the span, or" if what > 0 else "; take"
         raise PropagationError(
-            f"follower {lead.fleet.sets[one].label}: SGP4 has no state at "
-            f"{format_utc(lead.start_utc, float(instants[at]))}: {describe_error(int(error[0, at]))}; "
-            "take an element set nearer to the span, or a shorter span",
+            f"follower {lead.fleet.sets[one].label}: {'SGP4 ' * (what > 0)}has no state at {instant}{why} a shorter span",
             bad,
         )
     span_s = np.stack([np.maximum(flights.from_s, begin_s), np.minimum(flights.to_s, end_s)], axis=1)
@@ -193,26 +197,19 @@ def _screen_one_set(
     return approaches
 
 
-def describe_rejected(fleet: Fleet, rejected: dict[int, tuple[float, int]]) -> list[tuple[str, str]]:
+def describe_rejected(fleet: Fleet | MixedFleet, rejected: dict[int, tuple[float, int]]) -> list[tuple[str, str]]:
     """Describe the sets without a state, by number: label, and reason with its instant."""
-    return [
-        (
-            fleet.sets[k].label,
-            f"{describe_error(error)}, by {format_utc(fleet.start_utc, since_s)} (elements of "
-            f"{fleet.sets[k].epoch_utc:%Y-%m-%dT%H:%MZ})",
-        )
-        for k, (since_s, error) in sorted(rejected.items())
-    ]
+    return [fleet.describe_loss(k, since_s, error) for k, (since_s, error) in sorted(rejected.items())]
 
 
 def _find_cells(
-    fleet: Fleet,
+    fleet: Fleet | MixedFleet,
     sets: np.ndarray,
     span_s: np.ndarray,
     instants: np.ndarray,
     lead: tuple[np.ndarray, np.ndarray],
     here: OrbitBounds,
-    there: tuple[np.ndarray, np.ndarray],
+    there: tuple[np.ndarray, np.ndarray, np.ndarray],
     within_m: float,
 ) -> tuple[np.ndarray, dict[int, tuple[float, int]]]:
     """Find the sub-intervals in which an object may be inside the limit.
@@ -225,7 +222,7 @@ def _find_cells(
     instants : (time,) coarse grid [s]
     lead : position and velocity (time, 3) of the follower
     here : bounds of the follower's orbit
-    there : speeds [m/s] and fourth derivatives [m/s4] of the sets
+    there : speeds [m/s], fourth derivatives [m/s4] and further errors of the cubic [m] of the sets
     within_m : limit of range [m]
 
     Returns
@@ -244,7 +241,7 @@ def _find_cells(
         int(sets[k]): (float(instants[at]), int(error[k, at]))
         for k, at in ((k, int(np.argmax(gone[k]))) for k in np.flatnonzero(gone.any(axis=1)))
     }
-    bounds = here.speed_m_s[0] + there[0], here.fourth_m_s4[0] + there[1]
+    bounds = here.speed_m_s[0] + there[0], here.fourth_m_s4[0] + there[1], here.off_m[0] + there[2]
     row, cut = find_near_cells(position, velocity, float(instants[1] - instants[0]), flies, bounds, within_m)
     return np.stack([sets[row], cut], axis=1), lost
 
@@ -254,7 +251,7 @@ def find_near_cells(
     velocity_m_s: np.ndarray,
     step_s: float,
     flies: np.ndarray,
-    bounds: tuple[np.ndarray, np.ndarray],
+    bounds: tuple[np.ndarray, np.ndarray, np.ndarray],
     within_m: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the sub-intervals in which two objects may come within a limit, from relative states on the coarse grid.
@@ -264,7 +261,7 @@ def find_near_cells(
     position_m, velocity_m_s : (row, time, 3) relative states [m], [m/s]
     step_s : step of the grid [s]
     flies : (row, interval) whether an interval counts
-    bounds : (row,) sums of both greatest speeds [m/s] and of both fourth derivatives [m/s4]
+    bounds : (row,) sums of both greatest speeds [m/s], of both fourth derivatives [m/s4] and of both further errors [m]
     within_m : limit of range [m]
 
     Returns
@@ -273,8 +270,8 @@ def find_near_cells(
     """
     position, velocity = position_m, velocity_m_s
     apart = np.sqrt(np.einsum("...i,...i->...", position, position))
-    speed, fourth = bounds
-    limit = within_m + 1.25 * fourth * step_s**4 / 384.0 + _SPEED_OFF_M_S * step_s / 4.0
+    speed, fourth, off = bounds
+    limit = within_m + 1.25 * fourth * step_s**4 / 384.0 + off + _SPEED_OFF_M_S * step_s / 4.0
     reach = within_m + 1.02 * speed * step_s / 2.0
     with np.errstate(invalid="ignore"):
         row, k = np.nonzero((np.fmin(apart[:, :-1], apart[:, 1:]) <= reach[:, None]) & flies)

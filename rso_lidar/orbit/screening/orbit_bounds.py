@@ -2,7 +2,7 @@
 
 A shell has three margins. 50 km cover short periods and the long-period terms of SGP4, which change a radius by less than
 25 km. The spread of the samples covers drag. The apogee is raised by the effect of the J2 part of the energy at perigee,
-4 a^2 J2 R^2 / r_p^3.
+4 a^2 J2 R^2 / r_p^3. Bounds of pieces of trajectories are measured instead (`trajectory_piece`).
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
 from rso_lidar.orbit.sets.fleet import Fleet
 
 _SHELL_INSTANTS = 13
@@ -18,11 +19,11 @@ _J2_R2_M2 = units.EARTH_J2 * units.EARTH_RADIUS_M**2
 
 
 class OrbitBounds:
-    """Bounds of the orbits of some element sets, each over its own span.
+    """Bounds of the orbits of some element sets, each over its own span, and of pieces of trajectories.
 
     Parameters
     ----------
-    fleet : the element sets
+    fleet : the element sets and pieces
     sets : (set,) numbers of the sets
     span_s : (set, 2) span of each [s since the start]
 
@@ -31,15 +32,20 @@ class OrbitBounds:
     perigee_m, apogee_m : (set,) bounds of the distance from the Earth's centre [m]
     speed_m_s : (set,) greatest speed [m/s]
     fourth_m_s4 : (set,) bound of the fourth derivative of position [m/s4]
+    off_m : (set,) further error of the cubic, which does not shrink with the step [m]
     never, lost : (set,) whether there is a state at no instant, and whether one is missing at some
     lost_s, error : (set,) the first such instant [s], and SGP4's error code there
     """
 
-    def __init__(self, fleet: Fleet, sets: np.ndarray, span_s: np.ndarray) -> None:
+    def __init__(self, fleet: Fleet | MixedFleet, sets: np.ndarray, span_s: np.ndarray) -> None:
         count = len(sets)
+        measured = fleet.find_measured_bounds(sets)
+        of_orbit = np.ones(count, dtype=bool) if measured is None else np.isnan(measured[:, 0])
         instants = np.linspace(span_s[:, 0], span_s[:, 1], _SHELL_INSTANTS, axis=1)
-        q, top, ecc = np.empty((3, count, _SHELL_INSTANTS))
-        for rows in _group_by_span(span_s):
+        q, top, ecc = np.ones((3, count, _SHELL_INSTANTS))
+        for rows in (rows[of_orbit[rows]] for rows in _group_by_span(span_s)):
+            if not len(rows):
+                continue
             position, velocity = _propagate_sets(fleet, sets[rows], instants[rows])
             radius = np.sqrt(np.einsum("...i,...i->...", position, position))
             speed2 = np.einsum("...i,...i->...", velocity, velocity)
@@ -69,10 +75,15 @@ class OrbitBounds:
         open_ = self.lost | ~np.isfinite(self.perigee_m) | ~np.isfinite(self.apogee_m) | (axis <= 0.0)
         self.perigee_m = np.where(open_, 0.0, self.perigee_m)
         self.apogee_m = np.where(open_, np.inf, self.apogee_m)
+        self.off_m = np.zeros(count)
+        if measured is not None:
+            own = ~of_orbit
+            self.perigee_m[own], self.apogee_m[own], self.speed_m_s[own], self.off_m[own] = measured[own].T
+            self.fourth_m_s4[own] = 0.0  # the error of the cubic is measured as a whole
 
-    def select(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return speed [m/s] and fourth derivative [m/s4] of some rows."""
-        return self.speed_m_s[rows], self.fourth_m_s4[rows]
+    def select(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return speed [m/s], fourth derivative [m/s4] and further error [m] of some rows."""
+        return self.speed_m_s[rows], self.fourth_m_s4[rows], self.off_m[rows]
 
     def may_meet(self, one: OrbitBounds, within_m: float) -> np.ndarray:
         """Return whether each shell comes within a limit [m] of that of `one`, and has any state at all."""
@@ -89,7 +100,7 @@ def _group_by_span(span_s: np.ndarray) -> list[np.ndarray]:
     return [lot[begin : begin + 20_000] for lot in lots for begin in range(0, len(lot), 20_000)]
 
 
-def _propagate_sets(fleet: Fleet, sets: np.ndarray, instants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _propagate_sets(fleet: Fleet | MixedFleet, sets: np.ndarray, instants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Propagate element sets, each to its own instants.
 
     Parameters

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.teme import MOST_AGE_S, TOO_OLD, find_failures
-
-SWITCH_S = 1e-4  # a set ends this long before the next begins, so that each instant has one set
+from rso_lidar.orbit.sets.teme import MOST_AGE_S, TOO_OLD, describe_error, find_failures
 
 
 class Fleet:
@@ -102,145 +99,37 @@ class Fleet:
         error[np.abs(self._since_epoch_s[which] + time_s) > MOST_AGE_S] = TOO_OLD
         return _mask_failures(position, velocity, error)
 
+    def find_measured_bounds(self, which: np.ndarray) -> np.ndarray | None:
+        """Return no bounds: those of element sets follow from their orbits.
+
+        Parameters
+        ----------
+        which : (set,) numbers of the sets
+        """
+        return None
+
+    def describe_loss(self, which: int, since_s: float, error: int) -> tuple[str, str]:
+        """Describe why a set has no state.
+
+        Parameters
+        ----------
+        which : number of the set
+        since_s : instant [s since the start]
+        error : SGP4's code
+
+        Returns
+        -------
+        its label, and the reason with its instant
+        """
+        elements = self.sets[which]
+        return (
+            elements.label,
+            f"{describe_error(error)}, by {format_utc(self.start_utc, since_s)} (elements of "
+            f"{elements.epoch_utc:%Y-%m-%dT%H:%MZ})",
+        )
+
     def _dates(self, time_s: np.ndarray, era: int) -> tuple[np.ndarray, np.ndarray]:
         return Epochs(self.start_utc, time_s).utc_julian(leap_seconds_at=self._eras[era])
-
-
-class InTeme(Protocol):
-    """Objects whose states in TEME axes are known by their numbers."""
-
-    def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return positions [m] and velocities [m/s] (pair, 3) of the objects ``which[k]`` at ``time_s[k]``."""
-        ...
-
-
-class ScheduledFleet:
-    """Objects over a span, each propagated by its only element set or by that of several whose epoch is nearest.
-
-    It switches half-way between neighbouring epochs, with a jump, as `SetSequence` does.
-
-    Parameters
-    ----------
-    objects : an element set, or several of one object, for each object
-    start_utc : start of the span
-    duration_s : its length [s]
-
-    Attributes
-    ----------
-    fleet : the sets that apply within the span; those of one object follow each other in order of time
-    owner : (set,) number of the object that each set belongs to
-    from_s, to_s : (set,) when each set applies [s since the start], infinite at the first and last set of an object
-    """
-
-    def __init__(
-        self, objects: Sequence[ElementSet | Sequence[ElementSet]], start_utc: datetime.datetime, duration_s: float
-    ) -> None:
-        start = Epochs(start_utc, np.zeros(1))
-        sets: list[ElementSet] = []
-        owner: list[int] = []
-        from_s: list[float] = []
-        for number, entry in enumerate(objects):
-            flown = [(-np.inf, entry)] if isinstance(entry, ElementSet) else _schedule(entry, start, duration_s)
-            for begin_s, elements in flown:
-                sets.append(elements)
-                owner.append(number)
-                from_s.append(begin_s)
-        self.start_utc = start_utc
-        self.duration_s = duration_s
-        self.fleet = Fleet(sets, start_utc)
-        self.owner = np.array(owner, dtype=int)
-        self.from_s = np.array(from_s)
-        last = np.append(self.owner[1:] != self.owner[:-1], True)[: len(sets)]
-        self.to_s = np.where(last, np.inf, np.append(self.from_s[1:], np.inf)[: len(sets)] - SWITCH_S)
-        self._first = np.searchsorted(self.owner, np.arange(len(objects)))
-        self._count = np.bincount(self.owner, minlength=len(objects))
-
-    def __len__(self) -> int:
-        return len(self._first)
-
-    @property
-    def several(self) -> np.ndarray:
-        """Whether each object (object,) switches between sets within the span."""
-        more: np.ndarray = self._count > 1
-        return more
-
-    def number(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Return the number in `fleet` (pair,) of the set that applies to object ``which[k]`` at ``time_s[k]``."""
-        number: np.ndarray = self._first[which]
-        count = self._count[which]
-        for k in range(1, int(count.max(initial=1))):
-            after = np.where(k < count, self._first[which] + k, 0)
-            number = np.where((k < count) & (self.from_s[after] <= time_s), after, number)
-        return number
-
-    def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return states of objects in TEME axes, each at its own instant.
-
-        Parameters
-        ----------
-        which : (pair,) numbers of the objects
-        time_s : (pair,) instants [s since the start]
-
-        Returns
-        -------
-        position_m, velocity_m_s : (pair, 3) [m], [m/s]; NaN where there is no state
-        """
-        return self.fleet.at(self.number(which, time_s), time_s)
-
-    def elements(self, which: int, time_s: float) -> ElementSet:
-        """Return the set that applies to an object at an instant [s]."""
-        return self.fleet.sets[int(self.number(np.array([which]), np.array([time_s]))[0])]
-
-    def switches(self, which: int, from_s: float, to_s: float) -> int:
-        """Count the switches of an object between its sets from one instant to another.
-
-        Parameters
-        ----------
-        which : number of the object
-        from_s, to_s : instants [s since the start]
-
-        Returns
-        -------
-        number of switches, negative if `to_s` is before `from_s`
-        """
-        return int(np.diff(self.number(np.array([which, which]), np.array([from_s, to_s])))[0])
-
-    def oldest(self, which: int) -> tuple[float, ElementSet]:
-        """Return the set of an object that is used farthest from its epoch within the span, and that time [day]."""
-        mine = np.flatnonzero(self.owner == which)
-        ends = np.clip([self.from_s[mine], self.to_s[mine]], 0.0, self.duration_s)
-        since = np.array([(self.start_utc - self.fleet.sets[k].epoch_utc).total_seconds() for k in mine])
-        ages = np.abs(since + ends).max(axis=0) / units.DAY_S
-        return float(ages.max()), self.fleet.sets[int(mine[np.argmax(ages)])]
-
-    def ages_days(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Return the time (pair,) from the epoch of the set that applies to each instant [day]."""
-        flown = [self.fleet.sets[k] for k in self.number(which, time_s)]
-        since = np.array([(self.start_utc - entry.epoch_utc).total_seconds() for entry in flown])
-        age: np.ndarray = (since + time_s) / units.DAY_S
-        return age
-
-
-def _schedule(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> list[tuple[float, ElementSet]]:
-    """Select the sets of one object that apply within a span; of equal epochs the first.
-
-    Parameters
-    ----------
-    sets : element sets of the object
-    start : the start of the span, one epoch
-    duration_s : length of the span [s]
-
-    Returns
-    -------
-    list of (begin_s, element set)
-    """
-    distinct = {(entry.epoch_utc, entry.epoch_rest_ns): entry for entry in reversed(sets)}
-    ordered = [distinct[epoch] for epoch in sorted(distinct)]
-    epoch_s = np.array([-float(start.since(entry.epoch_utc)[0]) for entry in ordered])
-    begin_s = [-np.inf, *(0.5 * (epoch_s[1:] + epoch_s[:-1])).tolist()]
-    first = int(np.searchsorted(begin_s, 0.0, side="right")) - 1
-    flown = [pair for pair in zip(begin_s, ordered, strict=False) if pair[0] < duration_s][max(first, 0) :]
-    return [(-np.inf if k == 0 else begin, entry) for k, (begin, entry) in enumerate(flown)]
 
 
 def _mask_failures(

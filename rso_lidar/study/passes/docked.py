@@ -9,10 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.orbit.screening.all_pairs import PairScreening
 from rso_lidar.orbit.screening.conjunctions import ScreeningResult
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.rpo.relative.rtn import rtn_matrix
-from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter
+from rso_lidar.study.passes.exclusion import TOGETHER_M
+from rso_lidar.study.passes.pass_geometry import Encounter
 
 # One standard deviation of a set at its epoch, radial and cross-track [m]: Flohrer, Krag & Klinkrad, Assessment and
 # Categorization of TLE Orbit Errors for the US SSN Catalogue (AMOS 2008). Low confidence: the values are quoted from memory
@@ -26,7 +28,7 @@ _STEP_S = 120.0
 _NEAR_M = 20e3  # a closest approach beyond this is never attributed to errors of the sets
 
 
-def fold_docked(screened: ScreeningResult, rows: Sequence[Encounter]) -> list[Encounter]:
+def fold_docked(screened: ScreeningResult | PairScreening, rows: Sequence[Encounter]) -> list[Encounter]:
     """Merge the encounters of each docked object into one row with the reason, after all other rows.
 
     An object counts as docked where its position relative to the follower stays within the errors of both sets over the
@@ -44,18 +46,18 @@ def fold_docked(screened: ScreeningResult, rows: Sequence[Encounter]) -> list[En
     list of Encounter
         The others unchanged, then the closest one of each docked object, with NaN for what a lidar would see.
     """
-    reasons: dict[int, str | None] = {}
+    reasons: dict[tuple[int, int], str | None] = {}
     others: list[Encounter] = []
-    docked: dict[int, list[Encounter]] = {}
+    docked: dict[tuple[int, int], list[Encounter]] = {}
     for row in rows:
-        which = row.stay.which
-        if which not in reasons:
-            reasons[which] = _explain_docking(screened, which) if row.range_m < _NEAR_M else None
-        if reasons[which] is None:
+        pair = row.stay.lead, row.stay.which
+        if pair not in reasons:
+            reasons[pair] = _explain_docking(screened, *pair) if row.range_m < _NEAR_M else None
+        if reasons[pair] is None:
             others.append(row)
         else:
-            docked.setdefault(which, []).append(row)
-    return others + [_merge_stays(stays, str(reasons[which])) for which, stays in docked.items()]
+            docked.setdefault(pair, []).append(row)
+    return others + [_merge_stays(stays, str(reasons[pair])) for pair, stays in docked.items()]
 
 
 def _merge_stays(stays: Sequence[Encounter], reason: str) -> Encounter:
@@ -75,14 +77,26 @@ def _merge_stays(stays: Sequence[Encounter], reason: str) -> Encounter:
         slew_s=math.nan,
         clear_s=math.nan,
         usable_s=math.nan,
+        photons=math.nan,
+        target_pixels=math.nan,
+        background_photons_per_s=math.nan,
+        detection_probability=math.nan,
+        best_probability=math.nan,
+        found_probability=math.nan,
     )
 
 
-def _explain_docking(screened: ScreeningResult, which: int) -> str | None:
-    """Explain why an object counts as docked with the follower; None where it does not."""
+def _explain_docking(screened: ScreeningResult | PairScreening, own_number: int, which: int) -> str | None:
+    """Explain why two objects count as docked; None where they do not, and for trajectories that differ.
+
+    Parameters
+    ----------
+    screened : the screening.
+    own_number, which : numbers of follower and object.
+    """
     lead, objects = screened.follower, screened.objects
     time_s = np.append(np.arange(0.0, objects.duration_s, _STEP_S), objects.duration_s)
-    own, there = np.zeros(len(time_s), dtype=int), np.full(len(time_s), which)
+    own, there = np.full(len(time_s), own_number), np.full(len(time_s), which)
     position, velocity = lead.at(own, time_s)
     apart = rotate_vectors(
         np.swapaxes(rtn_matrix(position, velocity)[0], -1, -2), objects.at(there, time_s)[0] - position
@@ -90,11 +104,13 @@ def _explain_docking(screened: ScreeningResult, which: int) -> str | None:
     if not np.isfinite(apart).all():
         return None
     together = np.abs(apart).max(axis=1) < TOGETHER_M
-    if together.all():
-        return "the catalogue gives both the same elements"
-    regime = lead.elements(0, 0.0).regime
-    sigmas = (3.0 if together.any() else 1.0) * math.sqrt(2.0)  # of the difference of two sets
     days = np.abs(lead.ages_days(own, time_s)) + np.abs(objects.ages_days(there, time_s))
+    if together.all():
+        return "the catalogue gives both the same elements" if np.isfinite(days).all() else "both have the same states"
+    if not np.isfinite(days).all():  # only element sets have errors of a known size
+        return None
+    regime = lead.elements(own_number, 0.0).regime
+    sigmas = (3.0 if together.any() else 1.0) * math.sqrt(2.0)  # of the difference of two sets
     most = np.abs(apart).max(axis=0)
     radial_m, across_m = sigmas * _RADIAL_M[regime], sigmas * _ACROSS_M[regime]
     along = np.abs(apart[:, 1]) <= 2.0 * _ALONG_M + _ALONG_M_DAY * days

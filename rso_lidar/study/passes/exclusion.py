@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.screening.all_pairs import PairScreening
 from rso_lidar.orbit.screening.conjunctions import ScreeningResult
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.orbit.sky.eclipse import shadow_margins_rad
@@ -15,6 +19,7 @@ from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.scenario import Constraints, Corridor
 
+TOGETHER_M = 1e-3  # docked craft that share elements; there is no line of sight
 _SKY_STEP_S = 600.0  # step of Sun and Moon; linear interpolation between is good to 1e-6 rad
 
 
@@ -29,10 +34,55 @@ def keep_out_radius_m(constraints: Constraints | None) -> float | None:
     return max(radius_m.values(), default=None) if isinstance(radius_m, dict) else radius_m
 
 
+def check_constraints(
+    asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.ndarray
+) -> dict[str, list[Any]]:
+    """Return whether (row) each constraint is kept at the closest approach, and the angle [deg] off a corridor's axis.
+
+    The worst of several corridors that apply counts.
+
+    Parameters
+    ----------
+    asked : the constraints.
+    table : columns (row) of the encounters by name.
+    place_m : (row, 3) position of the follower in the rtn axes of each object [m].
+    """
+    count = len(place_m)
+    sun_deg, moon_deg, earth_deg, radius_m = (None,) * 4
+    if asked is not None:
+        sun_deg, moon_deg, earth_deg = asked.sun_exclusion_deg, asked.moon_exclusion_deg, asked.earth_exclusion_deg
+        radius_m = keep_out_radius_m(asked)
+    corridors = select_rtn_corridors(asked)
+    unseen = table["follower_sunlit_fraction"] <= 0.0
+    together = table["range_m"] < TOGETHER_M
+
+    def check_limit(limit: float | None, kept: np.ndarray, applies: np.ndarray) -> list[bool | None]:
+        return [bool(one) if limit is not None and there else None for one, there in zip(kept, applies, strict=True)]
+
+    angle_deg, inside, applies, within = (np.full(count, value) for value in (math.nan, True, False, False))
+    worst = np.full(count, -math.inf)
+    for corridor in corridors:
+        angle = corridor.angle_rad(place_m) / units.DEG
+        here = corridor.applies(place_m) & ~together
+        over = np.where(here, angle - corridor.half_angle_deg, -1e3 - angle)
+        angle_deg, worst = np.where(over > worst, angle, angle_deg), np.maximum(over, worst)
+        inside, applies = inside & ~(here & (over > 0.0)), applies | here
+        within |= corridor.margin_m(place_m) >= 0.0
+    angle_deg[together] = math.nan
+    return {
+        "sun_kept": check_limit(sun_deg, unseen | (table["sun_angle_deg"] >= (sun_deg or 0.0)), ~together),
+        "moon_kept": check_limit(moon_deg, table["moon_angle_deg"] >= (moon_deg or 0.0), ~together),
+        "earth_kept": check_limit(earth_deg, table["earth_limb_deg"] >= (earth_deg or 0.0), ~together),
+        "keep_out_kept": check_limit(radius_m, within | (table["range_m"] >= (radius_m or 0.0)), np.full(count, True)),
+        "corridor_kept": check_limit(0.0, inside, applies),
+        "corridor_angle_deg": angle_deg.tolist() if corridors else [None] * count,
+    }
+
+
 class ExclusionAngles:
     """Exclusion angles about Sun, Moon and Earth over the span of a screening, in TEME axes."""
 
-    def __init__(self, screened: ScreeningResult, constraints: Constraints | None) -> None:
+    def __init__(self, screened: ScreeningResult | PairScreening, constraints: Constraints | None) -> None:
         self.constraints = constraints
         last_s = max((stay.leave_s for stay in screened.approaches), default=0.0)
         self._time_s = np.arange(0.0, last_s + 2.0 * _SKY_STEP_S, _SKY_STEP_S)
@@ -54,7 +104,7 @@ class ExclusionAngles:
         if asked is None:
             return worst
         if asked.sun_exclusion_deg is not None:
-            sun_m = self._at(self._sun_m, time_s)
+            sun_m = self.sun_position_m(time_s)
             near = asked.sun_exclusion_deg * units.DEG - angle_rad(line, sun_m - position_m)
             worst = np.minimum(near, shadow_margins_rad(position_m, sun_m)[1])  # the Sun is invisible in the umbra
         if asked.moon_exclusion_deg is not None:
@@ -65,6 +115,10 @@ class ExclusionAngles:
             near = asked.earth_exclusion_deg * units.DEG - earth_limb_angle_rad(line, position_m)
             worst = np.maximum(worst, near)
         return worst
+
+    def sun_position_m(self, time_s: np.ndarray) -> np.ndarray:
+        """Return the position (…, 3) of the Sun in TEME axes at some times (…) [m]."""
+        return self._at(self._sun_m, time_s)
 
     def _at(self, vectors: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         return np.stack([np.interp(time_s, self._time_s, column) for column in vectors.T], axis=-1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -11,10 +12,10 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.orbit.epochs import Epochs, format_utc
+from rso_lidar.orbit.screening.all_pairs import PairScreening
 from rso_lidar.orbit.screening.close_approach import CloseApproach
 from rso_lidar.orbit.screening.conjunctions import ScreeningResult
-from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.fleet import ScheduledFleet
+from rso_lidar.orbit.screening.scheduled_fleet import ScheduledFleet
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
@@ -24,13 +25,13 @@ from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.scenario import Constraints, Lidar
-from rso_lidar.study.passes.exclusion import ExclusionAngles, keep_out_radius_m, select_rtn_corridors
+from rso_lidar.study.passes.exclusion import TOGETHER_M, ExclusionAngles, check_constraints
+from rso_lidar.study.passes.plate_light import PlateLight, tabulate_light
 
 REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the Lambertian target of Fuller et al., one square metre
 SMALL_M2 = 0.01  # a side of a 1U CubeSat
 _EACH_SIDE = 100  # epochs before and after the closest approach, on each of two grids
 _APART_S = 60.0  # greatest step: in a formation the line of sight turns once per orbit
-TOGETHER_M = 1e-3
 _AT_ONCE = 400_000  # epochs of encounters in one batch
 
 
@@ -38,9 +39,12 @@ _AT_ONCE = 400_000  # epochs of encounters in one batch
 class Encounter:
     """One pass of an object within the distance limit. Values without a span hold at the closest approach.
 
+    `elements` and `follower` are the element sets in use at the closest approach, or the pieces of trajectories.
+    `follower_name` and `follower_norad_id` name the object that carries the lidar: of a pair, the first one.
+
     `minima` counts the minima of range in the pass; the least one is the closest approach. `switches` counts changes of
-    either object to another of its element sets, where the range jumps. `elements` and `follower` are the sets in use at
-    the closest approach. `entered` and `left` are False where the searched span begins or ends inside the pass.
+    either object to another of its element sets, where the range jumps. `entered` and `left` are False where the searched
+    span begins or ends inside the pass.
 
     `phase_deg` is the angle at the object between Sun and follower (0: the Sun is behind the follower). `sun_angle_deg`,
     `moon_angle_deg` and `earth_limb_deg` are angles from the line of sight to the Sun, the Moon and the Earth's limb
@@ -51,6 +55,10 @@ class Encounter:
     `lidar_s` is the time within the lidar's reach, and `slew_s` that within the slew limit. `clear_s` is the time in which
     a boresight at the object keeps all exclusion angles. `usable_s` is the time within all three limits (to about 1 %).
 
+    `photons` are those of the brightest pixel, and `target_pixels` the pixels covered, of an assumed plate (`ViewedPlate`).
+    `background_photons_per_s` is sunlight on it. `detection_probability` is that of one flash at the closest approach, and
+    `best_probability` the greatest in the stay. `found_probability` is that it is found at all in the stay.
+
     `docked` explains why the two count as docked or as one object, and is empty where they do not. Each `…_kept` states
     whether a constraint is kept, None where it is not asked or does not apply. `corridor_angle_deg` is the angle at the
     object between a corridor's axis and the follower, in the object's rtn axes.
@@ -58,6 +66,8 @@ class Encounter:
 
     name: str
     norad_id: int
+    follower_name: str
+    follower_norad_id: int
     closest_utc: str
     range_m: float
     speed_m_s: float
@@ -84,6 +94,12 @@ class Encounter:
     slew_s: float
     clear_s: float
     usable_s: float
+    photons: float
+    target_pixels: float
+    background_photons_per_s: float
+    detection_probability: float
+    best_probability: float
+    found_probability: float
     sun_kept: bool | None
     moon_kept: bool | None
     earth_kept: bool | None
@@ -94,13 +110,28 @@ class Encounter:
     time_s: float = field(metadata={"private": True})
     span_s: tuple[float, float] = field(metadata={"private": True})
     stay: CloseApproach = field(repr=False, compare=False, metadata={"private": True})
-    elements: ElementSet = field(repr=False, compare=False, metadata={"private": True})
-    follower: ElementSet = field(repr=False, compare=False, metadata={"private": True})
+    elements: Any = field(repr=False, compare=False, metadata={"private": True})
+    follower: Any = field(repr=False, compare=False, metadata={"private": True})
+    states: tuple[BodyState, BodyState] = field(repr=False, compare=False, metadata={"private": True})
 
     @property
     def label(self) -> str:
         """Name of the object, or its catalogue number where it has none."""
         return self.name or f"NORAD {self.norad_id}"
+
+    @property
+    def follower_label(self) -> str:
+        """Name of the object with the lidar, or its catalogue number where it has no name."""
+        return self.follower_name or f"NORAD {self.follower_norad_id}"
+
+    def closest_at(self, start_utc: datetime.datetime) -> datetime.datetime:
+        """Return the instant of the closest approach, to a microsecond.
+
+        Parameters
+        ----------
+        start_utc : begin of the search.
+        """
+        return start_utc.astimezone(datetime.UTC) + datetime.timedelta(seconds=self.time_s)
 
     @property
     def breaks(self) -> tuple[str, ...]:
@@ -141,9 +172,10 @@ def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
 
 
 def build_encounters(
-    screened: ScreeningResult,
+    screened: ScreeningResult | PairScreening,
     reach: tuple[float, float],
     max_slew_deg_s: float,
+    light: PlateLight,
     constraints: Constraints | None = None,
 ) -> list[Encounter]:
     """Build one encounter for each close approach of a screening, in its order.
@@ -153,6 +185,7 @@ def build_encounters(
     screened : the screening.
     reach : nearest and farthest range of the lidar [m].
     max_slew_deg_s : greatest rate of the line of sight [deg/s].
+    light : what the lidar gets of a plate.
     constraints : exclusion angles, keep-out sphere and corridors.
     """
     sky = ExclusionAngles(screened, constraints)
@@ -165,16 +198,19 @@ def build_encounters(
         for begin in range(0, len(alike), lot):
             some = alike[begin : begin + lot]
             stays = tuple(screened.approaches[k] for k in some)
-            for k, row in zip(some, _build_batch(screened, stays, reach, max_slew_deg_s, sky, number), strict=True):
+            for k, row in zip(
+                some, _build_batch(screened, stays, reach, max_slew_deg_s, light, sky, number), strict=True
+            ):
                 rows[k] = row
     return [row for row in rows if row is not None]
 
 
 def _build_batch(
-    screened: ScreeningResult,
+    screened: ScreeningResult | PairScreening,
     stays: tuple[CloseApproach, ...],
     reach: tuple[float, float],
     max_slew_deg_s: float,
+    light: PlateLight,
     sky: ExclusionAngles,
     each_side: int,
 ) -> list[Encounter]:
@@ -185,15 +221,15 @@ def _build_batch(
     screened, stays : result of the screening, and its close approaches.
     reach : nearest and farthest range of the lidar [m].
     max_slew_deg_s : limit of the slew rate [deg/s].
+    light : what the lidar gets of a plate.
     sky : exclusion angles over the span.
     each_side : instants on either side of the closest approach.
     """
     lead, objects = screened.follower, screened.objects
-    which = np.array([stay.which for stay in stays])
+    which, first = (np.array(numbers) for numbers in zip(*((stay.which, stay.lead) for stay in stays), strict=True))
     time_s = np.array([stay.time_s for stay in stays])
     range_m = np.array([stay.range_m for stay in stays])
     epochs = Epochs(objects.start_utc, time_s)
-    first = np.zeros_like(which)
     target, own = _state_in_gcrs(objects, which, epochs), _state_in_gcrs(lead, first, epochs)
     line = target.position_m - own.position_m
     sun, moon = sun_position_m(epochs), moon_position_m(epochs)
@@ -214,13 +250,13 @@ def _build_batch(
     }
     for name in ("phase_deg", "sun_angle_deg", "moon_angle_deg", "earth_limb_deg"):
         table[name][range_m < TOGETHER_M] = np.nan  # docked craft have the same elements: there is no line of sight
-    looked, spans = _integrate_stays(screened, stays, speed, reach, max_slew_deg_s, sky, each_side)
+    looked, spans = _integrate_stays(screened, stays, speed, reach, max_slew_deg_s, light, sky, each_side)
     table |= looked
     place_m = rotate_vectors(np.swapaxes(rtn_matrix(target.position_m, target.velocity_m_s)[0], -1, -2), -line)
-    kept = _check_constraints(sky.constraints, table, place_m)
+    kept = check_constraints(sky.constraints, table, place_m)
     rows = []
     for k, stay in enumerate(stays):
-        elements = objects.elements(stay.which, stay.time_s)
+        elements, follower = objects.elements(stay.which, stay.time_s), lead.elements(stay.lead, stay.time_s)
         values: dict[str, Any] = {name: float(column[k]) for name, column in table.items()}
         values |= {name: held[k] for name, held in kept.items()}
         within = stay.enter_s, stay.leave_s
@@ -228,6 +264,8 @@ def _build_batch(
             Encounter(
                 name=elements.name,
                 norad_id=elements.norad_id,
+                follower_name=follower.name,
+                follower_norad_id=follower.norad_id,
                 closest_utc=format_utc(objects.start_utc, stay.time_s),
                 from_utc=format_utc(objects.start_utc, stay.enter_s),
                 to_utc=format_utc(objects.start_utc, stay.leave_s),
@@ -235,61 +273,21 @@ def _build_batch(
                 entered=stay.entered,
                 left=stay.left,
                 minima=len(stay.minima_s),
-                switches=objects.switches(stay.which, *within) + lead.switches(0, *within),
+                switches=objects.switches(stay.which, *within) + lead.switches(stay.lead, *within),
                 docked="",
                 span_s=spans[k],
                 stay=stay,
                 elements=elements,
-                follower=lead.elements(0, stay.time_s),
+                follower=follower,
+                states=(_select_state(own, k), _select_state(target, k)),
                 **values,
             )
         )
     return rows
 
 
-def _check_constraints(
-    asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.ndarray
-) -> dict[str, list[Any]]:
-    """Return whether (row) each constraint is kept at the closest approach, and the angle [deg] off a corridor's axis.
-
-    The worst of several corridors that apply counts.
-
-    Parameters
-    ----------
-    asked : the constraints.
-    table : columns (row) of the encounters by name.
-    place_m : (row, 3) position of the follower in the rtn axes of each object [m].
-    """
-    count = len(place_m)
-    sun_deg, moon_deg, earth_deg, radius_m = (None,) * 4
-    if asked is not None:
-        sun_deg, moon_deg, earth_deg = asked.sun_exclusion_deg, asked.moon_exclusion_deg, asked.earth_exclusion_deg
-        radius_m = keep_out_radius_m(asked)
-    corridors = select_rtn_corridors(asked)
-    unseen = table["follower_sunlit_fraction"] <= 0.0
-    together = table["range_m"] < TOGETHER_M
-
-    def check_limit(limit: float | None, kept: np.ndarray, applies: np.ndarray) -> list[bool | None]:
-        return [bool(one) if limit is not None and there else None for one, there in zip(kept, applies, strict=True)]
-
-    angle_deg, inside, applies, within = (np.full(count, value) for value in (math.nan, True, False, False))
-    worst = np.full(count, -math.inf)
-    for corridor in corridors:
-        angle = corridor.angle_rad(place_m) / units.DEG
-        here = corridor.applies(place_m) & ~together
-        over = np.where(here, angle - corridor.half_angle_deg, -1e3 - angle)
-        angle_deg, worst = np.where(over > worst, angle, angle_deg), np.maximum(over, worst)
-        inside, applies = inside & ~(here & (over > 0.0)), applies | here
-        within |= corridor.margin_m(place_m) >= 0.0
-    angle_deg[together] = math.nan
-    return {
-        "sun_kept": check_limit(sun_deg, unseen | (table["sun_angle_deg"] >= (sun_deg or 0.0)), ~together),
-        "moon_kept": check_limit(moon_deg, table["moon_angle_deg"] >= (moon_deg or 0.0), ~together),
-        "earth_kept": check_limit(earth_deg, table["earth_limb_deg"] >= (earth_deg or 0.0), ~together),
-        "keep_out_kept": check_limit(radius_m, within | (table["range_m"] >= (radius_m or 0.0)), np.full(count, True)),
-        "corridor_kept": check_limit(0.0, inside, applies),
-        "corridor_angle_deg": angle_deg.tolist() if corridors else [None] * count,
-    }
+def _select_state(states: BodyState, row: int) -> BodyState:
+    return BodyState(states.position_m[row], states.velocity_m_s[row])
 
 
 def _state_in_gcrs(objects: ScheduledFleet, which: np.ndarray, epochs: Epochs) -> BodyState:
@@ -306,11 +304,12 @@ def _state_in_gcrs(objects: ScheduledFleet, which: np.ndarray, epochs: Epochs) -
 
 
 def _integrate_stays(
-    screened: ScreeningResult,
+    screened: ScreeningResult | PairScreening,
     stays: tuple[CloseApproach, ...],
     speed_m_s: np.ndarray,
     reach: tuple[float, float],
     max_slew_deg_s: float,
+    light: PlateLight,
     sky: ExclusionAngles,
     each_side: int,
 ) -> tuple[dict[str, np.ndarray], list[tuple[float, float]]]:
@@ -325,6 +324,7 @@ def _integrate_stays(
     speed_m_s : (stay) relative speed at the closest approach [m/s].
     reach : nearest and farthest range of the lidar [m].
     max_slew_deg_s : greatest rate of the line of sight [deg/s].
+    light : what the lidar gets of a plate.
     sky : the exclusion angles.
     each_side : epochs on each side of the closest approach.
     """
@@ -340,7 +340,8 @@ def _integrate_stays(
     time_s = nearest[:, None] + offset
     shape = time_s.shape
     which = np.repeat([stay.which for stay in stays], shape[1])
-    objects, lead, own = screened.objects, screened.follower, np.zeros_like(which)
+    objects, lead = screened.objects, screened.follower
+    own = np.repeat([stay.lead for stay in stays], shape[1])
     there, here = objects.at(which, time_s.ravel()), lead.at(own, time_s.ravel())
     line, rate = ((a - b).reshape(*shape, 3) for a, b in zip(there, here, strict=True))
     square = np.maximum(np.einsum("nti,nti->nt", line, line), 1e-6)
@@ -359,7 +360,9 @@ def _integrate_stays(
     apart = np.sqrt(square)
     too_far = np.maximum(apart / reach[1], reach[0] / np.maximum(apart, 1e-3)) - 1.0
     too_fast = slew / (max_slew_deg_s * units.DEG) - 1.0
-    excluded = sky.compute_excess_rad(time_s, line, here[0].reshape(line.shape))
+    place = here[0].reshape(line.shape)
+    excluded = sky.compute_excess_rad(time_s, line, place)
+    seen = tabulate_light(light, sky, time_s, (line, rate, place), (too_fast <= 0.0) & (excluded <= 0.0), middle)
     spans = []
     for k in range(len(stays)):
         out = np.flatnonzero(too_far[k] > 0.0)
@@ -375,6 +378,7 @@ def _integrate_stays(
         "slew_s": _time_below(too_fast, step),
         "clear_s": _time_below(excluded, step),
         "usable_s": _time_below(np.maximum(np.maximum(too_far, too_fast), excluded), step),
+        **seen,
     }, spans
 
 

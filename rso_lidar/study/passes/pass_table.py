@@ -12,7 +12,6 @@ from typing import Any
 
 from rso_lidar import units
 from rso_lidar.files import write_text
-from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.scenario import Constraints, Lidar
 from rso_lidar.study.passes.exclusion import keep_out_radius_m, select_rtn_corridors
 from rso_lidar.study.passes.pass_geometry import (
@@ -20,22 +19,25 @@ from rso_lidar.study.passes.pass_geometry import (
     Encounter,
     reach_m,
 )
+from rso_lidar.study.passes.plate_light import PlateLight
 
 NOTE = (
     "Element sets are good to about a kilometre, and worse with age: these are plausible encounters, not predictions."
 )
+LEFT_HEADS = ("follower", "object", "closest approach, UTC", "breaks")  # columns of text
 
 
 @dataclass(frozen=True, eq=False)
 class Encounters:
-    """The encounters of one follower, sorted.
+    """The encounters of one follower, or of any two objects, sorted.
 
-    `follower` is its element set nearest to the start. `rejected` lists objects that were not propagated to the end, with
-    the reason. `switching` counts objects that change to another element set within the span.
+    `follower` is its element set nearest to the start, or its trajectory; None where all pairs were searched. `rejected`
+    lists objects that were not propagated to the end, with the reason. `switching` counts objects that change to another
+    element set within the span.
     """
 
     rows: tuple[Encounter, ...]
-    follower: ElementSet
+    follower: Any
     lidar: Lidar
     lidar_name: str
     start_utc: datetime.datetime
@@ -47,6 +49,7 @@ class Encounters:
     rejected: tuple[tuple[str, str], ...]
     constraints: Constraints | None = None
     switching: int = 0
+    light: PlateLight | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -54,8 +57,11 @@ class Encounters:
     @property
     def title(self) -> str:
         """One line that describes the search."""
+        among = format_count(self.screened, "object")
+        who = f"any two of {among}" if self.follower is None else self.follower.label
+        of = "" if self.follower is None else f" of {among}"
         return (
-            f"{self.follower.label} within {self.within_m / units.KM:g} km of {format_count(self.screened, 'object')}, "
+            f"{who} within {self.within_m / units.KM:g} km{of}, "
             f"{self.start_utc.astimezone(datetime.UTC):%Y-%m-%dT%H:%M:%SZ} + {self.span}"
         )
 
@@ -66,8 +72,18 @@ class Encounters:
 
     def cells(self) -> tuple[list[str], list[list[str]]]:
         """Return the heads and rows of the text table; `csv` has more columns."""
-        heads = ["#", "object", "norad", "closest approach, UTC", "range, km", "speed, m/s", "inside, s"]
+        heads = [
+            "#",
+            *(["follower"] if self.follower is None else []),
+            "object",
+            "norad",
+            "closest approach, UTC",
+            "range, km",
+            "speed, m/s",
+            "inside, s",
+        ]
         heads += ["lidar, s", "slew, deg/s", *(["clear, s"] if self._excludes else []), "usable, s"]
+        heads += ["photons", "pixels", "found"]
         heads += ["phase, deg", "Moon, deg", "limb, deg", "light", "age, d"]
         heads += ["breaks"] if self.constraints is not None else []
         return heads, [self._shown(number, row) for number, row in enumerate(self.rows, start=1)]
@@ -78,8 +94,9 @@ class Encounters:
         minima = " (docked or one object)" if row.docked else minima
         return [
             str(number),
+            *([row.follower_label] if self.follower is None else []),
             row.label + minima,
-            str(row.norad_id),
+            str(row.norad_id or "-"),
             row.closest_utc,
             f"{row.range_m / units.KM:,.3f}",
             f"{row.speed_m_s:,.1f}",
@@ -88,11 +105,14 @@ class Encounters:
             f"{row.slew_deg_s:,.3f}",
             *([_format_seconds(row.clear_s)] if self._excludes else []),
             _format_seconds(row.usable_s),
+            _format_three(row.photons),
+            _format_three(row.target_pixels),
+            "-" if math.isnan(row.found_probability) else f"{row.found_probability:.2f}",
             _format_degrees(row.phase_deg),
             _format_degrees(row.moon_angle_deg),
             _format_degrees(row.earth_limb_deg),
             light,
-            f"{row.age_days:.1f}",
+            "-" if math.isnan(row.age_days) else f"{row.age_days:.1f}",
             *([", ".join(row.breaks) or "-"] if self.constraints is not None else []),
         ]
 
@@ -118,8 +138,10 @@ class Encounters:
             f"reflectance 0.30); {limits}{', and clear' if self._excludes else ''}",
             f"in reach and usable are those of 1 m2, whatever the object is: a plate of {SMALL_M2:g} m2, as a side of a "
             f"CubeSat, is seen to {small_m:,.0f} m only",
+            *([] if self.light is None else self.light.describe()),
             *self._describe_constraints(),
-            NOTE,
+            *(["the lidar is on the object named first, the follower of the pair"] if self.follower is None else []),
+            *self._describe_accuracy(),
         ]
         lines += self._explain_docked()
         if self.switching:
@@ -134,12 +156,21 @@ class Encounters:
             lines.append(f"{len(self.rejected)} not flown, or not to the end: {first}{more}")
         return lines
 
+    def _describe_accuracy(self) -> list[str]:
+        """Describe how good the objects' motions are."""
+        flown = sum(math.isnan(row.age_days) or math.isnan(row.follower_age_days) for row in self.rows)
+        lines = [NOTE] if flown < len(self.rows) or not self.rows else []
+        if flown:
+            lines.append("an encounter of a trajectory without age is as good as what it came from")
+        return lines
+
     def _explain_docked(self) -> list[str]:
         """Explain why objects count as docked with the follower, in one line for each reason."""
         reasons: dict[str, list[str]] = {}
         for row in self.rows:
             if row.docked:
-                reasons.setdefault(row.docked, []).append(row.label)
+                whom = f"{row.follower_label} and {row.label}" if self.follower is None else row.label
+                reasons.setdefault(row.docked, []).append(whom)
         return [
             f"docked or one object: {', '.join(labels)}: {reason}; no encounter, and no scenario is written"
             for reason, labels in reasons.items()
@@ -179,7 +210,7 @@ class Encounters:
             return "\n".join([self.title, "no encounter found", *self.notes()])
         heads, body = self.cells()
         widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
-        left = {1, 3, *([len(heads) - 1] if heads[-1] == "breaks" else [])}
+        left = {k for k, head in enumerate(heads) if head in LEFT_HEADS}
         lines = [
             "  ".join(
                 cell.ljust(width) if k in left else cell.rjust(width)
@@ -221,6 +252,11 @@ def format_count(number: float, noun: str) -> str:
 
 def _format_seconds(time_s: float) -> str:
     return "-" if math.isnan(time_s) else f"{time_s:,.1f}"
+
+
+def _format_three(value: float) -> str:
+    """Format a number with three digits, or as a whole number if it is large."""
+    return "-" if math.isnan(value) else f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
 def _format_degrees(angle: float) -> str:

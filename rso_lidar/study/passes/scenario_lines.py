@@ -11,6 +11,7 @@ import numpy as np
 
 from rso_lidar.orbit.sets.element_set import ElementSet, make_printable
 from rso_lidar.orbit.sets.sgp4_motion import Omm
+from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.part import Part
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.rtn import rtn_axes
@@ -56,6 +57,21 @@ def choose_attitude(follower: BodyState, target: BodyState) -> tuple[float, floa
     inertial_from_rtn = rtn_axes(follower.position_m[None], follower.velocity_m_s[None])[0][0]
     angles = (inertial_from_rtn.inv() * inertial_from_body).as_euler("ZYX", degrees=True)
     return float(angles[0]), float(angles[1]), float(angles[2])
+
+
+def write_motion(entry: Any, state: BodyState, at_utc: datetime.datetime) -> str:
+    """Write the inline table of a motion: by SGP4 for an element set, else by two-body motion from a state.
+
+    Parameters
+    ----------
+    entry : the element set, or the piece of a trajectory.
+    state : its state in GCRS axes.
+    at_utc : when it has this state.
+    """
+    if isinstance(entry, ElementSet):
+        return write_elements(entry)
+    place, speed = (tuple(float(part) for part in vector) for vector in (state.position_m, state.velocity_m_s))
+    return write_part(State(epoch_utc=at_utc, position_m=place, velocity_m_s=speed))
 
 
 def write_elements(elements: ElementSet) -> str:

@@ -5,25 +5,18 @@ from __future__ import annotations
 import datetime
 import math
 
-import numpy as np
-
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.element_set import make_printable
-from rso_lidar.orbit.sets.fleet import Fleet
-from rso_lidar.orbit.sets.teme import gcrs_from_teme
-from rso_lidar.pose import rotate_vectors
-from rso_lidar.records import BodyState
-from rso_lidar.study.passes.exclusion import keep_out_radius_m, select_rtn_corridors
-from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter
+from rso_lidar.study.passes.exclusion import TOGETHER_M, keep_out_radius_m, select_rtn_corridors
+from rso_lidar.study.passes.pass_geometry import Encounter
 from rso_lidar.study.passes.pass_table import Encounters
 from rso_lidar.study.passes.scenario_lines import (
     choose_attitude,
     guess_model,
     name_target,
-    write_elements,
     write_lidar,
+    write_motion,
     write_value,
 )
 
@@ -64,9 +57,9 @@ def scenario_text(table: Encounters, number: int) -> str:
     _check_separate(table, number)
     start_utc, duration_s, rate_hz = _choose_time(table, row)
     name = name_target(row.name, row.norad_id)
-    pan, pitch, roll = choose_attitude(*_states(table, row))
+    pan, pitch, roll = choose_attitude(*row.states)
     model, why = guess_model(row.name)
-    title = f"{row.label} past {table.follower.name or table.follower.label}, {row.range_m / units.KM:.3g} km"
+    title = f"{row.label} past {row.follower_label}, {row.range_m / units.KM:.3g} km"
     lines = [
         *map(make_printable, _write_facts(table, number)),  # a foreign name must not end a comment's line
         *map(make_printable, _write_warnings(table, row)),
@@ -82,11 +75,11 @@ def scenario_text(table: Encounters, number: int) -> str:
         "[[target]]",
         f"name     = {write_value(name)}",
         f"model    = {write_value(model)}   # {why}: size and material are as uncertain; put your own here",
-        f"motion   = {write_elements(row.elements)}",
+        f"motion   = {write_motion(row.elements, row.states[1], row.closest_at(table.start_utc))}",
         'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
         "",
         "[follower]",
-        f"motion   = {write_elements(row.follower)}",
+        f"motion   = {write_motion(row.follower, row.states[0], row.closest_at(table.start_utc))}",
         f'attitude = {{ type = "rtn", euler_zyx_deg = [{pan:.4f}, {pitch:.4f}, {roll:.4f}] }}   # +x to it',
         "",
         "[ptu]                                   # the rate of the drive is the limit that was asked about",
@@ -103,7 +96,7 @@ def scenario_text(table: Encounters, number: int) -> str:
 def _check_separate(table: Encounters, number: int) -> None:
     """Raise `ScenarioError` for a docked object, and for one with the follower's elements at the closest approach."""
     row = table.rows[number - 1]
-    whom = f"{row.label} and {table.follower.name or table.follower.label}"
+    whom = f"{row.label} and {row.follower_label}"
     if row.docked:
         raise ScenarioError(f"scenario {number}: {whom} are docked or one object: {row.docked}; give another row")
     if row.range_m < TOGETHER_M:
@@ -120,16 +113,33 @@ def _write_facts(table: Encounters, number: int) -> list[str]:
     phase = "" if math.isnan(row.phase_deg) else f", {row.phase_deg:.0f} deg between Sun and follower at the object"
     inside = f"{row.inside_s:,.1f} s" + ("" if row.entered and row.left else " and more")
     return [
-        f"# {row.label}{f' (NORAD {row.norad_id})' if row.name else ''} past {table.follower.label}:",
+        f"# {row.label}{f' (NORAD {row.norad_id})' if row.name and row.norad_id else ''} past {row.follower.label}:",
         f"# row {number} of {len(table.rows)}, of {' '.join(table.title.split())}.",
         f"# Closest approach {row.closest_utc}: {row.range_m / units.KM:.3f} km at {row.speed_m_s:.1f} m/s, {light}{phase}.",
         f"# It is within {table.within_m / units.KM:g} km for {inside}, in the lidar's reach for {row.lidar_s:,.1f} s; the "
         f"line of sight turns at {row.slew_deg_s:.3g} deg/s.",
-        "# Both fly by element sets, which are good to about a kilometre at their epochs and worse away from them:",
-        f"# the object's {_format_age(row.age_days)}, the follower's {_format_age(row.follower_age_days)} "
-        "the closest approach.",
+        *_write_ages(row),
         "# A plausible encounter, not a prediction.",
     ]
+
+
+def _write_ages(row: Encounter) -> list[str]:
+    """Write the comments on element sets and their ages, and on trajectories that a scenario cannot hold."""
+    ages = {"object": row.age_days, "follower": row.follower_age_days}
+    known = {who: days for who, days in ages.items() if math.isfinite(days)}
+    lines = [
+        f"# The {who} has a trajectory of its own. Here it flies by two-body motion from its state at the closest approach."
+        for who in ages
+        if who not in known
+    ]
+    if known:
+        who = "Both fly by element sets" if len(known) == 2 else f"The {next(iter(known))} flies by an element set"
+        parts = ", ".join(f"the {one}'s {_format_age(days)}" for one, days in known.items())
+        lines += [
+            f"# {who}, which are good to about a kilometre at their epochs and worse away from them:",
+            f"# {parts} the closest approach.",
+        ]
+    return lines
 
 
 def _format_age(days: float) -> str:
@@ -146,16 +156,6 @@ def _choose_time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, 
     duration_s = float(math.ceil(end - begin) + 1)
     rate_hz = max(rate for rate in (1.0, 2.0, 5.0, 10.0) if duration_s * rate <= _MOST_FRAMES)
     return start_utc, duration_s, rate_hz
-
-
-def _states(table: Encounters, row: Encounter) -> tuple[BodyState, BodyState]:
-    """Return the states of follower and object at the closest approach in GCRS axes."""
-    epochs = Epochs(table.start_utc, np.array([row.time_s]))
-    fleet = Fleet([row.follower, row.elements], table.start_utc)
-    position, velocity = fleet.at(np.array([0, 1]), np.repeat(epochs.time_s, 2))
-    rotation = np.repeat(gcrs_from_teme(epochs), 2, axis=0)
-    position, velocity = rotate_vectors(rotation, position), rotate_vectors(rotation, velocity)
-    return BodyState(position[0], velocity[0]), BodyState(position[1], velocity[1])
 
 
 def _write_warnings(table: Encounters, row: Encounter) -> list[str]:

@@ -1,28 +1,31 @@
-"""The search for encounters: every close approach of one object of a catalogue to all others, as a table."""
+"""The search for encounters: every close approach of one object to all others, or of any two, as a table."""
 
 from __future__ import annotations
 
 import datetime
 import numbers
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from rso_lidar import units
-from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError, did_you_mean
-from rso_lidar.orbit.screening.conjunctions import screen
-from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError
+from rso_lidar.orbit.screening.all_pairs import PairScreening, screen_pairs
+from rso_lidar.orbit.screening.conjunctions import ScreeningResult, screen
+from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
 from rso_lidar.orbit.sets.element_set import ElementSet, quote
-from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.orbit.sets.teme import STALE_DAYS
-from rso_lidar.scenario import Constraints, Lidar
+from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.scenario import Constraints, Finding, Lidar
 from rso_lidar.study.passes.docked import fold_docked
 from rso_lidar.study.passes.pass_geometry import (
     build_encounters,
     reach_m,
 )
 from rso_lidar.study.passes.pass_table import Encounters
+from rso_lidar.study.passes.plate_light import PlateLight, ViewedPlate
+from rso_lidar.study.passes.search_objects import SearchObjects, collect_objects
 
 Order = Literal["range", "time", "speed"]
 MAX_SLEW_DEG_S = 2.0
@@ -34,8 +37,8 @@ _KEYS = {
 
 
 def encounters(
-    catalog: str | Path | Iterable[ElementSet],
-    follower: int | str | ElementSet,
+    catalog: str | Path | Iterable[Any] | Mapping[str, Any],
+    follower: Any = None,
     *,
     within_m: float,
     start_utc: datetime.datetime,
@@ -48,17 +51,22 @@ def encounters(
     min_duration_s: float = 0.0,
     sort: Order = "range",
     limit: int | None = None,
+    plate: ViewedPlate | None = None,
+    finding: Finding | None = None,
 ) -> Encounters:
-    """Find every encounter of `follower` with the other objects of a catalogue, each refined to the millisecond.
+    """Find every encounter of `follower` with other objects, or of any two of them, each refined to the millisecond.
 
-    An encounter is one pass within `within_m`. All objects are propagated by SGP4, whose element sets are good to about a
-    kilometre. Of several sets of one object, the one nearest in epoch is used at each time. Objects that element sets
-    cannot separate from the follower over the whole span count as docked: each has one row, after all others.
+    An encounter is one pass within `within_m`. Objects are element sets, which SGP4 propagates and which are good to about a
+    kilometre, or trajectories: anything that answers `states`. Of several sets of one object, the one nearest in epoch is
+    used at each time. Objects that element sets cannot separate over the whole span count as docked: each such pair has one
+    row, after all others.
 
     Parameters
     ----------
-    catalog : file of element sets, a catalogue, or element sets.
-    follower : catalogue number, name, or an element set of its own.
+    catalog : objects of the search: a file (element sets, OEM or CSV ephemeris, or a scenario's bodies), a catalogue, a list
+        of files, element sets and trajectories, or a mapping of names to trajectories.
+    follower : catalogue number, name, element set, or trajectory of the object with the lidar. None: every two objects of
+        the catalogue, with the lidar on the first one.
     within_m : greatest distance of an encounter [m].
     start_utc, days : start, with an offset, and length of the searched span.
     lidar : instrument whose reach counts (None: the preset ``long_range_1064``).
@@ -69,6 +77,8 @@ def encounters(
     min_duration_s : least duration of an encounter [s].
     sort : order of the rows.
     limit : greatest number of rows (None: all).
+    plate : what the lidar looks at, and how often (None: all values are assumed).
+    finding : when it counts as found (None: one pixel of one flash).
 
     Returns
     -------
@@ -88,25 +98,29 @@ def encounters(
     _check_number("min_duration", "s", min_duration_s)
     if not min_duration_s >= 0.0:
         raise ScenarioError(f"min_duration: {min_duration_s:g} s is not a duration; give 0 or more")
-    if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral | ElementSet):
-        raise ScenarioError(f"follower: {quote(follower)} is not an object; give its catalogue number or its name")
     if lidar is None:
         lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
-    sets, problems = _read_sets(catalog)
-    own = [follower] if isinstance(follower, ElementSet) else _find_follower(sets, follower, catalog)
-    lead = min(own, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
-    others = _group_by_object([entry for entry in sets if not _is_same(entry, lead)])
-    found = screen(own, others, start_utc, days * units.DAY_S, within_m)
-    age_days, oldest = found.follower.oldest(0)
-    if age_days > STALE_DAYS:
-        warnings.warn(
-            f"follower {lead.label}: flown up to {age_days:.1f} days from its epoch {oldest.epoch_utc:%Y-%m-%dT%H:%MZ}: "
-            f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the span",
-            RsoLidarWarning,
-            stacklevel=2,
-        )
+    light = PlateLight(lidar, plate or ViewedPlate(), finding or Finding())
+    found_objects = collect_objects(catalog)
+    lead: Any = None
+    found: ScreeningResult | PairScreening
+    if follower is None:
+        others = _group_by_object(found_objects.entries)
+        if len(others) < 2:
+            raise CatalogError(f"{found_objects.where}: holds {len(others)} object; all pairs need two or more")
+        found = screen_pairs(others, start_utc, days * units.DAY_S, within_m)
+    else:
+        own = _choose_follower(found_objects, follower, catalog)
+        lead = own[0]
+        if isinstance(lead, ElementSet):
+            lead = min(own, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
+        others = _group_by_object([entry for entry in found_objects.entries if not _is_same(entry, lead)])
+        found = screen(own if isinstance(lead, ElementSet) else lead, others, start_utc, days * units.DAY_S, within_m)
+        _warn_of_age(found, lead)
     reach = reach_m(lidar)
-    rows = fold_docked(found, sorted(build_encounters(found, reach, max_slew_deg_s, constraints), key=_KEYS[sort]))
+    rows = fold_docked(
+        found, sorted(build_encounters(found, reach, max_slew_deg_s, light, constraints), key=_KEYS[sort])
+    )
     rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
     return Encounters(
         rows=tuple(rows[:limit]),
@@ -119,9 +133,10 @@ def encounters(
         max_slew_deg_s=max_slew_deg_s,
         reach_m=reach,
         screened=len(others),
-        rejected=(*problems, *found.rejected),
+        rejected=(*found_objects.problems, *found.rejected),
         constraints=constraints,
-        switching=int(found.objects.several.sum() + found.follower.several.sum()),
+        switching=found.objects.switching + (0 if lead is None else found.follower.switching),
+        light=light,
     )
 
 
@@ -160,59 +175,54 @@ def _check_number(what: str, unit: str, value: Any) -> None:
         raise ScenarioError(f"{what}: {quote(value)} is not a number; give one in {unit}, without the unit")
 
 
-def _read_sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet], list[tuple[str, str]]]:
-    """Return the element sets of a catalogue, and the problems of those that cannot be used."""
-    if isinstance(catalog, str | Path):
-        catalog = Catalog.from_file(catalog)
-    if isinstance(catalog, bytes) or not isinstance(catalog, Iterable):
-        raise CatalogError(f"catalogue: {quote(catalog)} is not a catalogue; give a path, a catalogue or element sets")
-    sets = list(catalog)
-    for entry in sets:
-        if not isinstance(entry, ElementSet):
-            raise CatalogError(f"catalogue: {quote(entry)} in it is not an element set; read the sets with Catalog")
-    bad = [(entry.label, entry.problem) for entry in sets if entry.problem is not None]
-    other = (problem.rpartition(": ") for problem in getattr(catalog, "problems", ()))
-    return [entry for entry in sets if entry.problem is None], bad + [(place, what) for place, _, what in other]
-
-
-def _find_follower(sets: list[ElementSet], wanted: int | str, catalog: Any) -> list[ElementSet]:
-    """Find the element sets of the follower, or raise `CatalogError`.
+def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> list[Any]:
+    """Return the element sets of the follower, or its trajectory.
 
     Parameters
     ----------
-    sets : element sets of the catalogue.
-    wanted : catalogue number or name.
-    catalog : the catalogue, for error messages.
+    objects : those of the search.
+    follower : number, name, element set or sets, or trajectory.
+    catalog : the catalogue as it was given, for error messages.
     """
-    text = str(wanted).strip()
-    where = str(catalog) if isinstance(catalog, str | Path) else "catalogue"
-
-    def matches(entry: ElementSet) -> bool:
-        return entry.norad_id == int(text) if text.isdigit() else entry.name.casefold() == text.casefold()
-
-    meant = [entry for entry in sets if matches(entry)]
-    if not meant:
-        read = read_element_sets(catalog) if isinstance(catalog, str | Path) else []
-        for entry in filter(matches, read):
-            raise CatalogError(f"follower: {entry.problem}")
-        known = {(str(entry.norad_id) if text.isdigit() else entry.name.casefold()): entry for entry in sets}
-        guess = did_you_mean(text.casefold(), filter(None, known))
-        for key, entry in known.items() if guess else ():
-            guess = guess.replace(f"'{key}'?", f"'{entry.norad_id if text.isdigit() else entry.name}'?")
-        raise CatalogError(f"{where}: no follower '{text}' among {len(sets):,} element sets{guess or '; check it'}")
-    if len({entry.norad_id for entry in meant}) > 1:
-        numbers = ", ".join(str(number) for number in sorted({entry.norad_id for entry in meant})[:6])
-        raise CatalogError(f"{where}: several objects are named '{text}' ({numbers}); give the catalogue number")
-    return meant
+    if isinstance(follower, ElementSet | NamedTrajectory):
+        return [follower]
+    if isinstance(follower, list | tuple) and follower and all(isinstance(one, ElementSet) for one in follower):
+        return list(follower)
+    if isinstance(follower, Trajectory):
+        return [NamedTrajectory("follower", follower)]
+    if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral):
+        raise ScenarioError(
+            f"follower: {quote(follower)} is not an object; give its catalogue number or its name, or a trajectory"
+        )
+    return objects.find(follower if isinstance(follower, str) else int(follower), catalog)
 
 
-def _is_same(entry: ElementSet, lead: ElementSet) -> bool:
+def _warn_of_age(found: ScreeningResult, lead: Any) -> None:
+    """Warn if the follower is propagated far from the epoch of its element set."""
+    age_days, oldest = found.follower.oldest(0)
+    if age_days > STALE_DAYS:
+        warnings.warn(
+            f"follower {lead.label}: flown up to {age_days:.1f} days from its epoch {oldest.epoch_utc:%Y-%m-%dT%H:%MZ}: "
+            f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the span",
+            RsoLidarWarning,
+            stacklevel=3,
+        )
+
+
+def _is_same(entry: Any, lead: Any) -> bool:
+    """Return whether an entry is the follower: the same one, or an element set of the same object."""
+    if not (isinstance(entry, ElementSet) and isinstance(lead, ElementSet)):
+        source = getattr(entry, "source", "")
+        return entry is lead or bool(source and (source, entry.name) == (getattr(lead, "source", ""), lead.name))
     return entry is lead or (entry.identity == lead.identity and any(lead.identity))
 
 
-def _group_by_object(sets: list[ElementSet]) -> list[list[ElementSet]]:
-    """Return the sets of each object; what has neither number nor name is an object of its own."""
-    objects: dict[Any, list[ElementSet]] = {}
-    for number, entry in enumerate(sets):
-        objects.setdefault(entry.identity if any(entry.identity) else number, []).append(entry)
+def _group_by_object(entries: Iterable[Any]) -> list[Any]:
+    """Return the sets of each object, and trajectories; a set with neither number nor name is an object of its own."""
+    objects: dict[Any, Any] = {}
+    for number, entry in enumerate(entries):
+        if isinstance(entry, ElementSet):
+            objects.setdefault(entry.identity if any(entry.identity) else number, []).append(entry)
+        else:
+            objects[number] = entry
     return list(objects.values())
