@@ -46,7 +46,8 @@ def flash(
     receiver, pulses = lidar.receiver, lidar.detector.traits.pulses
     laser, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
     by_epoch, with_stray_light = [], []
-    for at in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
+    for emitted in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
+        at = scenario.apply_light_time(emitted)
         hits = sampling.cast_pixels(receiver, laser, surfaces, at, threads)
         bounces = None
         if lidar.bounces > 1:

@@ -100,7 +100,7 @@ def parse_frames(text: str | None) -> slice | None:
 
 
 class World(Part):
-    """The root axes: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth.
+    """The root axes: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth; and light time.
 
     A local world has a Sun only where `sun_direction` gives one, from the origin toward it in root axes. Nothing eclipses
     that Sun.
@@ -117,6 +117,14 @@ class World(Part):
         description=(
             "Direction to the Sun in `local` axes; if omitted, there is no Sun. In `inertial` axes the date "
             "determines it."
+        ),
+    )
+
+    light_time: bool = Field(
+        default=False,
+        description=(
+            "Whether light takes time: targets stand where it meets them, and range is half of its path. By default, all "
+            "poses of a flash are those at its emission."
         ),
     )
 
