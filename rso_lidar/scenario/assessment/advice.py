@@ -48,6 +48,7 @@ def advise(mission: Mission, preview: Preview | None = None) -> list[str]:
     lines += _advise_on_lens(mission)
     lines += _advise_on_sunlight(mission)
     lines += _advise_on_missing_sun(mission)
+    lines += _advise_on_earthshine(mission)
     lines += _advise_on_parallax(mission, preview)
     lines += _advise_on_brightness(mission, preview)
     lines += advise_on_second_bounce(mission, preview)
@@ -224,6 +225,16 @@ def _advise_on_missing_sun(mission: Mission) -> list[str]:
     return [
         "lidar.receiver.filter_width_nm asks for sunlight, and this local world has no Sun; set world.sun_direction, or "
         "leave the filter out"
+    ]
+
+
+def _advise_on_earthshine(mission: Mission) -> list[str]:
+    """Warn of Earthshine that no receiver collects."""
+    if mission.world.earth_albedo is None or mission.lidar.receiver.filter_width_nm is not None:
+        return []
+    return [
+        "world.earth_albedo asks for light of the Earth on targets, and the receiver collects no steady light; set "
+        "lidar.receiver.filter_width_nm, or leave it out"
     ]
 
 
