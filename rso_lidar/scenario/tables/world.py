@@ -139,7 +139,7 @@ class World(Part):
     @model_validator(mode="after")
     def _one_sun(self) -> Self:
         if self.earth_albedo is not None and self.axes == "local":
-            raise ValueError('earth_albedo: a local world has no Earth; leave it out, or set axes = "inertial"')
+            raise ValueError('earth_albedo is for axes = "inertial"; a local world has no Earth, so leave it out')
         if self.sun_direction is not None and self.axes != "local":
             raise ValueError('sun_direction is for axes = "local"; in inertial axes the date says where the Sun is')
         return self

@@ -47,5 +47,5 @@ def test_a_wrong_albedo_is_refused(value):
 
 
 def test_a_local_world_has_no_earth():
-    with pytest.raises(ScenarioError, match="a local world has no Earth; leave it out, or set axes"):
+    with pytest.raises(ScenarioError, match="a local world has no Earth, so leave it out"):
         rl.World(axes="local", earth_albedo=0.3)
