@@ -20,6 +20,7 @@ from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
 from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, check_angles, sense, start, step
+from rso_lidar.motion.light_time import apply_light_time
 from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.motion import Motion
 from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
@@ -72,6 +73,7 @@ __all__ = [
     "TrackPoint",
     "Tumble",
     "add_lidar",
+    "apply_light_time",
     "check_angles",
     "compute_demand",
     "count_dynamics",

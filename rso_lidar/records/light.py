@@ -67,8 +67,8 @@ class Hits(Record):
         "hit",
         "f8",
         "sr-1",
-        "BRDF from the Sun to the lidar times the cosine of the Sun's incidence and the share of its disc that is seen; "
-        "None without background",
+        "BRDF from the Sun to the lidar times the cosine of the Sun's incidence and the share of its disc that is seen, and "
+        "the same of the Earth's light over the Sun's; None without background",
         optional=True,
     )
     photons_variance: np.ndarray | None = array(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from functools import cached_property
 
+from rso_lidar import motion
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import name_object, python_objects
-from rso_lidar.records import Source
+from rso_lidar.records import Source, Truth
 from rso_lidar.scenario.assessment.advice import advise
 from rso_lidar.scenario.assessment.description import describe
 from rso_lidar.scenario.mission.mission import Mission
@@ -47,6 +48,18 @@ class Scenario(Mission):
                 "keep the script that builds the scenario"
             )
         return self.source.scenario
+
+    def apply_light_time(self, truth: Truth) -> Truth:
+        """Return the truth that rays are cast into: if `world.light_time`, with the targets where light meets them.
+
+        Parameters
+        ----------
+        truth : at emission, with the lidar in it.
+        """
+        if not self.world.light_time:
+            return truth
+        with self.locate_errors():
+            return motion.apply_light_time(truth, [surface.name for surface in self.surfaces])
 
     def describe(self) -> str:
         """Return about twenty lines of text: orbit, geometry, optics, link budget, warnings."""

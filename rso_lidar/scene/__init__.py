@@ -2,6 +2,7 @@
 
 from rso_lidar.public_names import limit_dir
 from rso_lidar.scene.bounces.bounce import bounce
+from rso_lidar.scene.bounces.earthshine import add_earthshine
 from rso_lidar.scene.casting.cast import cast
 from rso_lidar.scene.casting.contours import contours
 from rso_lidar.scene.casting.extent import extent
@@ -38,6 +39,7 @@ __all__ = [
     "Surface",
     "SymmetryDeviation",
     "TableBrdf",
+    "add_earthshine",
     "bounce",
     "build_surface",
     "cast",

@@ -46,8 +46,11 @@ def flash(
     receiver, pulses = lidar.receiver, lidar.detector.traits.pulses
     laser, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
     by_epoch, with_stray_light = [], []
-    for at in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
+    for emitted in truth.cast_epochs:  # several where a frame has several pulses and the scene moves between them
+        at = scenario.apply_light_time(emitted)
         hits = sampling.cast_pixels(receiver, laser, surfaces, at, threads)
+        if scenario.world.earth_albedo is not None:
+            hits = scene.add_earthshine(hits, surfaces, at, scenario.world.earth_albedo, threads)
         bounces = None
         if lidar.bounces > 1:
             bounces = scene.bounce(hits, surfaces, at, draw_key(rng), threads, laser_from_m=laser.offset)

@@ -41,9 +41,9 @@ def measure_part_visibility(
     if target is None:
         return visibility
     class_of = number_part_classes(scenario.source, part_classes)[target]
-    corners, classes = [], []
+    truth, corners, classes = scenario.apply_light_time(frame.truth), [], []
     for surface in scenario.surfaces_of(target):
-        place_m, turn = frame.truth.poses.place("lidar", surface.name)
+        place_m, turn = truth.poses.place("lidar", surface.name)
         seen = rotate_vectors(turn, surface.corners) + place_m
         ahead = seen[..., 2].min(axis=1) > 0.0
         corners.append(seen[ahead, :, :2] / seen[ahead, :, 2:])
@@ -61,7 +61,7 @@ def measure_part_visibility(
     direction = np.stack([x, y, np.ones(len(x))], axis=1)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     rays = Rays((n_rows, n_cols), direction, np.arange(len(x)), np.ones(len(x)))
-    hits = scene.cast(rays, scenario.surfaces, frame.truth, 1)
+    hits = scene.cast(rays, scenario.surfaces, truth, 1)
     receiver = scenario.instrument.at(frame.time_s).receiver
     image_col, image_row = receiver.image_of(x[hits.ray], y[hits.ray])
     inside = (image_col >= 0.0) & (image_col <= receiver.n_cols) & (image_row >= 0.0) & (image_row <= receiver.n_rows)

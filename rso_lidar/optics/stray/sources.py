@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.lit_earth import earth_radiance
 from rso_lidar.pose import ROOT
 from rso_lidar.records import Truth
 
@@ -119,13 +120,7 @@ class SkyBodies:
         """Return the radiance (…) of the Earth: albedo / π times the cosine of the Sun's incidence."""
         assert self.earth is not None
         assert self.sun is not None
-        along = np.sum(direction * self.earth, axis=-1)
-        inside = along**2 - float(self.earth @ self.earth) + units.EARTH_RADIUS_M**2
-        point = (along - np.sqrt(np.maximum(inside, 0.0)))[..., None] * direction - self.earth
-        to_sun = self.sun - self.earth
-        cosine = np.sum(point * to_sun, axis=-1) / (units.EARTH_RADIUS_M * float(np.linalg.norm(to_sun)))
-        lit: np.ndarray = self.earth_albedo / math.pi * np.maximum(cosine, 0.0)
-        return lit
+        return earth_radiance(direction, self.earth, self.sun, self.earth_albedo)
 
     def elements(self, body: int, field_rad: float, knee_rad: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the elements of one body that the plane of the lens sees.

@@ -48,10 +48,11 @@ def advise(mission: Mission, preview: Preview | None = None) -> list[str]:
     lines += _advise_on_lens(mission)
     lines += _advise_on_sunlight(mission)
     lines += _advise_on_missing_sun(mission)
+    lines += _advise_on_earthshine(mission)
     lines += _advise_on_parallax(mission, preview)
     lines += _advise_on_brightness(mission, preview)
     lines += advise_on_second_bounce(mission, preview)
-    lines += _advise_on_light_time(preview)
+    lines += _advise_on_light_time(mission, preview)
     lines += advise_on_exposure(mission, preview)
     lines += advise_on_environment(mission, preview, mission.constraints)
     lines += advise_on_sensors(mission, preview)
@@ -227,6 +228,16 @@ def _advise_on_missing_sun(mission: Mission) -> list[str]:
     ]
 
 
+def _advise_on_earthshine(mission: Mission) -> list[str]:
+    """Warn of Earthshine that no receiver collects."""
+    if mission.world.earth_albedo is None or mission.lidar.receiver.filter_width_nm is not None:
+        return []
+    return [
+        "world.earth_albedo asks for light of the Earth on targets, and the receiver collects no steady light; set "
+        "lidar.receiver.filter_width_nm, or leave it out"
+    ]
+
+
 def _advise_on_parallax(mission: Mission, preview: Preview) -> list[str]:
     """Warn of a laser beside the lens whose beam misses the boresight at the nearest target."""
     lines = []
@@ -277,14 +288,16 @@ def _advise_on_brightness(mission: Mission, preview: Preview) -> list[str]:
     return lines
 
 
-def _advise_on_light_time(preview: Preview) -> list[str]:
-    """Warn where light time would change a range noticeably."""
-    lines = []
+def _advise_on_light_time(mission: Mission, preview: Preview) -> list[str]:
+    """Warn where light time is left out and would change a range noticeably."""
+    lines: list[str] = []
+    if mission.world.light_time:
+        return lines
     for geometry in preview.targets:
         shift = geometry.light_time_m
         if shift > _LIGHT_TIME_M:
             lines.append(
                 f"target {geometry.name}: light time would change its range by up to {shift * 100:.1f} cm, "
-                "and poses are simultaneous at emission"
+                "and poses are simultaneous at emission; set world.light_time = true"
             )
     return lines

@@ -83,7 +83,7 @@ def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, pr
         f"  motion    {_describe_motion(mission, number, preview)}",
         f"  range     {_format_ends(geometry.range_m, 'm', 1)}, least {geometry.range_m.min():.1f} m at "
         f"{preview.time_s[find_first_least(geometry.range_m)]:g} s; rate {_format_ends(geometry.range_rate_m_s, 'm/s', 3)}, "
-        f"light time {geometry.light_time_m / units.MM:.3f} mm",
+        f"light time {geometry.light_time_m / units.MM:.3f} mm{' (simulated)' if mission.world.light_time else ''}",
         f"  sight     at most {off:.3f}° off boresight, its origin in the field {np.mean(geometry.in_field):.0%} of the "
         f"time, all of it {np.mean(geometry.all_in_field):.0%}",
     ]

@@ -47,7 +47,7 @@ class Mission(Part):
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(
         default=0, description="Random seed of all noise; frame k depends on (seed, k) only."
     )
-    world: World = Field(default=World(), description="Root axes.")
+    world: World = Field(default=World(), description="Root axes, and whether light takes time.")
     time: Time = Field(description="Start, duration and frame rate.")
     target: tuple[Target, ...] = Field(default=(), description="Targets that may be seen; there may be none.")
     follower: Follower = Field(description="Spacecraft that carries the lidar.")

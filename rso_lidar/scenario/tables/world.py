@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import Direction, Instant, Part, Positive
+from rso_lidar.part import Direction, Flag, Fraction, Instant, Part, Positive
 
 _MOST_FRAMES = 5_000_000
 
@@ -103,7 +103,7 @@ class World(Part):
     """The root axes: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth.
 
     A local world has a Sun only where `sun_direction` gives one, from the origin toward it in root axes. Nothing eclipses
-    that Sun.
+    that Sun. `light_time` and `earth_albedo` choose effects of light that are left out by default.
     """
 
     axes: Literal["inertial", "local"] = Field(
@@ -120,8 +120,26 @@ class World(Part):
         ),
     )
 
+    light_time: Flag = Field(
+        default=False,
+        description=(
+            "Whether light takes time: targets stand where it meets them, and range is half of its path. By default, all "
+            "poses of a flash are those at its emission."
+        ),
+    )
+
+    earth_albedo: Fraction | None = Field(
+        default=None,
+        description=(
+            "Albedo of the Earth, a Lambertian sphere, for the sunlight that it reflects onto targets (Earthshine). If "
+            "omitted, there is none of that light. The Bond albedo is 0.3; clouds reach 0.7. Needs `filter_width_nm`."
+        ),
+    )
+
     @model_validator(mode="after")
     def _one_sun(self) -> Self:
+        if self.earth_albedo is not None and self.axes == "local":
+            raise ValueError('earth_albedo is for axes = "inertial"; a local world has no Earth, so leave it out')
         if self.sun_direction is not None and self.axes != "local":
             raise ValueError('sun_direction is for axes = "local"; in inertial axes the date says where the Sun is')
         return self

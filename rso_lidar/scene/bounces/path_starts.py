@@ -13,7 +13,7 @@ PATHS = 8  # the last word of the counter of random words
 _WORD = 2.0**-32
 # Steps of a sequence that fills the unit cube evenly: powers of 1 / 1.2207..., the root of x^4 = x + 1 (Roberts, "The
 # unreasonable effectiveness of quasirandom sequences", 2018).
-_STEPS = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
+STEPS = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
 
 
 def number_facets(hits: Hits, surfaces: tuple[Surface, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -98,9 +98,9 @@ def spread_paths(
         while reached >= 1.0 and made < most:
             reached -= 1.0
             hit[made] = k
-            uniform[0, made] = (shift_0 + j * _STEPS[0]) % 1.0
-            uniform[1, made] = (shift_1 + j * _STEPS[1]) % 1.0
-            uniform[2, made] = (shift_2 + j * _STEPS[2]) % 1.0
+            uniform[0, made] = (shift_0 + j * STEPS[0]) % 1.0
+            uniform[1, made] = (shift_1 + j * STEPS[1]) % 1.0
+            uniform[2, made] = (shift_2 + j * STEPS[2]) % 1.0
             made += 1
             j += 1
     return hit[:made].copy(), uniform[:, :made].copy()
