@@ -96,8 +96,8 @@ def _start_s() -> float:
 def _preview(flight: Any, row: int) -> Any:
     """Make what the page See shows of a row, and return its frame."""
     from rso_lidar.picture.frames.frame_image import draw_image
+    from rso_lidar.study.previews.flight_scenes import VIEWS
     from rso_lidar.study.previews.pixel_summary import report_pixel
-    from rso_lidar.study.previews.space_views import VIEWS
 
     VIEWS["target"](flight, row).pack()
     frame = flight.frame(row, KEEP)

@@ -11,7 +11,7 @@ from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.export.reader.recording_list import RecordingList
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.document import UNSAVED, Document, list_documents
 from rso_lidar.studio.job_queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest

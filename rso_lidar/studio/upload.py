@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.scene import load_mesh
 

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("tomlkit", reason="documents need tomlkit, of the extra studio")
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 from rso_lidar.part import editable_toml
 from rso_lidar.shipped import shipped
 from rso_lidar.studio import document as module

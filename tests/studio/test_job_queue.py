@@ -16,7 +16,7 @@ import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.export.reader.recording_list import RecordingList
 from rso_lidar.export.reader.status import RecordingStatus
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 from rso_lidar.studio.job_queue import KINDS, Job, JobQueue, JobRequest
 
 

@@ -6,7 +6,7 @@ import zipfile
 import pytest
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 from rso_lidar.shipped import shipped
 from rso_lidar.studio import upload as module
 from rso_lidar.studio.upload import MOST_BYTES, SUFFIXES, keep_upload

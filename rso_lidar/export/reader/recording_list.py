@@ -9,7 +9,7 @@ from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.export.reader.outside_data import check_self_contained
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.reader.status import RecordingStatus, read_status
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 
 RECORDINGS = (".h5", ".nc")
 Stamp = tuple[int, int, int]

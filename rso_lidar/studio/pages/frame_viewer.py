@@ -9,7 +9,7 @@ from nicegui import run, ui
 
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.reader.recording_list import open_recording
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 from rso_lidar.picture.frames.frame_image import IMAGE_SIZE
 from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
 from rso_lidar.studio.pages.elements import mark, tell_errors

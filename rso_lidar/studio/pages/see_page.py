@@ -23,9 +23,9 @@ from rso_lidar.studio.pages.elements import draw_button, draw_icon_button, mark
 from rso_lidar.studio.pages.space_view import SpaceView
 from rso_lidar.studio.state import BrowserTab, Workspace
 from rso_lidar.study.previews.flight import PreviewFlight
+from rso_lidar.study.previews.flight_scenes import VIEWS
 from rso_lidar.study.previews.pixel_summary import report_pixel
 from rso_lidar.study.previews.scenario_figures import FIGURES, draw_figure
-from rso_lidar.study.previews.space_views import VIEWS
 from rso_lidar.study.previews.text_assessment import describe
 
 T = TypeVar("T")

@@ -1,4 +1,4 @@
-// A view in space of a scene that Python packs: header as JSON, then positions and colours (see preview/space.py).
+// A view in space of a scene that Python packs: header as JSON, then positions and colours (see picture/viewers/space_scene.py).
 import { CSS2DObject, CSS2DRenderer, OrbitControls, THREE } from "nicegui-scene";
 
 const models = new Map(); // geometries of targets by address, kept while the page lives

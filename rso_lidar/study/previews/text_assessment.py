@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, suppress_warnings
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.assessment.problem_place import locate_problem

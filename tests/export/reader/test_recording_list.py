@@ -7,7 +7,7 @@ import rso_lidar as rl
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.export.reader import recording_list
 from rso_lidar.export.reader.recording_list import RecordingList, open_recording
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 from rso_lidar.scenario.examples import find_companions, find_examples
 from rso_lidar.shipped import shipped
 from rso_lidar.study.previews.text_assessment import assess, check_file, check_study, describe

@@ -10,7 +10,7 @@ import rso_lidar as rl
 from rso_lidar.picture import LIGHT
 from rso_lidar.picture.viewers.space_scene import SpaceScene
 from rso_lidar.study.previews.flight import PreviewFlight
-from rso_lidar.study.previews.space_views import VIEWS
+from rso_lidar.study.previews.flight_scenes import VIEWS
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.files.folder import Folder
+from rso_lidar.files.root_folder import Folder
 
 TOML = (".toml",)
 
