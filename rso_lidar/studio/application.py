@@ -16,8 +16,7 @@ from rso_lidar.studio.pages.header import draw_header
 from rso_lidar.studio.state import BrowserTab, Workspace
 
 _RECONNECT_S = 300.0  # for which a page waits for its server: a large file keeps it busy, and laptops sleep
-_STYLE = Path(__file__).parent / "pages" / "style.css"
-_NAMES = Path(__file__).parent / "pages" / "names.js"
+_BESIDE = Path(__file__).parent / "pages"  # style and scripts
 _PAGES = {"build": build_page.draw, "see": see_page.draw, "run": run_page.draw}
 
 
@@ -34,14 +33,9 @@ def build_application(workspace: Workspace, *, token: str, hosts: frozenset[str]
     see_page.add_routes(outer, workspace)
     run_page.add_routes(outer, workspace)
     ui.run_with(
-        outer,
-        root=make_root(workspace),
-        title="rso_lidar studio",
-        dark=None,
-        language="en-US",
-        show_welcome_message=False,
-        reconnect_timeout=_RECONNECT_S,
-    )
+        outer, root=make_root(workspace), title="rso_lidar studio", dark=None, language="en-US",
+        show_welcome_message=False, reconnect_timeout=_RECONNECT_S,
+    )  # fmt: skip
     return AccessControl(outer, token=token, hosts=hosts, port=port)
 
 
@@ -50,8 +44,9 @@ def make_root(workspace: Workspace) -> Callable[[], Any]:
 
     def root() -> None:
         ui.colors(primary="#1f6feb", secondary="#4b7a9f", accent="#b35900", positive="#1a7f37", negative="#c62828")
-        ui.add_css(_STYLE)
-        ui.add_head_html(f"<script>{_NAMES.read_text(encoding='utf-8')}</script>")
+        ui.add_css(_BESIDE / "style.css")
+        for name in ("names.js", "shortcuts.js"):
+            ui.add_head_html(f"<script>{(_BESIDE / name).read_text(encoding='utf-8')}</script>")
         tab = BrowserTab(workspace, workspace.first_document())
         guide = Guide(tab)
         with ui.header().classes("studio-header"):

@@ -177,9 +177,7 @@ class Document(EditableToml):
 
     def _digest_on_disk(self) -> str:
         path = self._path()
-        if not path.is_file():
-            return ""
-        return hashlib.sha256(read_bytes(path, MOST_BYTES, ScenarioError)).hexdigest()
+        return hashlib.sha256(read_bytes(path, MOST_BYTES, ScenarioError)).hexdigest() if path.is_file() else ""
 
 
 def list_documents(folder: Folder) -> list[str]:

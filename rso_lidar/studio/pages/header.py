@@ -24,7 +24,6 @@ from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.studio.upload import MOST_BYTES, SUFFIXES, keep_upload
 
-_SHORTCUTS = Path(__file__).with_name("shortcuts.js")
 _PAGES = ("build", "see", "run")
 _SCHEMES = {None: "brightness_auto", True: "dark_mode", False: "light_mode"}
 
@@ -80,7 +79,6 @@ def draw_menu(tab: BrowserTab) -> None:
 
     show_history()
     tab.document_changed.subscribe(show_history)
-    ui.add_body_html(f"<script>{_SHORTCUTS.read_text(encoding='utf-8')}</script>")
 
 
 def _open_templates(tab: BrowserTab) -> None:
