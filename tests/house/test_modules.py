@@ -1,6 +1,8 @@
 """The shape of rooms and modules: short, one sub-room deep, well named, and no random numbers out of nowhere."""
 
 import ast
+import io
+import tokenize
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,8 @@ FOLDERS = ("rso_lidar", "tests", "examples", "benchmarks")
 NO_ROOM = {"utils", "util", "helpers", "common", "core", "base", "manager", "misc"}
 MOST_MODULES = 14  # on one level of a room
 LISTS = {"cli", "shapes"}  # flat lists of like things: one file for each command, one for each model
+DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+MOST_OF_STUDIO = 2000  # lines of code over the public API
 LONGEST = 400  # lines; past it a module is two
 SHORTEST = 8  # lines; what is shorter belongs into the module that uses it
 
@@ -35,6 +39,26 @@ def test_modules_are_short():
     lines = {relative(module): len(module.read_text(encoding="utf-8").splitlines()) for module in MODULES}
     long = {name: count for name, count in lines.items() if count > LONGEST}
     assert not long, f"past {LONGEST} lines a module is two"
+
+
+def count_code(source):
+    """Return the number of lines of a source that hold code: no empty line, comment or docstring."""
+    layout = {tokenize.NL, tokenize.NEWLINE, tokenize.COMMENT, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+    tokens = [one for one in tokenize.generate_tokens(io.StringIO(source).readline) if one.type not in layout]
+    code = {line for one in tokens for line in range(one.start[0], one.end[0] + 1)}
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node) is not None:
+            code -= set(range(node.body[0].lineno, node.body[0].end_lineno + 1))
+    return len(code)
+
+
+def test_lines_of_code_are_counted():
+    assert count_code('"""A.\n\nB.\n"""\n\n# c\nx = [\n    1,\n]\n\n\ndef f():\n    """F."""\n    return x\n') == 5
+
+
+def test_the_studio_stays_small():
+    sources = [file.read_text(encoding="utf-8") for file in (PACKAGE / "studio").rglob("*.py")]
+    assert 1000 < sum(map(count_code, sources)) <= MOST_OF_STUDIO, "what others can use belongs below the studio"
 
 
 def test_modules_are_worth_a_file():
