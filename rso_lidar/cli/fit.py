@@ -22,6 +22,8 @@ from rso_lidar.track.least_squares.gated_solution import GATE
 from rso_lidar.track.least_squares.own_state import format_row
 from rso_lidar.track.least_squares.relative_prediction import MODELS
 
+_MANY = 0.1  # share of outliers at which the forces are the likely reason; the gate alone rejects under 1 %
+
 
 def fit(
     recording: RecordingFile,
@@ -69,6 +71,15 @@ def fit(
         raise RecordingError(
             f"--motion {motion}: unknown model{did_you_mean(motion, MODELS)} (known: {', '.join(MODELS)})"
         )
+    if own_only:
+        unused = {
+            "--target": target is not None, "--motion": motion != "nonlinear", "--known-orbit": known_orbit,
+            "--range-noise": range_noise_m is not None, "--no-shape": not shape, "--misalignment": misalignment_arcsec > 0.0,
+        }  # fmt: skip
+        if given := [name for name, is_given in unused.items() if is_given]:
+            raise RecordingError(
+                f"--own-only with {given[0]}: the own orbit does not depend on it; leave one of them out"
+            )
     if zonal_degree == 1:
         raise RecordingError("--zonal-degree 1: J1 does not exist; give 0 for two-body motion, or 2 to 6")
     if range_noise_m is not None and not 0.0 < range_noise_m < np.inf:
@@ -91,7 +102,7 @@ def fit(
                 gate=gate,
                 folder=recording.parent,
             )
-            lines = made.describe().splitlines()
+            lines, fits = made.describe().splitlines(), [made.statistics]
         else:
             found = fit_relative_orbit(
                 some,
@@ -108,10 +119,17 @@ def fit(
                 folder=recording.parent,
                 each=count_frames(some, "fitting"),
             )
+            fits = [one.statistics for one in (found.own, found.fit) if one is not None]
             truth = find_true_relative_state(some, found.target, found.fit.epoch_s)
             lines = found.describe().splitlines() + ([] if truth is None else describe_error(found.fit, truth))
     for line in lines:
         echo(line)
+    for used in fits:
+        if zonal_degree and used.n_rejected > _MANY * len(used.used):
+            echo(
+                f"note: {used.n_rejected:,} of {len(used.used):,} measurements do not fit these forces; where the recorded "
+                "motion is two-body (kepler, state and hill motions are), give --zonal-degree 0"
+            )
 
 
 def describe_error(fit: RelativeOrbitFit, truth: tuple[np.ndarray, np.ndarray]) -> list[str]:

@@ -47,6 +47,10 @@ def test_the_own_orbit_alone_and_an_epoch_between_frames(call, stage):
             ("--motion", "hil"),
             "--motion hil: unknown model; did you mean 'hill'? (known: nonlinear, yamanaka_ankersen, hill)",
         ),
+        (
+            ("--own-only", "--target", "stage"),
+            "--own-only with --target: the own orbit does not depend on it; leave one of them out",
+        ),
         (("--zonal-degree", "1"), "--zonal-degree 1: J1 does not exist; give 0 for two-body motion, or 2 to 6"),
         (("--range-noise", "0"), "--range-noise 0: needs metres above 0"),
         (("--misalignment", "-1"), "--misalignment -1: needs arcseconds from 0"),

@@ -32,9 +32,10 @@ def fold_docked(screened: ScreeningResult | PairScreening, rows: Sequence[Encoun
     """Merge the encounters of each docked object into one row with the reason, after all other rows.
 
     An object counts as docked where its position relative to the follower stays within the errors of both sets over the
-    whole span. Along-track errors are 1 km and 3 km per day for each set. Radial and cross-track errors are one standard
-    deviation of the difference. They are three standard deviations where the catalogue gives both the same elements for a
-    part of the span. A formation with an ellipse of some hundred metres (TerraSAR-X and TanDEM-X) does not count.
+    whole span, or over the part of it in which both have a state. Along-track errors are 1 km and 3 km per day for each
+    set. Radial and cross-track errors are one standard deviation of the difference. They are three standard deviations
+    where the catalogue gives both the same elements for a part of the span. A formation with an ellipse of some hundred
+    metres (TerraSAR-X and TanDEM-X) does not count.
 
     Parameters
     ----------
@@ -101,8 +102,10 @@ def _explain_docking(screened: ScreeningResult | PairScreening, own_number: int,
     apart = rotate_vectors(
         np.swapaxes(rtn_matrix(position, velocity)[0], -1, -2), objects.at(there, time_s)[0] - position
     )
-    if not np.isfinite(apart).all():
+    known = np.isfinite(apart).all(axis=1)  # a trajectory may begin late or end early
+    if not known.any():
         return None
+    apart, own, there, time_s = apart[known], own[known], there[known], time_s[known]
     together = np.abs(apart).max(axis=1) < TOGETHER_M
     days = np.abs(lead.ages_days(own, time_s)) + np.abs(objects.ages_days(there, time_s))
     if together.all():

@@ -99,12 +99,16 @@ class PlateLight:
         )
 
     def count_photons(self, range_m: np.ndarray) -> np.ndarray:
-        """Return the expected photons (…) of the brightest pixel at some ranges (…) [m]."""
+        """Return the expected photons (…) of the brightest pixel at some ranges (…) [m].
+
+        The lidar equation holds at ranges that are large beside the aperture. Nearer, the energy of the pulse is the bound.
+        """
         at_m = np.maximum(np.asarray(range_m, dtype=float), 1e-3)
         photons, _ = compute_photons(
             self.lidar.laser, self.lidar.receiver, self._material, 0.0, at_m.ravel(), self._side_m**2
         )
-        return photons.reshape(at_m.shape)
+        most = self.lidar.laser.photons * self.lidar.receiver.transmission
+        return np.minimum(photons.reshape(at_m.shape), most)
 
     def count_pixels(self, range_m: np.ndarray) -> np.ndarray:
         """Return the pixels (…) that the plate covers at some ranges (…) [m], a part of one where it is smaller."""
@@ -227,7 +231,7 @@ def tabulate_light(
     allowed: np.ndarray,
     middle: np.ndarray,
 ) -> dict[str, np.ndarray]:
-    """Tabulate (stay) what the lidar gets of a plate, at the closest approach and over each stay.
+    """Tabulate (stay) what the lidar gets of a plate, at the closest approach and over each stay; NaN where they are one.
 
     Parameters
     ----------
@@ -251,7 +255,7 @@ def tabulate_light(
     flash = light.find_in_flash(apart.ravel(), closing.ravel(), sunlight.ravel()).reshape(apart.shape)
     looked = np.where(allowed, flash, 0.0)
     each = np.arange(len(middle))
-    return {
+    columns = {
         "photons": light.count_photons(apart[each, middle]),
         "target_pixels": light.count_pixels(apart[each, middle]),
         "background_photons_per_s": sunlight[each, middle],
@@ -261,3 +265,5 @@ def tabulate_light(
             [light.find_over_stay(times, found) for times, found in zip(time_s, looked, strict=True)]
         ),
     }
+    together = apart[each, middle] < TOGETHER_M  # one object under two names: there is nothing to see
+    return {name: np.where(together, np.nan, column) for name, column in columns.items()}

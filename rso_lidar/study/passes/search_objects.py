@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -109,16 +109,35 @@ def collect_objects(source: Any) -> SearchObjects:
     else:
         _add_entries(found, source)
         _add_problems(found, source)
+    found.entries = _distinguish(found.entries)
     bad = [one for one in found.entries if isinstance(one, ElementSet) and one.problem is not None]
     found.problems = [(one.label, str(one.problem)) for one in bad] + found.problems
     found.entries = [one for one in found.entries if not (isinstance(one, ElementSet) and one.problem is not None)]
     return found
 
 
+def _distinguish(entries: list[Any]) -> list[Any]:
+    """Put the name of the file before the name of a trajectory, where those of several files have that name."""
+    files: dict[str, set[str]] = {}
+    for one in entries:
+        if isinstance(one, NamedTrajectory):
+            files.setdefault(one.name, set()).add(one.source)
+    return [
+        replace(one, name=f"{Path(one.source).stem} {one.name}")
+        if isinstance(one, NamedTrajectory) and one.source and len(files[one.name]) > 1
+        else one
+        for one in entries
+    ]
+
+
 def _add_entries(found: SearchObjects, source: Iterable[Any]) -> None:
+    read = set[str]()
     for entry in source:
         if isinstance(entry, str | os.PathLike):
-            _add_file(found, os.fspath(entry))
+            path = _resolve(os.fspath(entry))
+            if path not in read:  # a file that is given twice holds the same objects
+                read.add(path)
+                _add_file(found, os.fspath(entry))
         elif isinstance(entry, ElementSet | NamedTrajectory):
             found.entries.append(entry)
         elif isinstance(entry, Trajectory):
@@ -216,6 +235,8 @@ def _find_kind(path: str) -> str:
         return "scenario"
     if not Path(path).is_file():
         return "elements"  # the reader of element sets explains what is wrong
+    if Path(path).suffix.lower() == ".oem":
+        return "ephemeris"  # whose reader explains what is wrong
     try:
         head = read_text(Path(path), MOST_BYTES, ScenarioError, "catalogue or ephemeris")[:_SNIFFED]
     except ScenarioError:

@@ -191,7 +191,7 @@ def solve_gated(
         if rows * int(used.sum()) + len(known) < len(start):
             raise ScenarioError(
                 f"{name}: only {int(used.sum())} of {count} measurements agree with one orbit; "
-                "state more noise, or another motion or other forces"
+                "state more noise, or another motion or other forces (--zonal-degree 0 for two-body motion)"
             )
         _check_rank(weigh(model(values)[1], used, independent=True), prior, name)
         values = solve(values, used, robust=False)

@@ -35,6 +35,12 @@ def test_photons_pixels_and_probability_are_those_of_the_link_budget():
     assert found == pytest.approx(curve.detection_probability, abs=0.03)
 
 
+def test_no_pixel_gets_more_light_than_the_pulse_holds():
+    """Nearer than its aperture is wide, the lidar equation alone returns more photons than it sent."""
+    near = make_light(side_m=10.0, reflectance=1.0).count_photons(np.array([0.0, 1e-3, 0.2, 1000.0]))
+    assert (near[:3] <= LIDAR.laser.photons).all() and near[3] < near[2]
+
+
 def test_nothing_is_found_where_the_detector_does_not_look():
     light = make_light()
     near_m, far_m = LIDAR.detector.traits.sees_from_m, LIDAR.detector.traits.sees_to_m

@@ -68,9 +68,32 @@ def test_names_find_trajectories(files):
         CatalogError, match=r"no follower 'twq' among 2 element sets and trajectories; did you mean 'TWO'"
     ):
         collect_objects(both).find("twq", both)
-    twice = [both, both]
+    twice = [NamedTrajectory("ONE", ORBIT), NamedTrajectory("ONE", ORBIT)]
     with pytest.raises(CatalogError, match="'one' names 2 trajectories and 0 element sets"):
         collect_objects(twice).find("one", twice)
+
+
+def test_a_file_given_twice_is_read_once(files):
+    assert [entry.name for entry in collect_objects([files / "both.oem", str(files / "both.oem")]).entries] == [
+        "ONE",
+        "TWO",
+    ]
+
+
+def test_equal_names_of_several_files_are_told_apart(files):
+    names = [entry.name for entry in collect_objects([files / "both.oem", files / "one.oem"]).entries]
+    assert names == ["both ONE", "TWO", "one ONE"]
+
+
+def test_an_object_that_has_no_state_at_first_is_still_the_follower(files):
+    """A file of element sets and a scenario hold one object; the scenario has no state before its start."""
+    scenario = str(shipped("examples/tle_flyby.toml"))
+    begin = datetime.datetime(2024, 9, 17, 11, 50, tzinfo=datetime.UTC)
+    found = encounters([FLYBY, scenario], load_follower(scenario), within_m=20e3, start_utc=begin, days=0.02)
+    (one,) = [row for row in found.rows if row.docked]
+    assert one.name.startswith("FOLLOWER") and one.docked == "both have the same states"
+    assert np.isnan([one.photons, one.target_pixels, one.found_probability]).all()
+    assert all(row.range_m > 1e3 for row in found.rows if row is not one)
 
 
 @pytest.mark.parametrize(
