@@ -69,7 +69,7 @@ def test_wheel_holds_the_package_and_its_data_and_nothing_else(wheel):
         for file in (ROOT / folder).rglob("*")
         if file.is_file() and "__pycache__" not in file.parts and file.suffix != ".png"  # pictures of pages
     }
-    for name in ("presets.toml", "*.js"):
+    for name in ("presets.toml", "*.js", "*.css"):
         data |= {file.relative_to(ROOT).as_posix() for file in (ROOT / "rso_lidar").rglob(name)}
     info = f"rso_lidar-{VERSION}.dist-info"
     assert {"rso_lidar/tle/index.toml", "rso_lidar/models/index.toml"} <= data

@@ -69,7 +69,7 @@ def make_and_mend_an_error(page):
     assert "approach.toml" in find(page, "verdict").inner_text()
     page.get_by_text("approach.toml (edited)").wait_for()
     find(page, "page-run").click()
-    page.wait_for_function("document.querySelector('[data-test=\"start\"]').disabled")
+    page.wait_for_function("document.querySelector('[data-test=\"start\"]')?.disabled")
     find(page, "page-see").click()
     page.get_by_role("button", name="Show in Build").click()
 
