@@ -74,7 +74,7 @@ def test_a_killed_run_is_said_and_resumed(journey, tmp_path, text):
     start(page, "killed.h5", "0:1000")
     jobs = find(page, "jobs")
     find_recording(page, "killed.h5").get_by_text("running").wait_for(timeout=240_000)
-    page.wait_for_function("/running [1-9]/.test(document.querySelector('[data-test=job-state]').textContent)")
+    page.wait_for_function("/running [1-9]/.test(document.querySelector('[data-test=job-state]')?.textContent)")
     process = find_run(tmp_path)
     assert process is not None
     os.kill(process, signal.SIGKILL)

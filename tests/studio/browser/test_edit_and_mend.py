@@ -63,7 +63,7 @@ def make_and_mend_an_error(page):
     energy.fill("-3")
     energy.press("Tab")
     page.wait_for_function(
-        "([place, words]) => document.querySelector(place).textContent.includes(words)",
+        "([place, words]) => document.querySelector(place)?.textContent.includes(words)",
         arg=['[data-test="verdict"]', FIELD],
     )
     assert "approach.toml" in find(page, "verdict").inner_text()
