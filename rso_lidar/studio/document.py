@@ -201,9 +201,8 @@ def _write(path: Path, text: str) -> None:
     except UnicodeEncodeError:
         raise ScenarioError(f"{path.name}: not written: it contains half a character; delete and retype it") from None
     if len(content) > MOST_BYTES:
-        raise ScenarioError(
-            f"{path.name}: not written: {len(content):,} bytes, and at most {MOST_BYTES:,} can be read again"
-        )
+        size = f"{len(content):,} bytes, and at most {MOST_BYTES:,} can be read again"
+        raise ScenarioError(f"{path.name}: not written: {size}")
     with write_atomically(path) as draft:
         draft.write_bytes(content)
 

@@ -45,12 +45,14 @@ class NamedTrajectory:
     trajectory : anything that answers `states`
     norad_id : catalogue number, 0 for none
     source : file that it was read from; trajectories of one name and source are the same object
+    name_in_source : its name in that file, where it is listed under another one
     """
 
     name: str
     trajectory: Trajectory
     norad_id: int = 0
     source: str = ""
+    name_in_source: str = ""
 
     @property
     def label(self) -> str:

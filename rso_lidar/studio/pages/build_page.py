@@ -30,7 +30,7 @@ class BuildPage:
         self._tab, self._place = tab, ""
         self._shape: Any = None
         self._form: TableForm | None = None
-        self._told = ""
+        self._last_message = ""
         with ui.row(wrap=False).classes("w-full gap-0 studio-build items-stretch"):
             tables = ui.column().classes("studio-column studio-tables gap-0")
             with mark(tables, "tables", 'role=navigation aria-label="Tables of the scenario"'):
@@ -69,7 +69,7 @@ class BuildPage:
     def _show_document(self) -> None:
         """Show another text: values in place, and the form anew only where tables came, went or changed their type."""
         document = self._tab.document
-        self._tell(document.notice)
+        self._notify_once(document.notice, "info")
         if self._editor.value != document.text:
             self._editor.value = document.text
         shape = (id(document), document.outline())
@@ -227,17 +227,19 @@ class BuildPage:
             if await run.io_bound(document.changed_on_disk):
                 if not document.is_changed:
                     document.reload()
-                    self._tell(f"{document.title}: was changed by another program, and is shown as it is now")
+                    ui.notify(f"{document.title}: was changed on disk, and is shown as it is now", type="info")
                 else:
-                    self._tell(f"{document.title}: another program changed the file; Save asks whose text to keep")
+                    self._notify_once(
+                        f"{document.title}: another program changed the file; Save asks whose text to keep"
+                    )
         except (RsoLidarError, OSError) as error:
-            self._tell(f"no draft was kept: {error}")
+            self._notify_once(f"no draft was kept: {error}")
 
-    def _tell(self, text: str) -> None:
-        """Show a message, once until another one comes."""
-        if text and text != self._told:
-            self._told = text
-            ui.notify(text, type="info", multi_line=True, timeout=8000)
+    def _notify_once(self, text: str, kind: Any = "warning") -> None:
+        """Show a message, but not again while it is the last one."""
+        if text and text != self._last_message:
+            self._last_message = text
+            ui.notify(text, type=kind, multi_line=True, timeout=8000)
 
 
 def draw(tab: BrowserTab) -> None:

@@ -29,30 +29,30 @@ def mark(element: E, name: str, props: str = "") -> E:
     return element
 
 
-def draw_button(text: str, deed: Callable[..., Any], name: str = "", look: str = "outline") -> ui.button:
+def draw_button(text: str, action: Callable[..., Any], name: str = "", look: str = "outline") -> ui.button:
     """Draw a small button.
 
     Parameters
     ----------
     text : on the button.
-    deed : called at a click.
+    action : called at a click.
     name : as for `mark`; empty for none.
     look : further properties of Quasar.
     """
-    button = ui.button(text, on_click=deed).props(f"dense no-caps {look}")
+    button = ui.button(text, on_click=action).props(f"dense no-caps {look}")
     return mark(button, name) if name else button
 
 
-def draw_icon_button(icon: str, label: str, deed: Callable[..., Any], name: str = "", look: str = "") -> ui.button:
+def draw_icon_button(icon: str, label: str, action: Callable[..., Any], name: str = "", look: str = "") -> ui.button:
     """Draw a button that shows an icon and names itself to screen readers.
 
     Parameters
     ----------
     icon, label : the icon, and what the button does in words.
-    deed : called at a click.
+    action : called at a click.
     name, look : as for `draw_button`.
     """
-    button = draw_button("", deed, name or label, f"flat round {look}").tooltip(label)
+    button = draw_button("", action, name or label, f"flat round {look}").tooltip(label)
     button.props["icon"], button.props["aria-label"] = icon, label
     return button
 
@@ -66,8 +66,8 @@ def draw_list(rows: Iterable[tuple[str, str, Callable[[], Any]]], kind: str) -> 
     kind : begins the mark of each row.
     """
     with ui.list().props("separator dense").classes("w-full"):
-        for name, caption, deed in rows:
-            with mark(ui.item(on_click=deed), f"{kind}-{name}"), ui.item_section():
+        for name, caption, action in rows:
+            with mark(ui.item(on_click=action), f"{kind}-{name}"), ui.item_section():
                 ui.item_label(name)
                 if caption:
                     ui.item_label(caption).props("caption")

@@ -233,18 +233,18 @@ def _add_entry(tab: BrowserTab, field: FieldForm, place: str, cls: type[Part]) -
     change_document(tab, "add_entry", place, table)
 
 
-def change_document(tab: BrowserTab, deed: str, place: str, *value: Any) -> None:
+def change_document(tab: BrowserTab, action: str, place: str, *value: Any) -> None:
     """Change the document of a tab, or say why that is not possible.
 
     Parameters
     ----------
     tab : whose document is changed.
-    deed : name of a method of `Document`.
+    action : name of a method of `Document`.
     place : of the change.
     *value : further arguments.
     """
     with tell_errors():
-        getattr(tab.document, deed)(place, *value)
+        getattr(tab.document, action)(place, *value)
 
 
 def _resolve(scenario: Any, place: str) -> Any:

@@ -82,11 +82,14 @@ class FrameViewer:
 
     async def _read(self) -> None:
         """Open the file that holds the frames now; a file that grows is opened again."""
-        name, before = self.name, self._recording
+        name = self.name
         found = await self._open(name)
         if found is None or name != self.name:
+            self.is_following = (
+                self.is_following and name != self.name
+            )  # what cannot be read is not read again each second
             return
-        self._recording, self.is_following = found
+        before, (self._recording, self.is_following) = self._recording, found
         if before is not None and not self._is_drawing:
             before.close()
         self._title.set_text(f"{name}: {self._recording.source.title}, {len(self):,} frames")
@@ -100,8 +103,7 @@ class FrameViewer:
 
     async def _compare(self, event: Any) -> None:
         """Open the recording to compare with."""
-        found = await self._open(event.value) if event.value else None
-        self._other = found[0] if found else None
+        self._other = (await self._open(event.value) or (None,))[0] if event.value else None
         await self._request(self._slider.value)
 
     def _set_scheme(self, scheme: Scheme) -> Any:

@@ -60,15 +60,15 @@ def draw_header(tab: BrowserTab, guide: Guide) -> ui.tabs:
 def draw_menu(tab: BrowserTab) -> None:
     """Draw the menu of documents: new, open, save, upload, undo and redo."""
 
-    def change(deed: str) -> None:
-        getattr(tab.document, deed)()  # of the document that is shown then
+    def change(action: str) -> None:
+        getattr(tab.document, action)()  # of the document that is shown then
 
-    deeds = {"New": _open_templates, "Open": _open_list, "Save": _save, "Save as": _ask_name, "Upload": _open_upload}
+    actions = {"New": _open_templates, "Open": _open_list, "Save": _save, "Save as": _ask_name, "Upload": _open_upload}
     icons = ("note_add", "folder_open", "save", "save_as", "upload_file")
     bar = ui.row(wrap=False).classes("w-full items-center gap-1 px-2 py-1 studio-menu")
     with bar.props("role=toolbar aria-label=Document"):
-        for (label, deed), icon in zip(deeds.items(), icons, strict=True):
-            draw_button(label, partial(deed, tab), label.lower().replace(" ", "-"), f"flat icon={icon}")
+        for (label, action), icon in zip(actions.items(), icons, strict=True):
+            draw_button(label, partial(action, tab), label.lower().replace(" ", "-"), f"flat icon={icon}")
         ui.space()
         undo = draw_button("Undo", partial(change, "undo"), "undo", "flat icon=undo")
         redo = draw_button("Redo", partial(change, "redo"), "redo", "flat icon=redo")

@@ -26,7 +26,7 @@ from rso_lidar.studio.state import BrowserTab, Workspace
 _USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
 _CHECKBOX = '<q-checkbox v-model="props.selected" dense :aria-label="`Show ${props.row.name}`" />'
 _FROM_SCENARIO = ("run", "timeline", "budget", "trade", "dataset")
-_DEEDS = ("Stop", "Resume", "Remove from the list")  # of the buttons of a job
+_JOB_ACTIONS = ("Stop", "Resume", "Remove from the list")  # of the buttons of a job
 _RESULTS = tuple({suffix for kind in KINDS.values() for suffix in kind.makes if suffix})
 
 
@@ -193,10 +193,10 @@ class RunPage:
         with ui.card().classes("w-full p-2 gap-1") as row:
             with ui.row(wrap=False).classes("w-full items-center gap-1"):
                 ui.label(f"{KINDS[job.request.kind].title}: {job.request.output}").classes("font-medium grow truncate")
-                deeds = {"stop": self.jobs.stop, "play_arrow": self.jobs.resume, "close": self.jobs.remove}
+                actions = {"stop": self.jobs.stop, "play_arrow": self.jobs.resume, "close": self.jobs.remove}
                 stop, resume, remove = (
-                    draw_icon_button(icon, label, partial(self._do, deed, job), label.split()[0].lower(), "size=sm")
-                    for (icon, deed), label in zip(deeds.items(), _DEEDS, strict=True)
+                    draw_icon_button(icon, label, partial(self._do, action, job), label.split()[0].lower(), "size=sm")
+                    for (icon, action), label in zip(actions.items(), _JOB_ACTIONS, strict=True)
                 )
             bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback aria-label=Progress")
             state = mark(ui.label().classes("text-sm"), "job-state", "role=status")
@@ -205,10 +205,10 @@ class RunPage:
             result = ui.link("Open the result", address, new_tab=True).classes("text-sm")
         return row, state, bar, message, stop, resume, remove, result
 
-    def _do(self, deed: Callable[[Job], object], job: Job) -> None:
+    def _do(self, action: Callable[[Job], object], job: Job) -> None:
         self._was_active = True
         with tell_errors():
-            deed(job)
+            action(job)
         self._draw_jobs()
 
     async def _tick(self) -> None:

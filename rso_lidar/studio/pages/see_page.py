@@ -245,9 +245,9 @@ class SeePage:
         self.drawn.clear()
         self._complain("")
 
-    async def _work(self, deed: Callable[..., T], *arguments: Any) -> T:
+    async def _work(self, action: Callable[..., T], *arguments: Any) -> T:
         """Return the result of work done in a thread; cancel the task where the studio is ending or the tab has closed."""
-        made = await run.io_bound(deed, *arguments)
+        made = await run.io_bound(action, *arguments)
         if made is None or self.key not in _shelves:
             raise asyncio.CancelledError
         return made

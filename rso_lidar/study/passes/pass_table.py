@@ -158,9 +158,11 @@ class Encounters:
 
     def _describe_accuracy(self) -> list[str]:
         """Describe how good the objects' motions are."""
-        flown = sum(math.isnan(row.age_days) or math.isnan(row.follower_age_days) for row in self.rows)
-        lines = [NOTE] if flown < len(self.rows) or not self.rows else []
-        if flown:
+        ages = [(math.isnan(row.age_days), math.isnan(row.follower_age_days)) for row in self.rows]
+        lines = (
+            [NOTE] if not ages or not all(all(pair) for pair in ages) else []
+        )  # one element set is enough for the error
+        if any(any(pair) for pair in ages):
             lines.append("an encounter of a trajectory without age is as good as what it came from")
         return lines
 

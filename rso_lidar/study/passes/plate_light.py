@@ -8,6 +8,7 @@ rate spreads the returns of a detector that adds up several pulses.
 from __future__ import annotations
 
 import math
+import numbers
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,9 +55,11 @@ class ViewedPlate:
             ("flash_rate", "Hz", self.flash_rate_hz, 1e6),
             ("reflectance", "", self.reflectance, 1.0),
         ):
-            if value is not None and (isinstance(value, bool) or not 0.0 < float(value) <= most):
+            is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if value is not None and not (is_number and 0.0 < float(value) <= most):
+                shown = f"{value:g}" if is_number else f"{value!r:.40}"
                 raise ScenarioError(
-                    f"{what}: {value:g} is out of range; give more than 0 and at most {most:g} {unit}".rstrip()
+                    f"{what}: {shown} is out of range; give more than 0 and at most {most:g} {unit}".rstrip()
                 )
 
     @property

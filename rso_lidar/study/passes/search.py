@@ -189,7 +189,8 @@ def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> lis
     if isinstance(follower, list | tuple) and follower and all(isinstance(one, ElementSet) for one in follower):
         return list(follower)
     if isinstance(follower, Trajectory):
-        return [NamedTrajectory("follower", follower)]
+        known = (one for one in objects.entries if getattr(one, "trajectory", None) is follower)
+        return [next(known, NamedTrajectory("follower", follower))]
     if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral):
         raise ScenarioError(
             f"follower: {quote(follower)} is not an object; give its catalogue number or its name, or a trajectory"
@@ -212,8 +213,12 @@ def _warn_of_age(found: ScreeningResult, lead: Any) -> None:
 def _is_same(entry: Any, lead: Any) -> bool:
     """Return whether an entry is the follower: the same one, or an element set of the same object."""
     if not (isinstance(entry, ElementSet) and isinstance(lead, ElementSet)):
-        source = getattr(entry, "source", "")
-        return entry is lead or bool(source and (source, entry.name) == (getattr(lead, "source", ""), lead.name))
+        if getattr(entry, "trajectory", entry) is getattr(lead, "trajectory", lead):
+            return True
+        if not (isinstance(entry, NamedTrajectory) and isinstance(lead, NamedTrajectory) and entry.source):
+            return False
+        first, second = (one.name_in_source or one.name for one in (entry, lead))
+        return (entry.source, first) == (lead.source, second)
     return entry is lead or (entry.identity == lead.identity and any(lead.identity))
 
 

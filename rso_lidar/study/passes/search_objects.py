@@ -122,8 +122,16 @@ def _distinguish(entries: list[Any]) -> list[Any]:
     for one in entries:
         if isinstance(one, NamedTrajectory):
             files.setdefault(one.name, set()).add(one.source)
+    stems: dict[str, set[str]] = {}
+    for source in set().union(*files.values()):
+        stems.setdefault(Path(source).stem, set()).add(source)
+    shown = {
+        source: stem if len(sources) == 1 else f"{Path(source).parent.name}/{stem}"
+        for stem, sources in stems.items()
+        for source in sources
+    }
     return [
-        replace(one, name=f"{Path(one.source).stem} {one.name}")
+        replace(one, name=f"{shown[one.source]} {one.name}", name_in_source=one.name)
         if isinstance(one, NamedTrajectory) and one.source and len(files[one.name]) > 1
         else one
         for one in entries
@@ -215,6 +223,9 @@ def load_follower(path: str) -> Any:
     if _find_kind(path) == "scenario":
         return _name_body(path, Scenario.load(path), _FOLLOWER)
     objects = collect_objects(path)
+    if not objects.entries:
+        label, why = (objects.problems or [("the file", "it holds no object; give another one")])[0]
+        raise CatalogError(f"{path}: {label}: {why}")
     names = {getattr(entry, "label", "") for entry in objects.entries}
     if len(names) != 1:
         some = ", ".join(sorted(names)[:4])
