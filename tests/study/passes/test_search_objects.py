@@ -96,6 +96,24 @@ def test_an_object_that_has_no_state_at_first_is_still_the_follower(files):
     assert all(row.range_m > 1e3 for row in found.rows if row is not one)
 
 
+def test_a_follower_is_not_its_own_encounter(files):
+    """Neither by a file whose names are told apart, nor as the object that the catalogue holds."""
+    other = Kepler(epoch_utc=START, semi_major_axis_km=6950.0, true_anomaly_deg=0.1, **_ELEMENTS)
+    search = {"within_m": 50e3, "start_utc": START, "days": 0.01}
+    found = encounters([files / "both.oem", files / "one.oem"], load_follower(files / "one.oem"), **search)
+    assert {row.name for row in found.rows} == {"both ONE", "TWO"}  # the same states in another file
+    found = encounters({"a": ORBIT, "b": other}, ORBIT, **search)
+    assert {row.name for row in found.rows} == {"b"} and found.follower.name == "a"
+
+
+def test_a_follower_that_cannot_be_used_says_why(tmp_path):
+    lines = shipped("tle/tdrs.tle").read_text(encoding="ascii").splitlines()
+    bad = tmp_path / "bad.tle"
+    bad.write_text("\n".join([*lines[:-1], lines[-1][:-1] + str((int(lines[-1][-1]) + 1) % 10)]), encoding="ascii")
+    with pytest.raises(CatalogError, match="(?i)bad.tle: .*checksum"):
+        load_follower(str(bad))
+
+
 @pytest.mark.parametrize(
     ("source", "message"),
     [
