@@ -32,10 +32,10 @@ def fold_docked(screened: ScreeningResult | PairScreening, rows: Sequence[Encoun
     """Merge the encounters of each docked object into one row with the reason, after all other rows.
 
     An object counts as docked if its position relative to the follower stays within the errors of both sets. This must
-    hold over the whole span, or over the part in which both have a state. Along-track errors are 1 km and 3 km per day for each
-    set. Radial and cross-track errors are one standard deviation of the difference. They are three standard deviations
-    where the catalogue gives both the same elements for a part of the span. A formation with an ellipse of some hundred
-    metres (TerraSAR-X and TanDEM-X) does not count.
+    hold over the whole span, or over the part in which both have a state. Along-track errors are 1 km and 3 km per day
+    for each set. Radial and cross-track errors are one standard deviation of the difference. They are three standard
+    deviations where the catalogue gives both the same elements for a part of the span. A formation with an ellipse of
+    some hundred metres (TerraSAR-X and TanDEM-X) does not count.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ def test_a_follower_that_cannot_be_used_says_why(tmp_path):
     lines = shipped("tle/tdrs.tle").read_text(encoding="ascii").splitlines()
     bad = tmp_path / "bad.tle"
     bad.write_text("\n".join([*lines[:-1], lines[-1][:-1] + str((int(lines[-1][-1]) + 1) % 10)]), encoding="ascii")
-    with pytest.raises(CatalogError, match="(?i)bad.tle: .*checksum"):
+    with pytest.raises(CatalogError, match=r"(?i)bad\.tle: .*checksum"):
         load_follower(str(bad))
 
 
