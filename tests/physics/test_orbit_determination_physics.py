@@ -182,7 +182,7 @@ def test_relative_orbits_of_fifty_runs_have_their_covariance(validation):
         unit="1",
     )  # fmt: skip
     inside = [fit.statistics.is_consistent for fit in fits]
-    assert np.sum(inside) >= 42  # of 95 % each; fewer have a probability of 0.4 %
+    assert np.sum(inside) >= 42  # of 95 % each; fewer have a probability of 0.08 % (binomial law)
 
 
 def test_a_fit_that_takes_its_own_orbit_as_exact_is_over_confident():

@@ -57,6 +57,9 @@ class AttitudeHistory:
         if len(known) < 2:
             return attitude, rate, factor
         before = np.clip(np.searchsorted(known, time_s, side="right") - 1, 0, len(known) - 2)
+        # At the last sample before a gap, the interval before it has the rate: over the gap a turn may be ambiguous.
+        last = (known[before + 1] - known[before] > self.longest_s) & (time_s == known[before]) & (before > 0)
+        before = before - last
         step_s = known[before + 1] - known[before]
         share = (time_s - known[before]) / step_s
         inside = (share >= 0.0) & (share <= 1.0) & (step_s <= self.longest_s)

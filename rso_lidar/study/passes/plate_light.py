@@ -215,11 +215,9 @@ class PlateLight:
 
     def describe(self) -> list[str]:
         """Describe what the columns of light assume, in lines for the notes of a table."""
-        sun = (
-            "sunlight on it counted"
-            if self.has_sunlight
-            else "sunlight not counted: the receiver has no filter_width_nm"
-        )
+        why = "the detector is gated" if self.lidar.detector.traits.is_gated else ""
+        why = why if self.has_sunlight else "the receiver has no filter_width_nm"
+        sun = f"sunlight not counted: {why}" if why else "sunlight on it counted"
         return [
             f"photons, pixels and found: {self.plate.describe()}; {sun}; found: by {self.finding.describe()}, at any time "
             "of the stay in which slew and exclusion angles allow a look"

@@ -37,6 +37,14 @@ def test_gaps_and_instants_outside_have_no_attitude(history):
     assert np.isfinite(attitude).all(axis=(1, 2)).tolist() == [False, False, False, True, False]
 
 
+def test_the_rate_before_a_gap_is_that_of_the_samples_before_it():
+    """A turn of 400 deg over the gap is 40 deg to a rotation vector: the rate over it would be wrong by a factor of ten."""
+    time_s, rate = np.array([0.0, 1.0, 2.0, 402.0]), np.array([0.0, 0.0, 1.0]) * units.DEG
+    turned = Rotation.from_rotvec(np.outer(time_s, rate)).as_quat()
+    history = read_star_tracker(StarTrackerSamples(time_s, time_s, np.ones(4, bool), turned), PART)
+    assert np.allclose(history.find(np.array([2.0]))[1], rate)
+
+
 def test_errors_are_those_of_the_mount(history):
     assert np.sqrt(np.diag(history.white_rad2)) / units.ARCSEC == pytest.approx([5.0, 5.0, 50.0])
     assert history.slow_rad / units.ARCSEC == pytest.approx([5.0, 5.0, 4.0])  # 3 and 4 arcsec; about the boresight, 4

@@ -7,6 +7,7 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scenario import Finding, Lidar
+from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.study import ViewedPlate, budget
 from rso_lidar.study.passes.plate_light import PlateLight
 
@@ -94,12 +95,8 @@ def test_k_of_n_divides_the_stay_into_groups():
 
 
 def test_every_shipped_camera_gives_a_probability():
-    for preset in ("gsfl_1064", "long_range_1064", "proximity_1570", "geiger_532"):
-        try:
-            lidar = Lidar(preset=preset)
-        except ScenarioError:
-            continue
-        light = make_light(lidar=lidar)
+    for preset in load_presets():
+        light = make_light(lidar=Lidar(preset=preset))
         at_m = np.geomspace(50.0, 20_000.0, 12)
         found = find(light, at_m, sunlight=1e8, rate=20.0)
         assert np.all((found >= 0.0) & (found <= 1.0)) and found.max() > 0.5
