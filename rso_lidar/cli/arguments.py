@@ -18,6 +18,10 @@ from rso_lidar.scenario.tables.world import parse_frames
 
 ScenarioFile = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]
+RecordedFrames = Annotated[
+    str | None,
+    typer.Option("--frames", metavar="A:B", help="Frames A to B-1 only, by number in the scenario; A:B:C by steps."),
+]
 Settings = Annotated[
     list[str] | None, typer.Option("--set", metavar="PLACE=VALUE", help="Set a field, as lidar.laser.energy_mj=20.")
 ]

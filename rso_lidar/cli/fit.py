@@ -6,7 +6,7 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
-from rso_lidar.cli.arguments import RecordingFile, select_frames
+from rso_lidar.cli.arguments import RecordedFrames, RecordingFile, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError, did_you_mean
@@ -27,12 +27,7 @@ _MANY = 0.1  # share of outliers at which the forces are the likely reason; the 
 
 def fit(
     recording: RecordingFile,
-    frames: Annotated[
-        str | None,
-        typer.Option(
-            "--frames", metavar="A:B", help="Frames A to B-1 only, by number in the scenario; A:B:C by steps."
-        ),
-    ] = None,
+    frames: RecordedFrames = None,
     target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
     own_only: Annotated[bool, typer.Option("--own-only", help="Fit the follower's own orbit to GNSS only.")] = False,
     epoch_s: Annotated[

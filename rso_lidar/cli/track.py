@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
-from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_scheme, select_frames
+from rso_lidar.cli.arguments import Dark, Overwrite, RecordedFrames, RecordingFile, choose_scheme, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
@@ -25,12 +25,7 @@ def track(
         Path | None,
         typer.Option("-o", "--output", help="Picture (.png, .pdf, .svg) or table (.csv); none, the table alone."),
     ] = None,
-    frames: Annotated[
-        str | None,
-        typer.Option(
-            "--frames", metavar="A:B", help="Frames A to B-1 only, by number in the scenario; A:B:C by steps."
-        ),
-    ] = None,
+    frames: RecordedFrames = None,
     target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
     range_noise_m: Annotated[
         float | None, typer.Option("--range-noise", metavar="M", help="Noise of one range [m] (the detector's own).")

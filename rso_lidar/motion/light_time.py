@@ -7,8 +7,8 @@ the τ₁ of its origin. Vectors of positions in root axes, with relative veloci
     |p + (v + V) τ₁| = c τ₁        outward, to the target
     |p + v τ₁ - V τ₂| = c τ₂       back, to the lidar
 
-Range is half of both paths. The line of sight is that of p + v τ₁, in the axes that the lidar has at the return: with the
-aberration by the lidar's own velocity, light comes from where the target was relative to the lidar as it was met.
+Range is half of both paths. The line of sight is the direction of p + v τ₁, in the axes of the lidar at the return. It
+contains the aberration by the lidar's own velocity.
 """
 
 from __future__ import annotations

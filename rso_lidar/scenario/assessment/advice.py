@@ -229,9 +229,18 @@ def _advise_on_missing_sun(mission: Mission) -> list[str]:
 
 
 def _advise_on_earthshine(mission: Mission) -> list[str]:
-    """Warn of Earthshine that no receiver collects."""
-    if mission.world.earth_albedo is None or mission.lidar.receiver.filter_width_nm is not None:
+    """Warn of Earthshine that no receiver collects, and of two albedos of one Earth."""
+    albedo, receiver = mission.world.earth_albedo, mission.lidar.receiver
+    if albedo is None:
         return []
+    if receiver.filter_width_nm is not None:
+        of_glare = None if receiver.glare is None else receiver.glare.earth_albedo
+        if of_glare in (None, albedo):
+            return []
+        return [
+            f"world.earth_albedo is {albedo:g} and lidar.receiver.glare.earth_albedo {of_glare:g}: the Earth has one "
+            "albedo; set both alike"
+        ]
     return [
         "world.earth_albedo asks for light of the Earth on targets, and the receiver collects no steady light; set "
         "lidar.receiver.filter_width_nm, or leave it out"

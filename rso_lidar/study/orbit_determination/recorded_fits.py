@@ -148,9 +148,9 @@ def fit_relative_orbit(
     """Fit the follower's orbit relative to a target to ranges and lines of sight of a recording.
 
     Each frame in which the target is whole in the field gives the centroid of its returns. The offset of the centroid from
-    the target's origin is an estimated constant, with the mean and the standard deviations that the mesh has over all
-    directions as prior. Its changes from frame to frame are noise of the same standard deviations, so that the covariance
-    holds for a target that keeps one side to the lidar and for one that tumbles.
+    the target's origin is an estimated constant. Its prior has the mean and the standard deviations of the mesh over all
+    directions. Its changes between frames are noise of the same standard deviations. So the covariance holds for a target
+    that keeps one side to the lidar, and for one that tumbles.
 
     Parameters
     ----------
@@ -160,8 +160,9 @@ def fit_relative_orbit(
     motion : "nonlinear" integrates both orbits; "yamanaka_ankersen" and "hill" are linear models.
     forces : on both bodies besides the central attraction; None for two-body motion.
     own : the follower's orbit (None: fitted to the recording's GNSS).
-    known_orbit, known_attitude : whether the recorded orbit and attitude of the follower count as known without error,
-        where there is no GNSS and no star tracker.
+    known_orbit : whether the recorded state of the follower at the first frame counts as known without error; `forces`
+        propagate it.
+    known_attitude : whether the recorded attitude of the follower counts as known without error.
 
     Other Parameters
     ----------------

@@ -27,11 +27,12 @@ from rso_lidar.study.budgets.pixel_light import compute_photons, pixel_width_m
 from rso_lidar.study.passes.exclusion import TOGETHER_M, ExclusionAngles
 
 SIDE_M, REFLECTANCE, FLASH_RATE_HZ = 1.0, 0.30, 1.0  # assumed where nothing is given; the reflectance of Fuller et al.
-_LEAST_SHARE = 0.01  # of the threshold's photons, below which a detection is not computed
+_LEAST_SHARE = 0.01  # of the threshold's photons: below it the light adds nothing to false triggers, which do not count
+_GATED_NEAR_M = 1.0  # assumed: a gate opens after the pulse has left, 7 ns for 1 m
 _AT_ONCE = 20_000  # instants in one call of a detector
-_PHASES = 16  # of the flashes relative to the closest approach, over which the mean is taken
-_MANY = 64.0  # flashes in a stay from which their phase no longer matters
-_CERTAIN = 1e-12
+_PHASES = 16  # of the flashes over which the mean is taken: a stay shorter than a frame is right within 1/16
+_MANY = 64.0  # flashes in a stay from which a sum over flashes is an integral, within half a flash of 64
+_CERTAIN = 1e-12  # keeps the logarithm of the probability of a miss finite
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,7 @@ class PlateLight:
         found = np.zeros(len(range_m))
         traits = self.lidar.detector.traits
         photons = self.count_photons(range_m)
-        near_m, far_m = (1.0, math.inf) if traits.is_gated else (traits.sees_from_m, traits.sees_to_m)
+        near_m, far_m = (_GATED_NEAR_M, math.inf) if traits.is_gated else (traits.sees_from_m, traits.sees_to_m)
         some = np.flatnonzero(
             (range_m >= near_m) & (range_m <= far_m) & (photons > _LEAST_SHARE * traits.threshold_photons)
         )

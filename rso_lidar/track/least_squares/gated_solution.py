@@ -19,7 +19,7 @@ GATE = 0.9999  # probability that a measurement without fault is kept
 SHARE = 0.95  # probability of the bounds that a description states
 _MOST_PASSES = 20
 _SINGULAR = 1e-12  # ratio of singular values, of columns of length 1, at which the parameters cannot be told apart
-_SOFT = 2.5  # residuals above this multiple of sigma count less in the first solution
+_SOFT = 2.5  # sigma above which residuals count less in the first solution, 1.2 % of normal ones; the last has no such limit
 
 Model = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 Whitening = Callable[[np.ndarray, np.ndarray], np.ndarray]

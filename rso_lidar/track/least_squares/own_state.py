@@ -16,7 +16,7 @@ from rso_lidar.track.least_squares.fit_statistics import FitStatistics
 from rso_lidar.track.least_squares.gated_solution import GATE, check_epoch, solve_gated
 
 MOST_SOLUTIONS = 1000  # of more, an even selection: their covariance is a dense matrix
-_LEAST = (1e-3, 1e-6)  # sigma of a receiver without stated errors [m], [m/s]: below what GNSS reaches in orbit
+_LEAST = (1e-3, 1e-6)  # assumed sigma of a receiver without stated errors [m], [m/s]: a floor that keeps weights finite
 
 
 @dataclass(frozen=True)

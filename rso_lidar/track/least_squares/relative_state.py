@@ -139,8 +139,8 @@ def fit_relative_state(
 ) -> RelativeOrbitFit:
     """Fit a relative orbit to measured positions of a target: ranges and lines of sight in inertial directions.
 
-    Residuals are of range and of the line of sight. The covariance is that of Gauss and Markov, and includes the biases
-    and the uncertainty of the follower's orbit (consider covariance: Tapley, Schutz and Born 2004, ch. 6).
+    Residuals are of range and of the line of sight. The covariance is that of Gauss and Markov. It includes the biases
+    and the uncertainty of the follower's orbit (Tapley, Schutz and Born 2004, ch. 6).
 
     Parameters
     ----------

@@ -30,6 +30,16 @@ def test_without_a_filter_nothing_is_added_and_check_says_so():
     assert any("world.earth_albedo asks for light of the Earth" in line for line in lines), lines
 
 
+def test_two_albedos_of_one_earth_are_said():
+    glare = ("lidar.receiver.glare={}", "lidar.receiver.glare.earth_albedo=0.7")
+    for settings, is_said in (
+        (glare, True),
+        (("lidar.receiver.glare={}", "lidar.receiver.glare.earth_albedo=0.3"), False),
+    ):
+        lines = rl.Scenario.load("examples/tdrs_approach.toml", (*SETTINGS, *settings)).advice()
+        assert any("Earth has one albedo" in line for line in lines) is is_said, lines
+
+
 @pytest.mark.parametrize("position_m", [(0.0, 0.0, 0.0), (6e6, 0.0, 0.0)])
 def test_below_the_surface_there_is_no_earth(position_m):
     scenario = rl.Scenario.load("examples/tdrs_approach.toml", SETTINGS)
