@@ -17,6 +17,9 @@ ALBEDO, REFLECTANCE = 0.3, 0.30
 R = units.EARTH_RADIUS_M
 NOON, NIGHT, TERMINATOR, MORNING = (1, 0, 0), (-1, 0, 0), (0, 0, 1), (1, 1, 0)
 APART_M = 20.0
+# Relative error of a mean over the hits, were their 16 directions independent: the standard deviation over √n is 0.15 % under
+# a high Sun and 0.4 % at the terminator. Stratified directions stay below it, so that 0.2 % holds for all.
+SUM = 0.002
 
 
 def state(x_m):
@@ -106,7 +109,7 @@ def test_a_plate_that_faces_an_evenly_lit_earth(height_m, monkeypatch, validatio
         source="view factor (R / r)²; a sum over 16 directions a ray",
         expected=expected,
         got=light(mission(height_m), NOON),
-        tolerance=0.002 * expected,
+        tolerance=SUM * expected,
         unit="1/sr",
     )
 
@@ -121,7 +124,7 @@ def test_a_plate_that_faces_the_earth(height_m, sun, validation):
         source="integral of Lambert's law over the Earth's surface; a sum over 16 directions a ray",
         expected=expected,
         got=light(mission(height_m), sun),
-        tolerance=0.002 * expected,
+        tolerance=SUM * expected,
         unit="1/sr",
     )
 
@@ -135,7 +138,7 @@ def test_a_plate_that_is_tilted(validation):
         source="integral of Lambert's law over the Earth's surface; a sum over 16 directions a ray",
         expected=expected,
         got=light(mission(500e3, yaw_deg=50.0), NOON),
-        tolerance=0.002 * expected,
+        tolerance=SUM * expected,
         unit="1/sr",
     )
 
@@ -148,13 +151,14 @@ def test_the_published_approximation_of_albedo(height_m, validation):
     """
     radius = math.asin(R / (R + height_m))
     factor = 0.664 + 0.521 * radius - 0.203 * radius**2
+    rounding = 0.0005 * (1.0 + radius + radius**2) / factor  # of coefficients with three digits
     expected = ALBEDO * factor * math.sin(radius) ** 2
     validation(
         case=f"albedo irradiance over the Sun's, {height_m / 1e3:.0f} km over the subsolar point",
         source="Wertz and Larson (1999), sec. 11.5, a fit",
         expected=expected,
         got=light(mission(height_m), NOON) * math.pi / REFLECTANCE,
-        tolerance=0.03 * expected,
+        tolerance=(rounding + SUM) * expected,
         unit="1",
     )
 
@@ -167,7 +171,7 @@ def test_the_earth_in_a_mirror(validation):
         source="Lambert's law: albedo / π",
         expected=0.8 * ALBEDO / math.pi,
         got=light(mission(500e3, material=mirror), NOON),
-        tolerance=0.01 * 0.8 * ALBEDO / math.pi,
+        tolerance=SUM * 0.8 * ALBEDO / math.pi,
         unit="1/sr",
     )
 
