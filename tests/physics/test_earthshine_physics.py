@@ -17,8 +17,8 @@ ALBEDO, REFLECTANCE = 0.3, 0.30
 R = units.EARTH_RADIUS_M
 NOON, NIGHT, TERMINATOR, MORNING = (1, 0, 0), (-1, 0, 0), (0, 0, 1), (1, 1, 0)
 APART_M = 20.0
-# Relative error of a mean over the hits, were their 16 directions independent: the standard deviation over √n is 0.15 % under
-# a high Sun and 0.4 % at the terminator. Stratified directions stay below it, so that 0.2 % holds for all.
+# Relative error of a mean over the hits. Were their 16 directions independent, the standard deviation over √n would be
+# 0.15 % under a high Sun and 0.4 % at the terminator. Stratified directions stay below that.
 SUM = 0.002
 
 
