@@ -269,7 +269,8 @@ def _draw(table: Encounters, place: Path, scheme: Scheme) -> Path:
         f"Encounters of {(table.follower.name or table.follower.label) if table.follower else 'all pairs'}",
         f"{format_count(len(rows), 'encounter')} within {table.within_m / units.KM:g} km of "
         f"{format_count(table.screened, 'object')}   ·   "
-        f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}   ·   element sets are good to a kilometre",
+        f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}"
+        + ("   ·   element sets are good to a kilometre" if table.has_element_sets else ""),
         window_utc=(start, start + np.timedelta64(round(units.DAY_S * 1e3 * table.days), "ms")),
     )
     return picture.save_figure(figure, place, scheme=scheme)

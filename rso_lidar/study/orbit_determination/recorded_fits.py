@@ -215,10 +215,10 @@ def fit_relative_orbit(
         range_noise_m=noise_m,
         wander_m=(along_m, across_m),
     )
-    seen = np.flatnonzero(np.isfinite(fixes.position_m).all(axis=1))
-    if not len(seen):
+    measured = np.flatnonzero(np.isfinite(fixes.position_m).all(axis=1))
+    if not len(measured):
         raise RecordingError(f"fit: no frame measures '{name}' whole in the field and with an attitude; give others")
-    at_s = float(fixes.time_s[seen[0]]) if epoch_s is None else float(epoch_s)
+    at_s = float(fixes.time_s[measured[0]]) if epoch_s is None else float(epoch_s)
     found = None if part is None else _fit_gnss(scenario, frames, part, attitude, at_s, forces, gate)
     flown = own if own is not None else _take_known_orbit(scenario, frames[0], forces) if found is None else found.orbit
     turn = tuple(np.hypot(attitude.slow_rad, misalignment_rad).tolist())

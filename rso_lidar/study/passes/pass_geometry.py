@@ -362,7 +362,7 @@ def _integrate_stays(
     too_fast = slew / (max_slew_deg_s * units.DEG) - 1.0
     place = here[0].reshape(line.shape)
     excluded = sky.compute_excess_rad(time_s, line, place)
-    seen = tabulate_light(light, sky, time_s, (line, rate, place), (too_fast <= 0.0) & (excluded <= 0.0), middle)
+    columns = tabulate_light(light, sky, time_s, (line, rate, place), (too_fast <= 0.0) & (excluded <= 0.0), middle)
     spans = []
     for k in range(len(stays)):
         out = np.flatnonzero(too_far[k] > 0.0)
@@ -378,7 +378,7 @@ def _integrate_stays(
         "slew_s": _time_below(too_fast, step),
         "clear_s": _time_below(excluded, step),
         "usable_s": _time_below(np.maximum(np.maximum(too_far, too_fast), excluded), step),
-        **seen,
+        **columns,
     }, spans
 
 

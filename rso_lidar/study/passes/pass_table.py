@@ -156,14 +156,17 @@ class Encounters:
             lines.append(f"{len(self.rejected)} not flown, or not to the end: {first}{more}")
         return lines
 
+    @property
+    def has_element_sets(self) -> bool:
+        """Whether some row has the error of an element set, or there is no row."""
+        ages = [(row.age_days, row.follower_age_days) for row in self.rows]
+        return not ages or not all(math.isnan(one) and math.isnan(other) for one, other in ages)
+
     def _describe_accuracy(self) -> list[str]:
         """Describe how good the objects' motions are."""
-        ages = [(math.isnan(row.age_days), math.isnan(row.follower_age_days)) for row in self.rows]
-        lines = (
-            [NOTE] if not ages or not all(all(pair) for pair in ages) else []
-        )  # one element set is enough for the error
-        if any(any(pair) for pair in ages):
-            lines.append("an encounter of a trajectory without age is as good as what it came from")
+        lines = [NOTE] if self.has_element_sets else []
+        if any(math.isnan(row.age_days) or math.isnan(row.follower_age_days) for row in self.rows):
+            lines.append("a trajectory is as good as what it came from")
         return lines
 
     def _explain_docked(self) -> list[str]:

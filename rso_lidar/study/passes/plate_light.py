@@ -187,8 +187,8 @@ class PlateLight:
                 return found
         # a gate is placed about the plate at any range; sunlight is not counted here
         pulse = LaserPulse(*laser.pulse, laser.pulse_fwhm_s, laser.timing_jitter_ns)
-        seen = predict(detector, pulse, photons, spread_s, only_probability=True).probability
-        quiet: np.ndarray = seen * (1.0 - false_alarm_probability(detector, range_m))
+        reported = predict(detector, pulse, photons, spread_s, only_probability=True).probability
+        quiet: np.ndarray = reported * (1.0 - false_alarm_probability(detector, range_m))
         return quiet
 
     def find_over_stay(self, time_s: np.ndarray, found: np.ndarray) -> float:

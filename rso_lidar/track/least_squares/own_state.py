@@ -57,19 +57,22 @@ class OwnOrbitFit:
     ----------
     orbit : estimated state with its covariance, and its forces.
     statistics : residuals (solution, 6) of position [m] and velocity [m/s] in GCRS axes, outliers and chi-square.
+    n_solutions : valid solutions that were given; of more than 1,000, an even selection is fitted.
     """
 
     orbit: EstimatedOrbit
     statistics: FitStatistics
+    n_solutions: int
 
     def describe(self) -> str:
         """Describe state, standard deviations and chi-square."""
         orbit, stats = self.orbit, self.statistics
         sigma = np.sqrt(np.diag(orbit.covariance))
+        selected = f", selected evenly of {self.n_solutions:,}" if self.n_solutions > len(stats.used) else ""
         return "\n".join(
             [
-                f"own orbit: {stats.n_used:,} of {len(stats.used):,} solutions of GNSS, {stats.n_rejected:,} outliers; "
-                f"{describe_forces(orbit.forces)}",
+                f"own orbit: {stats.n_used:,} of {len(stats.used):,} solutions of GNSS{selected}, "
+                f"{stats.n_rejected:,} outliers; {describe_forces(orbit.forces)}",
                 f"state at {orbit.epoch_s:g} s in GCRS axes, with 1 sigma",
                 format_row("position [km]", orbit.position_m / units.KM, "14.6f"),
                 format_row("     sigma [m]", sigma[:3], "14.4f"),
@@ -127,7 +130,8 @@ def fit_own_state(
     good = np.flatnonzero(np.isfinite(rows).all(axis=1) & np.isfinite(time_s))
     if len(good) < 3:
         raise ScenarioError(f"own orbit: needs 3 or more valid solutions of GNSS, not {len(good)}; record more")
-    if len(good) > MOST_SOLUTIONS:
+    n_solutions = len(good)
+    if n_solutions > MOST_SOLUTIONS:
         good = good[np.linspace(0, len(good) - 1, MOST_SOLUTIONS).round().astype(int)]
     time_s, rows = time_s[good], rows[good]
     at_s = check_epoch(epoch_s, time_s, "own orbit")
@@ -162,7 +166,7 @@ def fit_own_state(
     start = _find_start(time_s, rows, at_s)
     found = solve_gated(model, start, marginal, whitening=whiten, gate=gate, name="own orbit")
     orbit = EstimatedOrbit(start_utc, at_s, found.values[:3], found.values[3:], found.covariance, forces)
-    return OwnOrbitFit(orbit, FitStatistics.from_solution(time_s, found))
+    return OwnOrbitFit(orbit, FitStatistics.from_solution(time_s, found), n_solutions)
 
 
 def _find_start(time_s: np.ndarray, rows: np.ndarray, at_s: float) -> np.ndarray:

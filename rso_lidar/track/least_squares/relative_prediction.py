@@ -53,8 +53,8 @@ class RelativePrediction:
         for _ in range(_MOST_PASSES):
             place = (tuple(target[:3].tolist()), tuple(target[3:].tolist()))
             orbit = ReferenceOrbit(at.start_utc, *place, at.forces, begin_s=at.epoch_s)
-            placed = orbit.place(relative[:3], relative[3:], at.epoch_s)
-            off = goal - np.concatenate([placed.position_m, placed.velocity_m_s])
+            follower = orbit.place(relative[:3], relative[3:], at.epoch_s)
+            off = goal - np.concatenate([follower.position_m, follower.velocity_m_s])
             target = target + off
             if np.abs(off[:3]).max() < _CLOSE_M:
                 return orbit

@@ -205,10 +205,10 @@ def fit_relative_state(
         there = prediction.predict(full[_STATE]) + np.einsum("nji,j->ni", basis, full[_OFFSET]) + turned @ full[_TURN]
         range_m = np.linalg.norm(there, axis=1)
         toward = there / range_m[:, None]
-        seen = np.einsum("nij,nj->ni", basis, toward)
-        residual = -measured_m[:, None] * seen
+        across = np.einsum("nij,nj->ni", basis, toward)
+        residual = -measured_m[:, None] * across
         residual[:, 0] = measured_m - range_m
-        slopes = measured_m[:, None, None] / range_m[:, None, None] * (basis - seen[..., None] * toward[:, None, :])
+        slopes = measured_m[:, None, None] / range_m[:, None, None] * (basis - across[..., None] * toward[:, None, :])
         slopes[:, 0] = toward
         moved = np.concatenate([prediction.differentiate(full[_STATE]), np.swapaxes(basis, -1, -2), turned], axis=2)[
             ..., free
