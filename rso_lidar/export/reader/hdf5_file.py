@@ -56,7 +56,13 @@ def open_hdf5(path: Path, *, swmr: bool) -> Any:
     try:
         if swmr:
             return _open_growing(path)
-        return h5py.File(path, "r", locking="best-effort", rdcc_nbytes=2**20)
+        file = h5py.File(path, "r", locking="best-effort", rdcc_nbytes=2**20)
+        if not file.swmr_mode:
+            return file
+        # This process still has the file open from the time when it grew. HDF5 then shares what it knew, such as fewer
+        # frames, among all who open it by one driver. Another driver reads the file anew.
+        file.close()
+        return h5py.File(path, "r", driver="stdio", locking="best-effort", rdcc_nbytes=2**20)
     except (OSError, RuntimeError) as error:
         if "h5clear" in str(error) or "already open" in str(error):
             raise RecordingError(f"{path}: is still being written, or its run was killed; wait or resume") from error

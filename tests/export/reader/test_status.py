@@ -82,6 +82,26 @@ def test_the_life_of_a_recording(start, tmp_path):
 
 
 @posix
+def test_a_complete_recording_is_read_whole_beside_an_older_look_at_it(start, tmp_path):
+    """HDF5 shares what a process knew of a file that grew with whoever opens it later, by its final name too."""
+    child = start()
+    for _ in range(3):
+        one_more(child)
+    with export.Recording(tmp_path / "run.h5.tmp-1a2b3c4d") as early:
+        assert len(early) == 3
+        for _ in range(7):
+            one_more(child)
+        child.communicate()
+        assert read_status(tmp_path / "run.h5").frames == 10
+        with export.Recording(tmp_path / "run.h5") as whole:
+            assert (len(whole), len(early)) == (10, 3)
+            shared = {path: whole.read(path, slice(None)) for path in whole.paths}
+        assert early.range_m[2].tobytes() == shared["range"][2].tobytes()
+    with export.Recording(tmp_path / "run.h5") as alone:
+        assert [path for path in alone.paths if alone.read(path, slice(None)).tobytes() != shared[path].tobytes()] == []
+
+
+@posix
 def test_a_run_under_way_counts_more_than_what_it_replaces(start, tmp_path):
     export.save(tmp_path / "run.h5", make_frames(5))
     assert read_status(tmp_path / "run.h5").complete
