@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.errors import RecordingError, RsoLidarError, ScenarioError
 from rso_lidar.export.reader.outside_data import check_self_contained
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.reader.status import RecordingStatus, read_status
@@ -61,9 +61,19 @@ def open_recording(folder: Folder, name: str) -> tuple[Recording, bool]:
     RsoLidarError
         If the name is not allowed, or the file cannot be read or names other files.
     """
-    status = read_status(folder.resolve(name, RECORDINGS))
-    check_self_contained(status.file)
-    return Recording(status.file), status.running
+    place = folder.resolve(name, RECORDINGS)
+    status = read_status(place)
+    try:
+        return _open_checked(status.file), status.running
+    except RecordingError:
+        if status.complete or status.file.exists():
+            raise
+    return _open_checked(read_status(place).file), False  # its run has ended meanwhile, and has renamed the file
+
+
+def _open_checked(path: Path) -> Recording:
+    check_self_contained(path)
+    return Recording(path)
 
 
 def _stamp(path: Path) -> Stamp:

@@ -1,5 +1,7 @@
 """The list of recordings: read again only where a file changed, without files that are no recordings of the folder."""
 
+from dataclasses import replace
+
 import h5py
 import pytest
 
@@ -44,3 +46,17 @@ def test_links_and_files_that_take_data_from_elsewhere_are_left_out(folder, tmp_
         open_recording(folder, "c.h5")
     with pytest.raises(ScenarioError, match="inside the folder"):
         open_recording(folder, "../secret.h5")
+
+
+def test_a_run_that_ends_while_it_is_opened_is_complete(folder, monkeypatch):
+    """Between the look at the folder and the opening of the file, the run gives the file its final name."""
+    ended = recording_list.read_status(folder.path / "a.h5")
+    before = replace(ended, file=folder.path / "a.h5.tmp-1a2b3c4d", running=True, complete=False)
+    looks = iter([before, ended])
+    monkeypatch.setattr(recording_list, "read_status", lambda path: next(looks))
+    recording, is_running = open_recording(folder, "a.h5")
+    with recording:
+        assert len(recording) == 1 and not is_running
+    monkeypatch.setattr(recording_list, "read_status", lambda path: before)
+    with pytest.raises(RecordingError, match="there is no such file"):
+        open_recording(folder, "a.h5")
