@@ -1,32 +1,35 @@
-"""Two-line element sets as text: pasted lines checked by the reader, and a search in a catalogue."""
+"""Element sets as motions: one that a user pasted, and those that a search in a catalogue finds."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.sets.formats import parse_lines, read_element_sets
-from rso_lidar.orbit.sets.sgp4_motion import Tle
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sets.formats import parse_text, read_element_sets
+from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
+
+_PASTED = "the pasted text"
 
 
-def check_lines(text: str) -> tuple[str, ...]:
-    """Return the lines of one element set that a user pasted, without empty ones.
+def read_pasted_set(text: str) -> Tle | Omm:
+    """Read the one element set that a user pasted, in any format that the package reads, as a motion.
 
     Raises
     ------
     CatalogError
-        If they are not one element set, or its numbers are not possible.
+        If the text is not one element set, or its numbers are not possible.
     """
-    lines = tuple(line.rstrip() for line in text.splitlines() if line.strip())
-    found = parse_lines(lines, "the pasted text")
-    if len(found) != 1 or len(lines) not in (2, 3):
-        raise CatalogError(f"the pasted text: holds {len(found)} element sets; paste one")
-    Tle(lines=lines)
-    return lines
+    found, junk = parse_text(text, _PASTED)
+    if len(found) != 1:
+        raise CatalogError(f"{_PASTED}: holds {len(found)} element sets; paste one")
+    if problem := found[0].problem or next(iter(junk), None):
+        raise CatalogError(problem)
+    return _make_motion(found[0])
 
 
-def search_sets(file: Path, words: str, most: int) -> dict[str, tuple[str, ...]]:
-    """Search a catalogue by name or number, and return the lines of the sets by a label.
+def search_sets(file: Path, words: str, most: int) -> dict[str, Tle | Omm]:
+    """Search a catalogue by name or number, and return the motions of the sets by a label; bad sets are left out.
 
     Parameters
     ----------
@@ -37,15 +40,21 @@ def search_sets(file: Path, words: str, most: int) -> dict[str, tuple[str, ...]]
     Raises
     ------
     CatalogError
-        If the file cannot be read, or nothing in it has these words and two lines.
+        If the file cannot be read, or no good set in it has these words.
     """
-    found: dict[str, tuple[str, ...]] = {}
+    found: dict[str, Tle | Omm] = {}
     for one in read_element_sets(file):
-        if one.line1 and words.casefold() in f"{one.name} {one.norad_id}".casefold():
+        if one.problem is None and words.casefold() in f"{one.name} {one.norad_id}".casefold():
             label = f"{one.name or 'without a name'} ({one.norad_id}), {one.epoch_utc:%Y-%m-%d %H:%M}"
-            found[label] = tuple(line for line in (one.name, one.line1, one.line2) if line)
+            found[label] = _make_motion(one)
             if len(found) == most:
                 break
     if not found:
-        raise CatalogError(f"{file.name}: no two-line set has '{words:.40}' in its name or number; search for less")
+        raise CatalogError(f"{file.name}: no set has '{words:.40}' in its name or number; search for less")
     return found
+
+
+def _make_motion(one: ElementSet) -> Tle | Omm:
+    if one.line1:
+        return Tle(lines=tuple(line for line in (one.name, one.line1, one.line2) if line))
+    return Omm.of(one)

@@ -9,6 +9,8 @@ import numpy as np
 
 from rso_lidar.picture.style.palette import Scheme
 
+_LEGEND_PX, _ROW_PX = 42, 13  # heights of the legend's two rows, and of a row of labels
+
 
 def make_waveform_chart(
     curves: Mapping[str, np.ndarray], instants_ns: Mapping[str, float], note: str, scheme: Scheme
@@ -34,12 +36,12 @@ def make_waveform_chart(
         "nameTextStyle": words,
         "splitLine": {"show": False},
     }
-    # Along their lines on different sides: truth and report are often within a nanosecond.
-    sides = {"truth": "insideEndBottom", "reported": "insideEndTop", "trigger": "insideStartTop"}
+    # Above the curves, each in a row of its own: truth and report are often within a nanosecond.
     marks = [
-        {"xAxis": at, "label": {"formatter": name, "position": sides[name], **words}}
-        for name, at in instants_ns.items()
+        {"xAxis": at, "label": {"formatter": name, "position": "end", "distance": 2 + _ROW_PX * k, **words}}
+        for k, (name, at) in enumerate(instants_ns.items())
     ]
+    top = _LEGEND_PX + _ROW_PX * len(marks)
     series = []
     for k, (name, curve) in enumerate(curves.items()):
         one = {"name": name, "type": "line", "data": curve.round(4).tolist(), "showSymbol": name == "samples"}
@@ -50,7 +52,7 @@ def make_waveform_chart(
         series.append(one)
     start, end = curves["samples"][[0, -1], 0]
     return {
-        "grid": {"left": 60, "right": 55, "top": 48, "bottom": 38},
+        "grid": {"left": 60, "right": 55, "top": top, "bottom": 38},
         "legend": {"textStyle": {**words, "fontSize": 11}, "top": 0, "itemWidth": 16, "itemGap": 8},
         "tooltip": {"trigger": "axis"},
         "xAxis": {

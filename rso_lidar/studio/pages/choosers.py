@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,8 +10,8 @@ from typing import Any
 import fastapi
 from nicegui import run, ui
 
-from rso_lidar.orbit import Tle
-from rso_lidar.orbit.sets.search import check_lines, search_sets
+from rso_lidar.orbit import Omm, Tle
+from rso_lidar.orbit.sets.search import read_pasted_set, search_sets
 from rso_lidar.part import Part
 from rso_lidar.scenario import Lidar, Target
 from rso_lidar.scenario.tables.presets import load_presets
@@ -125,26 +125,26 @@ def _choose_material(tab: BrowserTab, place: str) -> None:
         for one in list_materials()
     ]  # fmt: skip
     with open_dialog("Materials", _WIDE) as dialog:
-        text = "Total reflectance at the wavelengths of the lasers; docs/materials say how sure it is."
-        ui.label(text).classes("text-sm")
+        ui.label("Total reflectance at the wavelengths of the lasers").classes("text-sm")
         _draw_table(columns, rows, lambda name: _set(tab, {place: name}, dialog))
 
 
 def _choose_elements(tab: BrowserTab, place: str) -> None:
-    found: dict[str, tuple[str, ...]] = {}
+    found: dict[str, Tle | Omm] = {}
     folder = tab.workspace.folder
-    files = folder.list_files((".tle", ".txt", ".3le"))
-    files += [f"tle/{path.name}" for path in sorted(shipped("tle").glob("*.tle"))]
+    files = [f"tle/{path.name}" for path in sorted(shipped("tle").glob("*.tle"))]
+    files = folder.list_files((".tle", ".txt", ".3le", ".json", ".csv", ".xml", ".kvn", ".omm")) + files
 
-    def take(lines: Iterable[str]) -> None:
-        _set(tab, {place: {"type": "tle", "lines": list(lines)}}, dialog)
+    def take(motion: Tle | Omm | None) -> None:
+        if motion is not None:
+            _set(tab, {place: {"type": motion.type, **motion.model_dump(exclude_defaults=True)}}, dialog)
 
-    def find() -> dict[str, tuple[str, ...]]:
+    def find() -> dict[str, Tle | Omm]:
         return search_sets(check_file(file.value, folder, "catalogue"), wanted.value or "", _MOST_ROWS)
 
-    async def take_lines() -> None:
+    async def take_pasted() -> None:
         with tell_errors():
-            take(await run.io_bound(check_lines, pasted.value or "") or ())
+            take(await run.io_bound(read_pasted_set, pasted.value or ""))
 
     async def search() -> None:
         with tell_errors():
@@ -153,13 +153,13 @@ def _choose_elements(tab: BrowserTab, place: str) -> None:
         table.rows = [{"name": name} for name in found]
 
     with open_dialog("Element sets", _WIDE) as dialog:
-        pasted = ui.textarea("Paste two or three lines").classes("w-full font-mono").props("outlined dense rows=3")
-        draw_button("Take these lines", take_lines)
+        pasted = ui.textarea("Paste two lines, or an OMM").classes("w-full font-mono").props("outlined dense rows=3")
+        draw_button("Take this set", take_pasted)
         with ui.row(wrap=False).classes("w-full items-center"):
             file = ui.select(files, value=files[0], label="Catalogue").classes("w-1/3").props("dense")
             wanted = ui.input("Name or number").classes("grow").props("dense").on("keydown.enter", search)
             draw_button("Search", search)
-        table = _draw_table({"name": "Object"}, [], lambda name: take(found.get(name, ())))
+        table = _draw_table({"name": "Object"}, [], lambda name: take(found.get(name)))
 
 
 def _choose_camera(tab: BrowserTab, place: str) -> None:

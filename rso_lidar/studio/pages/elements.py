@@ -15,6 +15,12 @@ from rso_lidar.errors import RsoLidarError
 E = TypeVar("E", bound=Element)
 
 
+class Slider(ui.slider):
+    """A slider that moves in the browser before the server answers, so that no key is lost that is pressed meanwhile."""
+
+    LOOPBACK = False
+
+
 def mark(element: E, name: str, props: str = "") -> E:
     """Name an element for tests and for the guide, and return it.
 

@@ -12,7 +12,7 @@ from rso_lidar.export.reader.recording_list import open_recording
 from rso_lidar.files.root_folder import Folder
 from rso_lidar.picture.frames.frame_image import IMAGE_SIZE
 from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
-from rso_lidar.studio.pages.elements import mark, tell_errors
+from rso_lidar.studio.pages.elements import Slider, mark, tell_errors
 from rso_lidar.study.recorded_runs.frame_drawing import DrawnFrame, draw_recorded_frame
 
 _PLAY_S = 0.15
@@ -34,7 +34,7 @@ class FrameViewer:
         with ui.row(wrap=False).classes("w-full items-center gap-2 max-w-[1000px]"):
             self._play = ui.switch("Play").props("dense")
             self._newest = ui.switch("Newest", on_change=lambda event: self._set(len(self)) if event.value else None)
-            self._slider = ui.slider(min=0, max=0, step=1, value=0, on_change=lambda event: self._request(event.value))
+            self._slider = Slider(min=0, max=0, step=1, value=0, on_change=lambda event: self._request(event.value))
             mark(self._slider.classes("grow mx-3"), "slider", 'aria-label="Frame"')
             self._slider.on("keydown.home", lambda: self._set(1)).on("keydown.end", lambda: self._set(len(self)))
         with ui.row(wrap=False).classes("w-full items-center gap-3 max-w-[1000px]"):
@@ -85,9 +85,7 @@ class FrameViewer:
         name = self.name
         found = await self._open(name)
         if found is None or name != self.name:
-            self.is_following = (
-                self.is_following and name != self.name
-            )  # what cannot be read is not read again each second
+            self.is_following &= name != self.name  # what cannot be read is not read again each second
             return
         before, (self._recording, self.is_following) = self._recording, found
         if before is not None and not self._is_drawing:

@@ -76,9 +76,9 @@ class RunPage:
     def _draw_form(self) -> None:
         with ui.card().classes("w-full gap-2"):
             titles = {key: KINDS[key].title for key in _FROM_SCENARIO}
-            self._kind = ui.select(titles, value="run", label="Job", on_change=self._describe).props("dense")
+            self._kind = ui.select(titles, value="run", label="Job", on_change=self._describe)
             self._output = mark(ui.input("Name of the result").classes("w-full"), "output", "dense")
-            self._kind.classes("w-full")
+            self._kind.classes("w-full").props("dense")
             with ui.row(wrap=False).classes("w-full gap-2") as self._options:
                 self._frames = ui.input("Frames", placeholder="all; A:B", on_change=self._describe).props("dense")
                 self._seed = ui.input("Seed", placeholder="file's").props("dense")

@@ -19,7 +19,7 @@ from rso_lidar.picture.frames.frame_image import choose_window, draw_image, find
 from rso_lidar.picture.viewers.space_scene import draw_cloud
 from rso_lidar.picture.viewers.waveform_chart import make_waveform_chart
 from rso_lidar.records import Frame
-from rso_lidar.studio.pages.elements import draw_button, draw_icon_button, mark
+from rso_lidar.studio.pages.elements import Slider, draw_button, draw_icon_button, mark
 from rso_lidar.studio.pages.space_view import SpaceView
 from rso_lidar.studio.state import BrowserTab, Workspace
 from rso_lidar.study.previews.flight import PreviewFlight
@@ -101,7 +101,7 @@ class SeePage:
             draw_icon_button("skip_previous", "Previous frame", partial(self._step, -1))
             draw_icon_button("skip_next", "Next frame", partial(self._step, 1))
             self.play = draw_icon_button("play_arrow", "Play", self._toggle_play)
-            self.slider = ui.slider(min=0, max=1, step=1, value=0, on_change=self.request).classes("grow mx-2")
+            self.slider = Slider(min=0, max=1, step=1, value=0, on_change=self.request).classes("grow mx-2")
             mark(self.slider, "time", "aria-label=Time")
             self.slider.on("keydown.home", partial(self._step, -(10**9))).on("keydown.end", partial(self._step, 10**9))
             when = ui.label().classes("text-sm tabular-nums text-right whitespace-nowrap studio-when")

@@ -9,9 +9,22 @@ pytest.importorskip("nicegui", reason="the extra studio is not installed")
 
 from nicegui.testing.user_simulation import user_simulation
 
-from rso_lidar.scenario.examples import SHORTEST
+from rso_lidar.scenario.examples import SHORTEST, find_examples
 from rso_lidar.studio.application import make_root
 from rso_lidar.studio.state import Workspace
+
+APPROACH = find_examples()["tdrs_approach"].read_text(encoding="utf-8")
+OMM = """OBJECT_NAME = TDRS
+NORAD_CAT_ID = 100019548
+EPOCH = 2024-09-17T03:12:45.123456
+MEAN_MOTION = 1.00271
+ECCENTRICITY = 0.0041
+INCLINATION = 13.9
+RA_OF_ASC_NODE = 345.0
+ARG_OF_PERICENTER = 200.0
+MEAN_ANOMALY = 160.0
+BSTAR = 0
+"""
 
 
 @pytest.fixture
@@ -126,5 +139,22 @@ def test_a_text_that_is_not_toml_keeps_the_page(folder):
         assert not document.is_toml
         document.undo()
         await user.should_see("Ready to fly", retries=100)
+
+    visit(folder, journey)
+
+
+def test_a_pasted_message_becomes_the_motion(folder):
+    async def journey(user, workspace):
+        await user.should_see("Ready to fly: 10 frames", retries=100)
+        document = workspace.open_document("bench.toml")
+        document.set_text(APPROACH)
+        await user.should_see("Ready to fly: 540 frames", retries=100)
+        user.find("table-target[0]").click()
+        user.find("Element sets").click()
+        user.find("Paste two lines, or an OMM").type(OMM)
+        user.find("Take this set").click()
+        await wait_for(lambda: document.get("target[0].motion.type") == "omm")
+        assert document.get("target[0].motion.norad_id") == 100019548
+        await user.should_see("Ready to fly: 540 frames", retries=100)
 
     visit(folder, journey)
