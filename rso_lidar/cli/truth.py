@@ -15,16 +15,15 @@ from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.formats.czml import choose_samples, write_czml
 from rso_lidar.files import check_writable, write_columns
 from rso_lidar.motion.attitudes.attitude_file import write_aem
-from rso_lidar.motion.proximity import list_commands
 from rso_lidar.orbit.ccsds.writer import write_oem
 from rso_lidar.picture.plots.angles import angles_figure, ptu_figure
 from rso_lidar.picture.plots.orbit import inertial_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.pose import ROOT
 from rso_lidar.scenario import Scenario
+from rso_lidar.study.previews.scenario_figures import draw_trajectory
 from rso_lidar.study.recorded_runs.globe import build_globe
 from rso_lidar.study.time_history.open_loop import (
-    find_plan,
     find_umbras,
     fly_open_loop,
     sample_between_impulses,
@@ -164,18 +163,7 @@ def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.nda
         half = float(np.arctan(np.min(edges)))
         shadow = find_umbras(scenario).get(target or "")
         return angles_figure(place, target, scenario.name, half_field_rad=half, shadow_s=shadow)
-    plan = find_plan(scenario, target)
-    if plan is None:
-        return picture.orbit_figure(place, target, title=scenario.name)
-    commands = list_commands(scenario.bodies[-1], scenario.bodies, *scenario.span)
-    return picture.orbit_figure(
-        place,
-        target,
-        impulses=[(one.time_s, one.delta_v_m_s) for one in commands],
-        keep_out_m=getattr(scenario.bodies[-1].motion, "keep_out_m", 0.0) or None,
-        delta_v_m_s=plan.delta_v_m_s,
-        title=scenario.name,
-    )
+    return draw_trajectory(scenario, place, target)
 
 
 def _write_ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:

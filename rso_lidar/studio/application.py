@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,8 @@ def make_root(workspace: Workspace) -> Callable[[], Any]:
         ui.add_css(_BESIDE / "style.css")
         for name in ("names.js", "shortcuts.js"):
             ui.add_head_html(f"<script>{(_BESIDE / name).read_text(encoding='utf-8')}</script>")
-        tab = BrowserTab(workspace, workspace.first_document())
+        client = ui.context.client
+        tab = BrowserTab(workspace, workspace.first_document(client.request.query_params.get("file", "")))
         guide = Guide(tab)
         with ui.header().classes("studio-header"):
             chosen = draw_header(tab, guide)
@@ -55,7 +57,9 @@ def make_root(workspace: Workspace) -> Callable[[], Any]:
             for name, draw in _PAGES.items():
                 with ui.tab_panel(name).classes(f"studio-{name}-page"):
                     draw(tab)
-        ui.context.client.on_connect(tab.open)
-        ui.context.client.on_delete(tab.close)
+        keep = "history.replaceState(null, '', '?file=' + encodeURIComponent({}))"  # for a reload
+        tab.document_changed.subscribe(lambda: client.run_javascript(keep.format(json.dumps(tab.document.address))))
+        client.on_connect(tab.open)
+        client.on_delete(tab.close)
 
     return root

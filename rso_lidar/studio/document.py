@@ -71,6 +71,11 @@ class Document(EditableToml):
         return self.name or "unsaved"
 
     @property
+    def address(self) -> str:
+        """Name by which it is opened, which a document without a file has too."""
+        return self.name or self._draft_name
+
+    @property
     def is_changed(self) -> bool:
         """Whether the text differs from the file as it was read or saved last."""
         return self._text != self._saved_text
@@ -118,6 +123,9 @@ class Document(EditableToml):
 
     def reload(self) -> None:
         """Replace the text by that on disk; undo brings the edits back."""
+        if not self._path().is_file():
+            self._saved_text = self._digest = self._drafted = ""
+            raise ScenarioError(f"{self.name}: was removed by another program; Save writes it again")
         before = self._text
         self._load()
         self._text, text = before, self._text
@@ -153,7 +161,7 @@ class Document(EditableToml):
         return self.folder.resolve(self.name, (".toml",))
 
     def _draft_path(self) -> Path:
-        place = self.folder.resolve(self.name or self._draft_name, (".toml",))
+        place = self.folder.resolve(self.address, (".toml",))
         return self.folder.require_inside(place.with_name(f".{place.name}.draft"))
 
     def _drop_draft(self) -> None:

@@ -254,6 +254,7 @@ class JobQueue:
             is_kept = job.request.kind == "run" and job.done
             kept = f"; {job.done} frames are kept, resume it" if is_kept else "; start it again"
             line = f"the process was killed ({signal.Signals(-code).name}){kept}"
+        line = f"{job.done:,} frames" if code == 0 and job.request.kind == "run" else line
         self._end(job, "done" if code == 0 else "stopped" if job.is_stopping else "failed", line)
 
     def _end(self, job: Job, state: str, message: str) -> None:

@@ -60,6 +60,8 @@ class Workspace:
             If the name is not allowed, or the file cannot be read.
         """
         name = self._find_first_name(name)
+        if name in self._unnamed:
+            return self._unnamed[name]
         if name not in self._documents:
             self._documents[name] = Document.open(self.folder, name)
         return self._documents[name]
@@ -86,9 +88,9 @@ class Workspace:
         self._unnamed[name] = Document(self.folder, text, draft_name=name)
         return self._unnamed[name]
 
-    def first_document(self) -> Document:
-        """Return the document that a new tab shows: the first scenario of the folder that can be read, or an empty text."""
-        for name in list_documents(self.folder):
+    def first_document(self, wanted: str = "") -> Document:
+        """Return the document that a new tab shows: the wanted one, else the first that can be read, or an empty text."""
+        for name in ([wanted] if wanted else []) + list_documents(self.folder):
             with suppress(RsoLidarError, OSError):
                 return self.open_document(name)
         return self.new_document("")
@@ -133,7 +135,9 @@ class BrowserTab:
         self._generation = 0
 
     def show(self, document: Document) -> None:
-        """Show another document."""
+        """Show another document; of this one, a draft is kept."""
+        with suppress(RsoLidarError, OSError):
+            self.document.keep_draft()
         self.document.listeners.discard(self._on_change)
         self.document = document
         self._listen()

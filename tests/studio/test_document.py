@@ -169,7 +169,11 @@ def test_reload_of_a_file_that_is_gone_keeps_the_text(document):
     (document.folder.path / "a.toml").unlink()
     with pytest.raises(RsoLidarError, match=r"a\.toml"):
         document.reload()
-    assert document.text == SECOND
+    assert document.text == SECOND and document.is_changed
+    document.keep_draft()
+    assert Document.open(document.folder, "a.toml").text == SECOND
+    document.save()
+    assert read(document) == SECOND
 
 
 def test_a_draft_is_kept_and_the_next_session_restores_it(document):

@@ -9,7 +9,8 @@ from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.files.root_folder import Folder
 from rso_lidar.shipped import shipped
 from rso_lidar.studio import upload as module
-from rso_lidar.studio.upload import MOST_BYTES, SUFFIXES, keep_upload
+from rso_lidar.studio.upload import MOST_BYTES, keep_upload
+from rso_lidar.study.previews.file_summary import KINDS
 
 OBJECT = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
@@ -36,7 +37,7 @@ def test_element_sets_are_counted(folder):
     assert (folder.path / "own.tle").read_bytes() == content
 
 
-@pytest.mark.parametrize("name", ["table.csv", "scenario.toml", "words.txt", "own.json"])
+@pytest.mark.parametrize("name", ["table.csv", "scenario.toml", "words.txt"])
 def test_other_texts_are_kept_as_they_are(folder, name):
     assert keep_upload(folder, name, b"a,b\r\n1,2\r\n") == f"{name}: 10 bytes"
     assert (folder.path / name).read_bytes() == b"a,b\r\n1,2\r\n"
@@ -52,6 +53,9 @@ def zipped():
 @pytest.mark.parametrize(
     ("name", "content"),
     [
+        ("a.json", b"{"),
+        ("a.csv", b"\xff\xfe"),
+        ("a.oem", b"CCSDS_OEM_VERS = 2.0\n"),
         ("a.obj", b""),
         ("a.obj", b"f 1 2 3\n"),
         ("a.stl", b"no mesh"),
@@ -114,4 +118,4 @@ def test_a_full_disk_leaves_nothing(folder, monkeypatch):
 
 
 def test_no_kind_of_file_that_runs_is_taken():
-    assert not {".py", ".so", ".dll", ".fmu", ".html", ".js", ".exe", ".sh", ".h5"} & set(SUFFIXES)
+    assert not {".py", ".so", ".dll", ".fmu", ".html", ".js", ".exe", ".sh", ".h5"} & set(KINDS)

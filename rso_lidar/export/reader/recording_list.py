@@ -21,11 +21,12 @@ class RecordingList:
     def __init__(self, folder: Folder) -> None:
         self.folder = folder
         self._known: dict[Path, tuple[tuple[Stamp, ...], RecordingStatus]] = {}
+        self.problems: dict[Path, str] = {}
 
     def read(self) -> list[RecordingStatus]:
         """List the recordings of the folder and its subfolders: complete, being written or interrupted.
 
-        Those that cannot be read, and those that name other files, are left out.
+        Those that cannot be read, and those that name other files, are left out; `problems` says why.
         """
         files: dict[Path, list[Path]] = {self.folder.path / name: [] for name in self.folder.list_files(RECORDINGS)}
         for path in sorted((*self.folder.path.glob("*.tmp-*"), *self.folder.path.glob("*/*.tmp-*"))):
@@ -33,9 +34,9 @@ class RecordingList:
                 name = path.relative_to(self.folder.path).as_posix().rpartition(".tmp-")[0]
                 if not path.is_symlink():  # a run makes none
                     files.setdefault(self.folder.resolve(name, RECORDINGS), []).append(path)
-        found = {}
+        found, problems = {}, {}
         for path, temporary in sorted(files.items()):
-            with contextlib.suppress(RsoLidarError, OSError):
+            try:
                 stamps = tuple(_stamp(one) for one in (path, *temporary) if one.exists())
                 known = self._known.get(path)
                 if known and known[0] == stamps and not known[1].running:
@@ -44,7 +45,9 @@ class RecordingList:
                 status = read_status(path)
                 check_self_contained(status.file)
                 found[path] = stamps, status
-        self._known = found
+            except (RsoLidarError, OSError) as error:
+                problems[path] = str(error).removeprefix(f"{path}: ")
+        self._known, self.problems = found, problems
         return [status for _, status in found.values()]
 
 

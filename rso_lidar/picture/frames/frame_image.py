@@ -41,7 +41,7 @@ def choose_scale(frame: Frame) -> Scale:
     return Scale(False, low_m, high_m, low, high if logarithmic else max(float(counts.max()), 1.0), logarithmic)
 
 
-def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False) -> bytes:
+def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, like: Frame | None = None) -> bytes:
     """Draw range and intensity of a frame side by side, with axes, colour bars and a scale bar, as PNG.
 
     Parameters
@@ -49,8 +49,9 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False) -> 
     frame : of a scenario or of a recording.
     scheme : `LIGHT` or `DARK`.
     whole : whether to show the whole field, instead of a square about the target.
+    like : a frame whose part of the field and colours are taken, so that the two can be compared.
     """
-    window, scale = choose_window(frame, whole=whole), choose_scale(frame)
+    window, scale = choose_window(like or frame, whole=whole), choose_scale(like or frame)
     saturated = int(frame.saturated.sum())
     kind, low, high = scale.intensity_words
     ranges, counts = scale.range_rgb(frame.range_m, 0.0), scale.intensity_rgb(frame.intensity_counts)

@@ -37,10 +37,12 @@ def make_waveform_chart(
         "splitLine": {"show": False},
     }
     # Above the curves, each in a row of its own: truth and report are often within a nanosecond.
-    marks = [
-        {"xAxis": at, "label": {"formatter": name, "position": "end", "distance": 2 + _ROW_PX * k, **words}}
-        for k, (name, at) in enumerate(instants_ns.items())
-    ]
+    styles = {"truth": (scheme.lines[2], "solid"), "reported": (scheme.lines[5], "dashed")}
+    marks = []
+    for k, (name, at) in enumerate(instants_ns.items()):
+        colour, kind = styles.get(name, (scheme.mark, "dotted"))
+        label = {"formatter": name, "position": "end", "distance": 2 + _ROW_PX * k, "color": colour}
+        marks.append({"xAxis": at, "label": label, "lineStyle": {"color": colour, "type": kind}})
     top = _LEGEND_PX + _ROW_PX * len(marks)
     series = []
     for k, (name, curve) in enumerate(curves.items()):
@@ -48,7 +50,7 @@ def make_waveform_chart(
         one |= {"color": scheme.lines[k % 6], "yAxisIndex": int(name.startswith("light")), "animation": False}
         one["lineStyle"] = {"width": 1.4, "type": "dashed" if name in ("threshold", "reported pulse") else "solid"}
         if name == "samples":
-            one["markLine"] = {"symbol": "none", "animation": False, "data": marks, "lineStyle": {"color": scheme.mark}}
+            one["markLine"] = {"symbol": "none", "animation": False, "data": marks}
         series.append(one)
     start, end = curves["samples"][[0, -1], 0]
     return {

@@ -33,6 +33,16 @@ def locate_problem(message: str, text: str) -> tuple[str, int | None]:
     return place, find_line(text, place)
 
 
+def is_at(place: str, field: str) -> bool:
+    """Return whether a place is that of a field, or of a number of the vector in it.
+
+    Parameters
+    ----------
+    place, field : TOML keys.
+    """
+    return field in (place, re.sub(r"\[\d+\]$", "", place))
+
+
 def _list_targets(text: str) -> list[str]:
     try:
         tables = parse_toml(text, "", ScenarioError).get("target", [])

@@ -16,7 +16,7 @@ from rso_lidar.studio.pages.elements import draw_button, mark
 from rso_lidar.studio.pages.form import TableForm, change_document, draw_add, draw_type
 from rso_lidar.studio.pages.header import draw_menu
 from rso_lidar.studio.state import BrowserTab
-from rso_lidar.study.mission_parameters.form_fields import TABLES, FieldForm, find_part, list_fields
+from rso_lidar.study.mission_parameters.form_fields import FieldForm, find_part, iterate_tables, list_fields
 from rso_lidar.study.previews.text_assessment import describe
 
 _NESTED = "lidar"  # its tables have forms of their own, because they are long
@@ -95,21 +95,8 @@ class BuildPage:
                         draw_add(self._tab, field, field.key)
 
     def _iterate_tables(self) -> Iterator[tuple[str, str, bool]]:
-        """Yield the label and the place of each table with a form of its own, and whether the text has it."""
         yield "scenario", "", True
-        for field in list_fields(Scenario):
-            value = self._tab.document.get(field.key)
-            if field.kind == "entries":
-                for number, entry in enumerate(value if isinstance(value, list) else []):
-                    name = entry.get("name", entry.get("type", "")) if isinstance(entry, Mapping) else ""
-                    yield f"{field.key}: {name}", f"{field.key}[{number}]", True
-            elif field.kind in TABLES:
-                yield field.key, field.key, value is not None
-                if field.key == _NESTED:
-                    for inner in list_fields(field.classes[0]):
-                        if inner.kind in TABLES:
-                            here = f"{field.key}.{inner.key}"
-                            yield here, here, self._tab.document.get(here) is not None
+        yield from iterate_tables(Scenario, self._tab.document.tables(), _NESTED)
 
     def _choose(self, place: str) -> None:
         self._place = place
@@ -233,7 +220,7 @@ class BuildPage:
                         f"{document.title}: another program changed the file; Save asks whose text to keep"
                     )
         except (RsoLidarError, OSError) as error:
-            self._notify_once(f"no draft was kept: {error}")
+            self._notify_once(str(error))
 
     def _notify_once(self, text: str, kind: Any = "warning") -> None:
         """Show a message, but not again while it is the last one."""

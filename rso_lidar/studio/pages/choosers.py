@@ -18,7 +18,7 @@ from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scene import Lambertian
 from rso_lidar.scene.library.model_index import models
 from rso_lidar.shipped import shipped
-from rso_lidar.studio.pages.elements import draw_button, draw_list, mark, open_dialog, tell_errors
+from rso_lidar.studio.pages.elements import ask, draw_button, draw_list, mark, open_dialog, tell_errors
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.study.material_list import list_materials
 from rso_lidar.study.previews.model_portrait import draw_portrait
@@ -163,14 +163,19 @@ def _choose_elements(tab: BrowserTab, place: str) -> None:
 
 
 def _choose_camera(tab: BrowserTab, place: str) -> None:
+    async def take(name: str) -> None:
+        own = [key for key in ("laser", "receiver", "detector") if tab.document.get(f"{place}.{key}") is not None]
+        question = f"The file has its own {', '.join(own)}, whose values hold instead of the camera's."
+        answer = await ask(question, {"remove": "Remove them", "keep": "Keep them"}) if own else "keep"
+        with tell_errors():
+            for key in own if answer == "remove" else []:
+                tab.document.remove(f"{place}.{key}")
+        if answer:
+            _set(tab, {f"{place}.preset": name}, dialog)
+
     with open_dialog("Cameras", _WIDE) as dialog:
-        draw_list(
-            (
-                (name, str(table.get("what", "")), partial(_set, tab, {f"{place}.preset": name}, dialog))
-                for name, table in load_presets().items()
-            ),
-            "camera",
-        )
+        presets = load_presets().items()
+        draw_list(((name, str(table.get("what", "")), partial(take, name)) for name, table in presets), "camera")
 
 
 _CHOOSERS: dict[tuple[type[Part], str], Chooser] = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -11,10 +10,12 @@ from nicegui import ui
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.part import Part
+from rso_lidar.scenario.assessment.problem_place import is_at
 from rso_lidar.studio.pages.choosers import find_chooser
 from rso_lidar.studio.pages.elements import draw_button, mark, tell_errors
 from rso_lidar.studio.state import BrowserTab
-from rso_lidar.study.mission_parameters.form_fields import SCALARS, FieldForm, list_fields, parse_value, show_value
+from rso_lidar.study.mission_parameters import form_fields
+from rso_lidar.study.mission_parameters.form_fields import FieldForm
 
 _DEEPEST = 5  # levels of inner tables in one form; deeper ones are edited in the text
 
@@ -46,34 +47,38 @@ class TableForm:
         scenario = made.scenario if made and made.text == document.text else None
         for place, (field, one) in self._inputs.items():
             value = document.get(place)
-            shown = show_value(value) if not isinstance(one, ui.select) else value if value is None else str(value)
+            is_choice = isinstance(one, ui.select)
+            shown = (None if value is None else str(value)) if is_choice else form_fields.show_value(value)
             if isinstance(value, bool):
                 shown = str(value).lower()
             is_new = shown != self._shown.get(place, one.value)
             self._shown[place] = shown
             if is_new and one.value != shown and not (one.value in ("", None) and shown in ("", None)):
                 one.value = shown
-            if isinstance(one, ui.input):
-                in_force = "" if value is not None else show_value(_resolve(scenario, place)) or field.default
-                if one.error and one.value == shown:
-                    one.error = None
-                if one.props.get("placeholder") != in_force[:80]:
-                    one.props["placeholder"] = in_force[:80]
-                    one.update()
+            in_force = field.show_default(scenario, place) if value is None else ""
+            wrong = made.problem if made and made.text == document.text and is_at(made.place, place) else None
+            if one.error != wrong and (wrong or one.value == shown):
+                one.error = wrong
+            if is_choice:
+                options = dict(one.options) | {None: field.name_default(in_force)} if in_force else one.options
+                if options != one.options:
+                    one.set_options(options, value=one.value)
+            elif one.props.get("placeholder") != in_force[:80]:
+                one.props["placeholder"] = in_force[:80]
+                one.update()
 
     def focus(self, place: str) -> bool:
         """Move the focus to a field, if the form has it."""
-        place = place if place in self._inputs else re.sub(r"\[\d+\]$", "", place)  # a number of a vector
-        found = next((name for name in self._inputs if name == place or name.startswith(f"{place}.")), None)
+        found = next((name for name in self._inputs if is_at(place, name) or name.startswith(f"{place}.")), None)
         if found is None:
             return False
         self._inputs[found][1].run_method("focus")
         return True
 
     def _draw(self, cls: type[Part], place: str, depth: int) -> None:
-        for field in list_fields(cls):
+        for field in form_fields.list_fields(cls):
             here = f"{place}.{field.key}".lstrip(".")
-            if field.kind in SCALARS:
+            if field.kind in form_fields.SCALARS:
                 self._draw_field(cls, field, here)
             elif not self._skip(here):
                 self._draw_table(field, here, depth)
@@ -85,7 +90,7 @@ class TableForm:
             with ui.row(wrap=False).classes("w-full items-center gap-1"):
                 one: Any
                 if field.kind in ("choice", "flag"):
-                    left = "required" if field.required else f"default: {field.default}" if field.default else "default"
+                    left = field.name_default(field.default)
                     names = ("true", "false") if field.kind == "flag" else tuple(field.choices)
                     one = ui.select({None: left, **dict(zip(names, names, strict=True))}, label=label)
                     one.on_value_change(partial(self._commit, field, place, one))
@@ -113,7 +118,7 @@ class TableForm:
         document, typed = self._tab.document, one.value
         text = typed.strip() if isinstance(typed, str) else typed
         try:
-            value = None if text in (None, "") else parse_value(field.kind, text)
+            value = None if text in (None, "") else form_fields.parse_value(field.kind, text)
             if value == document.get(place) and type(value) is type(document.get(place)):
                 return
             document.remove(place) if value is None else document.set(place, value)
@@ -225,12 +230,7 @@ def _add_entry(tab: BrowserTab, field: FieldForm, place: str, cls: type[Part]) -
     field, place : the list, and its place.
     cls : the part that fills the entry.
     """
-    entries = tab.document.get(place) or []
-    table: dict[str, Any] = {"type": cls.model_fields["type"].default} if "type" in cls.model_fields else {}
-    if "name" in cls.model_fields and cls.model_fields["name"].is_required():
-        taken = {one.get("name") for one in entries if isinstance(one, Mapping)}
-        table["name"] = next(f"{field.key}_{k}" for k in range(1, len(entries) + 2) if f"{field.key}_{k}" not in taken)
-    change_document(tab, "add_entry", place, table)
+    change_document(tab, "add_entry", place, form_fields.make_entry(cls, field.key, tab.document.get(place) or []))
 
 
 def change_document(tab: BrowserTab, action: str, place: str, *value: Any) -> None:
@@ -245,13 +245,3 @@ def change_document(tab: BrowserTab, action: str, place: str, *value: Any) -> No
     """
     with tell_errors():
         getattr(tab.document, action)(place, *value)
-
-
-def _resolve(scenario: Any, place: str) -> Any:
-    """Return the value that is in force at a place of a scenario, None for none or a table."""
-    here = scenario
-    for step in place.replace("[", ".").replace("]", "").split("."):
-        if here is None:
-            return None
-        here = (here[int(step)] if int(step) < len(here) else None) if step.isdigit() else getattr(here, step, None)
-    return None if isinstance(here, Part) or here in ((), {}) else here

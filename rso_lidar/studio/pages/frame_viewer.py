@@ -44,13 +44,14 @@ class FrameViewer:
             mark(self._marks, "marks", "dense")
         self._words = mark(ui.column().classes("text-sm gap-0"), "words")
         self._images: dict[str, Any] = {}
-        with ui.column().classes("w-full max-w-[1000px] gap-2") as self._stack:
+        with ui.element("div").classes("w-full studio-frames"):
             for title, name in (("A", "A"), ("B", "B"), ("B − A", "difference")):
-                caption = ui.label(f"Recording {title}" if name == title else title).classes("text-sm font-medium")
-                image = ui.interactive_image(size=IMAGE_SIZE, sanitize=False).classes("w-full")
+                with ui.column().classes("gap-1") as cell:
+                    ui.label(f"Recording {title}" if name == title else title).classes("text-sm font-medium")
+                    image = ui.interactive_image(size=IMAGE_SIZE, sanitize=False).classes("w-full")
                 self._images[title] = mark(image, f"frame-{name}", "role=img")
                 image.set_visibility(False)
-                caption.bind_visibility_from(image)
+                cell.bind_visibility_from(image)
         ui.on("studio_dark", lambda event: self._set_scheme(DARK if event.args else LIGHT))
         ui.timer(_PLAY_S, self._advance)
 

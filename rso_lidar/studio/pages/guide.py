@@ -19,16 +19,17 @@ STEPS = (  # title and text, the page, and the mark of the element that it point
      "Left are its tables, in the middle the fields of one table with unit and meaning, right the text of the file. Form "
      "and text are the same document. Below the text, the check says whether it can be flown."),
     ("One frame", "see", "time",
-     "Move the slider: the satellite grows from 1.8 km to 300 m. Click a bright pixel to see its photons and its "
+     "Move the slider: the satellite grows on the way from 3 km to 300 m. Click a bright pixel to see its photons and its "
      "waveform. The first frame after an installation takes some 20 s."),
-    ("A recording", "run", "start", "Press “Start”: the frames appear while they are written."),
+    ("A recording", "run", "start",
+     "Press “Start”: the frames appear while they are written. 0:540:10 under “Frames” makes every tenth only."),
     ("That is all", "run", "recordings",
      "Change a field and record again under another name, then compare the two. “Guide” in the header comes back here."),
 )  # fmt: skip
 
 
 class Guide:
-    """A card beside the page, which never covers what it speaks about and can be closed at any time."""
+    """A card in a corner of the page away from what it speaks about, which can be closed at any time."""
 
     def __init__(self, tab: BrowserTab) -> None:
         self._tab, self._at, self._client = tab, 0, ui.context.client
@@ -44,6 +45,7 @@ class Guide:
         title, page, point, text = STEPS[number]
         self._tab.page_chosen.emit(page)
         self._card.clear()
+        self._card.props["data-page"] = page
         with self._card:
             ui.label(f"{title} ({number + 1} of {len(STEPS)})").classes("font-medium")
             ui.label(text).props('aria-live="polite"')

@@ -22,7 +22,8 @@ from rso_lidar.studio.pages.elements import (
 )
 from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.state import BrowserTab
-from rso_lidar.studio.upload import MOST_BYTES, SUFFIXES, keep_upload
+from rso_lidar.studio.upload import MOST_BYTES, keep_upload
+from rso_lidar.study.previews.file_summary import KINDS
 
 _PAGES = ("build", "see", "run")
 _SCHEMES = {None: "brightness_auto", True: "dark_mode", False: "light_mode"}
@@ -95,9 +96,9 @@ def _open_templates(tab: BrowserTab) -> None:
 
     texts = {name: (path.read_text(encoding="utf-8"), path) for name, path in find_examples().items()}
     rows = [(name, summarize_example(text), partial(take, text, path)) for name, (text, path) in texts.items()]
-    shortest = "The keys that a scenario must have, and a plate 300 m away."
+    empty = ("empty", "The keys that a scenario must have, and a plate 300 m away.", partial(take, SHORTEST, None))
     with open_dialog("New scenario from an example", "w-[720px]") as dialog:
-        draw_list([*rows, ("shortest", shortest, partial(take, SHORTEST, None))], "template")
+        draw_list([empty, *rows], "template")
 
 
 def _open_list(tab: BrowserTab) -> None:
@@ -171,9 +172,9 @@ def _open_upload(tab: BrowserTab) -> None:
     """Open the dialog for uploads into the folder."""
     most = f"at most {MOST_BYTES >> 20} MB"
     with open_dialog("Upload into the folder") as dialog:
-        ui.label(f"Meshes, element sets, tables, scenarios: {', '.join(SUFFIXES)}; {most}.").classes("text-sm")
+        ui.label(f"Meshes, element sets, tables, scenarios: {', '.join(KINDS)}; {most}.").classes("text-sm")
         ui.upload(
             auto_upload=True, multiple=True, max_file_size=MOST_BYTES, on_upload=partial(take_upload, tab),
             on_rejected=lambda: ui.notify(f"{most}, and the endings above", type="negative"),
-        ).props(f"accept='{','.join(SUFFIXES)}'")  # fmt: skip
+        ).props(f"accept='{','.join(KINDS)}'")  # fmt: skip
         draw_button("Close", dialog.close, look="flat")

@@ -25,6 +25,7 @@ from rso_lidar.studio.state import BrowserTab, Workspace
 
 _USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
 _CHECKBOX = '<q-checkbox v-model="props.selected" dense :aria-label="`Show ${props.row.name}`" />'
+_IDLE_TICKS = 5  # seconds between two looks at the folder while nothing runs
 _FROM_SCENARIO = ("run", "timeline", "budget", "trade", "dataset")
 _JOB_ACTIONS = ("Stop", "Resume", "Remove from the list")  # of the buttons of a job
 _RESULTS = tuple({suffix for kind in KINDS.values() for suffix in kind.makes if suffix})
@@ -53,7 +54,7 @@ class RunPage:
     def __init__(self, tab: BrowserTab) -> None:
         self.tab, self.jobs, self.folder = tab, tab.workspace.jobs, tab.workspace.folder
         self._rows: dict[Job, tuple[Any, ...]] = {}
-        self._was_active, self._is_listing, self._awaited = True, False, ""
+        self._was_active, self._is_listing, self._awaited, self._ticks = True, False, "", 0
         with ui.row(wrap=False).classes("w-full p-4 gap-4 items-start"):
             with ui.column().classes("w-[400px] shrink-0 gap-4"):
                 self._draw_form()
@@ -201,8 +202,7 @@ class RunPage:
             bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback aria-label=Progress")
             state = mark(ui.label().classes("text-sm"), "job-state", "role=status")
             message = ui.label().classes("text-sm break-words opacity-80")
-            address = f"/studio/results/{quote(job.request.output)}"
-            result = ui.link("Open the result", address, new_tab=True).classes("text-sm")
+            result = ui.link("Open the result", f"/studio/results/{quote(job.request.output)}", new_tab=True)
         return row, state, bar, message, stop, resume, remove, result
 
     def _do(self, action: Callable[[Job], object], job: Job) -> None:
@@ -213,7 +213,9 @@ class RunPage:
 
     async def _tick(self) -> None:
         """Update the page once a second while something runs, and once afterwards."""
-        if self._is_listing or not (self._was_active or self.jobs.is_active or self._viewer.is_following):
+        self._ticks += 1
+        is_idle = not (self._was_active or self.jobs.is_active or self._viewer.is_following)
+        if self._is_listing or (is_idle and self._ticks % _IDLE_TICKS):
             return
         self._was_active = self.jobs.is_active or (self._was_active and self._viewer.is_following)
         self._is_listing = True
@@ -222,6 +224,10 @@ class RunPage:
             found = await run.io_bound(self.tab.workspace.recordings.read)
             if found is not None:
                 rows = [self._describe_recording(status) for status in found]
+                unread = [
+                    one.relative_to(self.folder.path).as_posix() for one in self.tab.workspace.recordings.problems
+                ]
+                rows += [{"name": name, "frames": "", "state": "cannot be read", "size": ""} for name in unread]
                 if rows != self._table.rows:
                     self._table.rows = rows
                 self._viewer.offer([row["name"] for row in rows])

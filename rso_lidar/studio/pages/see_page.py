@@ -32,6 +32,7 @@ T = TypeVar("T")
 _EVERY_S = 0.2  # between two frames shown
 _MOST_MODELS = 64  # meshes that are held, of all tabs
 _FIRST = "Working. The first start compiles the kernels, once for each installation: 15 to 25 s."
+_OPEN_PICTURE = "(event) => window.open(event.currentTarget.querySelector('img').src)"
 _shelves: dict[str, dict[str, tuple[bytes, str]]] = {}  # what each tab shows, by its secret key: bytes and their type
 _models: dict[str, bytes] = {}  # meshes by the hash of their geometry
 
@@ -68,7 +69,7 @@ class SeePage:
         self.frame: Frame | None = None
         self.scheme, self.pixel = LIGHT, (-1, -1)  # no pixel is chosen yet
         self.drawn: set[tuple[str, Any]] = set()  # figures that are up to date, with their colours
-        self.version, self.busy, self.again, self.whole = 0, False, False, False
+        self.version, self.busy, self.again, self.whole, self.of = 0, False, False, False, tab.document
         panel = ui.context.slot.parent
         self.panels: Any = panel.parent_slot.parent if panel.parent_slot else None
         if isinstance(self.panels, ui.tab_panels):
@@ -129,6 +130,7 @@ class SeePage:
             for name in FIGURES:
                 with ui.tab_panel(name):
                     self.pictures[name] = ui.image().props(f'alt="{name} of the scenario" fit=contain no-transition')
+                    self.pictures[name].tooltip("A click opens it alone").on("click", js_handler=_OPEN_PICTURE)
             with ui.tab_panel("text"):
                 self.text = ui.label().classes("studio-description")
 
@@ -234,6 +236,9 @@ class SeePage:
         _models.update(models)
         for name in list(_models)[:-_MOST_MODELS]:
             del _models[name]
+        if self.tab.document is not self.of:
+            self.of = self.tab.document
+            self.space.run_method("forget")
         self.flight, self.slider.value = flight, min(int(self.slider.value), len(flight.numbers) - 1)
         self.slider.props(f"max={max(len(flight.numbers) - 1, 0)}")
         self.cloud_axes.set_options(["lidar", *flight.targets])
@@ -282,6 +287,7 @@ class SeePage:
             self.note.text = "Describing."
             self.text.text = await self._work(describe, flight.scenario)
         elif shown in ("image", "cloud"):
+            self.note.text = self.note.text or ("" if self.frame else _FIRST)
             keep = ("waveforms", "taps") if shown == "image" else ("prediction",) * (self.colour.value == "probability")
             self.frame = frame = await self._work(flight.frame, row, keep)
             if shown == "cloud":

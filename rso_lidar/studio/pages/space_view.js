@@ -152,11 +152,14 @@ export default {
         write(`${legend.low} to ${legend.high}`);
       }
     },
+    forget() { this.header = null; }, // the next scene is seen from its own place
     reset() {
       if (!this.header) return;
       const { eye, at, up } = this.header.camera;
       this.camera.up.set(...up);
-      this.camera.position.set(...eye);
+      const aspect = this.$el.clientWidth / this.$el.clientHeight || 1; // the field is 40 deg high: a narrow view is farther
+      this.camera.position.set(...eye).sub(new THREE.Vector3(...at)).divideScalar(Math.min(aspect, 1));
+      this.camera.position.add(new THREE.Vector3(...at));
       this.controls.dispose();
       this.controls = new OrbitControls(this.camera, this.$refs.canvas); // its upward axis is fixed when it is made
       this.controls.target.set(...at);

@@ -6,7 +6,7 @@ import datetime
 import json
 import re
 import types
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -54,6 +54,20 @@ class FieldForm:
         tag = tables.get("type", self.usual) if isinstance(tables, Mapping) else None
         return next((cls for cls in self.classes if _tag(cls) == tag), None)
 
+    def show_default(self, scenario: Any, place: str) -> str:
+        """Return the value that holds where the text has none: of a scenario with its presets, or else the default.
+
+        Parameters
+        ----------
+        scenario : None where the text is not one.
+        place : of the field.
+        """
+        return show_value(find_value_in_force(scenario, place)) or self.default
+
+    def name_default(self, default: str) -> str:
+        """Return the words for an empty choice, whose value is then `default`."""
+        return "required" if self.required else f"default: {default}" if default else "default"
+
 
 def list_fields(cls: type[Part]) -> list[FieldForm]:
     """List the fields of a part, without its `type`, which the choice of the part sets."""
@@ -80,6 +94,47 @@ def find_part(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int
             here = here.get(step) if isinstance(here, Mapping) else None
         part = field.choose(here) if field else None
     return part
+
+
+def iterate_tables(cls: type[Part], tables: Mapping[str, Any], nested: str) -> Iterator[tuple[str, str, bool]]:
+    """Yield the label and the place of each table that a text may have, and whether it has it.
+
+    Parameters
+    ----------
+    cls : part of the whole text.
+    tables : of the text.
+    nested : key of the table whose own tables are listed too.
+    """
+    for field in list_fields(cls):
+        value = tables.get(field.key)
+        if field.kind == "entries":
+            for number, entry in enumerate(value if isinstance(value, list) else []):
+                name = entry.get("name", entry.get("type", "")) if isinstance(entry, Mapping) else ""
+                yield f"{field.key}: {name}", f"{field.key}[{number}]", True
+        elif field.kind in TABLES:
+            yield field.key, field.key, value is not None
+            if field.key == nested:
+                held = value if isinstance(value, Mapping) else {}
+                for inner in list_fields(field.classes[0]):
+                    if inner.kind in TABLES:
+                        here = f"{field.key}.{inner.key}"
+                        yield here, here, held.get(inner.key) is not None
+
+
+def make_entry(cls: type[Part], key: str, entries: Sequence[Any]) -> dict[str, Any]:
+    """Make a new entry of a list of tables, with a free name and its type where it has them.
+
+    Parameters
+    ----------
+    cls : the part that fills the entry.
+    key : of the list, with which names begin.
+    entries : of the list.
+    """
+    table: dict[str, Any] = {"type": cls.model_fields["type"].default} if "type" in cls.model_fields else {}
+    if "name" in cls.model_fields and cls.model_fields["name"].is_required():
+        taken = {one.get("name") for one in entries if isinstance(one, Mapping)}
+        table["name"] = next(f"{key}_{k}" for k in range(1, len(entries) + 2) if f"{key}_{k}" not in taken)
+    return table
 
 
 def parse_value(kind: str, text: str) -> Any:
@@ -127,6 +182,22 @@ def show_value(value: Any) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_quote(inner) for inner in value) + "]"
     return format_value(value)
+
+
+def find_value_in_force(scenario: Any, place: str) -> Any:
+    """Return the value that is in force at a place of a scenario, defaults and presets included; None for none or a table.
+
+    Parameters
+    ----------
+    scenario : or None.
+    place : such as ``lidar.laser.energy_mj``.
+    """
+    here = scenario
+    for step in place.replace("[", ".").replace("]", "").split("."):
+        if here is None:
+            return None
+        here = (here[int(step)] if int(step) < len(here) else None) if step.isdigit() else getattr(here, step, None)
+    return None if isinstance(here, Part) or here in ((), {}) else here
 
 
 def _quote(value: Any) -> str:

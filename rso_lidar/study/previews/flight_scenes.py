@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -36,7 +37,7 @@ def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
         ring = [np.cos(turn) * np.cos(angle), np.cos(turn) * np.sin(angle), np.sin(turn)]
         scene.path(1.003 * radius * np.stack(ring, axis=1), scheme.quiet, opacity=0.35)
     farthest, entries = radius, []
-    for name, colour in zip(truth.states, scheme.lines, strict=False):
+    for name, colour in zip(truth.states, itertools.cycle(scheme.lines), strict=False):
         state = truth.states[name]
         if np.linalg.norm(state.position_m) < 0.9 * EARTH_RADIUS_M:
             continue  # a body of local axes, near their origin
@@ -48,11 +49,12 @@ def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
         entries.append((colour, name))
         farthest = max(farthest, float(np.linalg.norm(orbit, axis=1).max()))
     if np.isfinite(truth.sun_direction).all():
-        scene.add("lines", [truth.sun_direction * radius * 1.05, truth.sun_direction * radius * 1.8], scheme.mark)
-        scene.label("to the Sun", truth.sun_direction * radius * 1.85)
+        scene.add("lines", [truth.sun_direction * radius * 1.05, truth.sun_direction * radius * 1.5], scheme.mark)
+        scene.label("to the Sun", truth.sun_direction * radius * 1.55)
     scene.label("N", (0.0, 0.0, 1.12 * radius))
-    here = truth.states["follower"].position_m * _MM
-    scene.look(2.1 * farthest * _unit(_unit(here) + np.array([0.0, 0.0, 0.6])))
+    # From the follower's side, above the equator and towards the Sun, so that day, night and the follower are seen.
+    here, sun = truth.states["follower"].position_m, np.nan_to_num(truth.sun_direction)
+    scene.look(max(3.5 * farthest, 4.6 * radius) * _unit(_unit(here) + 0.5 * sun + np.array([0.0, 0.0, 0.6])))
     scene.header["legend"] = {"title": "Orbits, graticule 30°", "entries": entries}
     return scene
 
@@ -131,6 +133,14 @@ def _unit(vector: np.ndarray) -> np.ndarray:
     return vector / length if length > 1e-12 else np.array([0.0, 0.0, 1.0])
 
 
+def _dash(line: np.ndarray) -> np.ndarray:
+    """Return the dashes (dash, 2, xyz) of a line through points (point, xyz), about a hundred in all."""
+    steps = max(1, round(200 / (len(line) - 1)))
+    share = np.linspace(0.0, 1.0, steps, endpoint=False)[:, None]
+    fine = np.concatenate([begin + share * (end - begin) for begin, end in itertools.pairwise(line)] + [line[-1:]])
+    return np.stack([fine[:-1], fine[1:]], axis=1)[::2]
+
+
 def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.ndarray) -> None:
     """Add the meshes of all targets in their attitudes, the angles of hinges included, and the Sun's light.
 
@@ -170,7 +180,9 @@ def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.nd
     beam = t * (np.stack([np.cos(turn), np.sin(turn)], axis=1) if is_round else square)
     for outline, colour in ((square * [wide, high], lines[4]), (beam, lines[1])):
         rim = far * np.column_stack([outline, np.ones(len(outline))]) @ pose[:3, :3].T + pose[:3, 3] - origin
-        scene.path(rim, colour)
         corners = rim[:: len(rim) // 4][:4]
-        scene.add("lines", np.stack([np.broadcast_to(pose[:3, 3] - origin, corners.shape), corners], axis=1), colour)
-    scene.header["legend"] = {"title": f"at {far:,.1f} m", "entries": [(lines[4], "field of view"), (lines[1], "beam")]}
+        edges = np.stack([np.broadcast_to(pose[:3, 3] - origin, corners.shape), corners], axis=1)
+        for line in (rim, *edges):  # the beam is dashed: it often ends where the field does
+            scene.add("lines", _dash(line) if colour == lines[1] else np.stack([line[:-1], line[1:]], axis=1), colour)
+    entries = [(lines[4], "field of view"), (lines[1], "beam (dashed)")]
+    scene.header["legend"] = {"title": f"at {far:,.1f} m", "entries": entries}

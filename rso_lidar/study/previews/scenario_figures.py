@@ -1,4 +1,4 @@
-"""Figures of a scenario as PNG: link budget, timeline, relative trajectory and orbits."""
+"""Figures of a scenario: link budget, timeline, relative trajectory with its plan, and orbits."""
 
 from __future__ import annotations
 
@@ -10,14 +10,39 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import picture
+from rso_lidar.motion.proximity import list_commands
 from rso_lidar.picture.style.figures import PAGE_DPI
 from rso_lidar.picture.style.palette import Scheme
+from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.budgets.range_budget import budget
-from rso_lidar.study.time_history.open_loop import fly_open_loop
+from rso_lidar.study.time_history.open_loop import find_plan, fly_open_loop
 from rso_lidar.study.time_history.timeline import timeline
 
 _lock = Lock()  # matplotlib's caches are not made for threads
+
+
+def draw_trajectory(scenario: Scenario, flown: Truth, target: str | None = None) -> Any:
+    """Draw the relative trajectory, with the impulses, the keep-out sphere and the delta-v of the follower's plan.
+
+    Parameters
+    ----------
+    scenario : to be drawn.
+    flown : its truth at the instants drawn.
+    target : a name (None: the first).
+    """
+    plan = find_plan(scenario, target) if scenario.target else None
+    if plan is None:
+        return picture.orbit_figure(flown, target, title=scenario.name)
+    commands = list_commands(scenario.bodies[-1], scenario.bodies, *scenario.span)
+    return picture.orbit_figure(
+        flown,
+        target,
+        impulses=[(one.time_s, one.delta_v_m_s) for one in commands],
+        keep_out_m=getattr(scenario.bodies[-1].motion, "keep_out_m", 0.0) or None,
+        delta_v_m_s=plan.delta_v_m_s,
+        title=scenario.name,
+    )
 
 
 def _fly(scenario: Scenario) -> Any:
@@ -28,7 +53,7 @@ def _fly(scenario: Scenario) -> Any:
 FIGURES: dict[str, Callable[[Scenario], Any]] = {
     "budget": lambda scenario: budget(scenario).figure(),
     "timeline": lambda scenario: timeline(scenario).figure(),
-    "trajectory": lambda scenario: picture.orbit_figure(_fly(scenario), title=scenario.name),
+    "plan": lambda scenario: draw_trajectory(scenario, _fly(scenario)),
     "orbits": lambda scenario: picture.inertial_figure(_fly(scenario), scenario.name),
 }
 

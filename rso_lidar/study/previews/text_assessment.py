@@ -18,6 +18,7 @@ from rso_lidar.shipped import find, is_shipped
 
 _CODE = re.compile(r"\bdynamics\b|\bfmu\b", re.IGNORECASE)  # fields and files that hold Python or native code
 
+_STUDY = "a trade study or a dataset, not a scenario: choose it as the job on page Run, and start it"
 _CODE_REFUSED = "the studio runs none of a file; fly it with `rso-lidar run` on the command line"
 
 
@@ -48,8 +49,11 @@ def assess(text: str, folder: Folder, title: str) -> Assessment:
     refusal = ""
     try:
         with suppress_warnings():
+            tables = parse_toml(text, title, ScenarioError)
+            if isinstance(tables.get("scenario"), str):
+                return Assessment(text, None, refusal=f"{title}: {_STUDY}")
             # Before any part sees the text: some read the files that they name.
-            for place, name in iterate_named_files(parse_toml(text, title, ScenarioError)):
+            for place, name in iterate_named_files(tables):
                 check_file(name, folder, f"{title}: {place}")
             scenario = Scenario.loads(text, folder=folder.path, where=title)
             _check_models(scenario, title)

@@ -38,7 +38,7 @@ def draw_recorded_frame(
         images, marks = {"A": draw_image(frame, scheme)}, ""
         second = find_frame(other, frame.index) if other is not None else None
         if second is not None:
-            images |= {"B": draw_image(second, scheme), "B − A": draw_difference(frame, second, scheme)}
+            images |= {"B": draw_image(second, scheme, like=frame), "B − A": draw_difference(frame, second, scheme)}
             lines += compare_frames(frame, second).describe().splitlines()
         elif other is not None:
             lines.append(f"{other.path.name} has no frame {frame.index}.")

@@ -30,8 +30,11 @@ def test_files_are_read_again_only_when_they_change(folder, monkeypatch):
         folder.path / "a.h5", rl.simulate(rl.Scenario.load("examples/bench_plate.toml"), frames=[0, 1]), overwrite=True
     )
     assert [status.frames for status in listed.read()] == [2]
-    (folder.path / "a.h5").unlink()
+    (folder.path / "a.h5").write_bytes(b"words")
     assert listed.read() == []
+    assert "not an HDF5 file" in listed.problems[folder.path / "a.h5"]
+    (folder.path / "a.h5").unlink()
+    assert listed.read() == [] and not listed.problems
 
 
 def test_links_and_files_that_take_data_from_elsewhere_are_left_out(folder, tmp_path_factory):
@@ -41,7 +44,9 @@ def test_links_and_files_that_take_data_from_elsewhere_are_left_out(folder, tmp_
     with h5py.File(folder.path / "c.h5", "w") as file:
         for name in ("time_s", "labels"):
             file[name] = h5py.ExternalLink(str(secret), f"/{name}")
-    assert RecordingList(folder).read() == []
+    listed = RecordingList(folder)
+    assert listed.read() == []
+    assert [path.name for path in listed.problems] == ["c.h5"]
     with pytest.raises(RecordingError, match=r"in another file|not a recording"):
         open_recording(folder, "c.h5")
     with pytest.raises(ScenarioError, match="inside the folder"):

@@ -54,3 +54,19 @@ def test_the_path_of_the_follower_ends_300_m_behind_the_target(flight: PreviewFl
     assert flight.axes == "tdrs.rtn"
     assert flight.path_m[0] == pytest.approx([0.0, -3000.0, 0.0], abs=1.0)
     assert flight.path_m[-1] == pytest.approx([0.0, -300.0, 0.0], abs=15.0)
+
+
+@pytest.mark.parametrize("name", ["tdrs_approach", "tle_flyby"])
+def test_the_view_of_the_orbit_holds_the_earth_and_all_bodies(name: str) -> None:
+    """The field of the view is 40 degrees high and at least as wide."""
+    flown = PreviewFlight(rl.Scenario.load(f"examples/{name}.toml"))
+    header, arrays = read(VIEWS["orbit"](flown, 0))
+    eye = np.array(header["camera"]["eye"])
+    ahead = -eye / np.linalg.norm(eye)
+    points = np.concatenate(
+        [array for array in arrays if len(array) > 1] + [array for array in arrays if len(array) == 1]
+    )
+    sight = points - eye
+    cosine = sight @ ahead / np.linalg.norm(sight, axis=1)
+    assert np.degrees(np.arccos(cosine.min())) < 20.0
+    assert np.degrees(np.arcsin(header["items"][0]["radius"] / np.linalg.norm(eye))) < 20.0
