@@ -1,6 +1,7 @@
 """Ten tabs at once: each sees its own frame, edits of two tabs in one document are all kept, all view one recording."""
 
 import base64
+import contextlib
 import re
 
 import rso_lidar as rl
@@ -55,13 +56,17 @@ def see_frames(tabs, frames):
 
 def choose_frame(page, row):
     """Press arrow keys until a frame is shown. Keys pressed faster than a busy server answers may be lost."""
+    from playwright.sync_api import TimeoutError as TooLate
+
     for _ in range(60):
+        with contextlib.suppress(TooLate):
+            find(page, "when").filter(has_text=re.compile(rf"^\s*frame {row} ")).wait_for(timeout=1000)
+            page.wait_for_timeout(300)  # a key that was pressed before may come late
         shown = re.match(r"frame (\d+) ", find(page, "when").inner_text())
         if shown and int(shown[1]) == row:
             return
         if shown and not find(page, "note").inner_text():
             find_thumb(page, "time").press("ArrowRight" if int(shown[1]) < row else "ArrowLeft")
-        page.wait_for_timeout(1000)
     raise AssertionError(f"frame {row} was not shown: {find(page, 'when').inner_text()}")
 
 
