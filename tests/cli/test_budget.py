@@ -54,8 +54,8 @@ def test_a_scenario_with_several_of_everything_to_csv_and_picture(call, scenario
     assert (tmp_path / "a.csv").read_text(encoding="utf-8").count("\n") == 1 + 8 * 121
     call(*asked, "-o", tmp_path / "a.png")
     with pytest.raises(RsoLidarError, match=r"a\.png: exists already"):
-        call(*asked, "-o", tmp_path / "a.png")
-    call(*asked, "-o", tmp_path / "a.png", "--overwrite")
+        call(scenario, "-o", tmp_path / "a.png")
+    call(scenario, "-o", tmp_path / "a.png", "--overwrite")
     assert len(list(tmp_path.iterdir())) == 3
 
 

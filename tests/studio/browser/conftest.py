@@ -12,7 +12,7 @@ from tests.studio.conftest import serve_studio
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # WebGL without a graphics card; no sandbox, which containers forbid; no calls home by the browser itself.
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking")
-WAIT_MS = 60_000  # on a busy machine
+WAIT_MS = 180_000  # on a busy machine
 
 
 class Watch:

@@ -2,13 +2,13 @@
 
 import io
 import re
-import subprocess
-import sys
 
 import numpy as np
+import pytest
 from PIL import Image
 
 import rso_lidar as rl
+from rso_lidar.cli import main
 
 IS_DRAWN = "(place) => { const it = document.querySelector(place); return it && it.complete && it.naturalWidth > 99; }"
 
@@ -58,9 +58,10 @@ def start_run(page, name, frames):
 
 
 def run_command_line(source, output, frames):
-    """Record frames of a scenario by the command line."""
-    command = [sys.executable, "-m", "rso_lidar", "run", str(source), "-o", str(output), "--frames", frames]
-    subprocess.run(command, check=True, capture_output=True)
+    """Record frames of a scenario by the command line, in this process."""
+    with pytest.raises(SystemExit) as left:
+        main(["run", str(source), "-o", str(output), "--frames", frames])
+    assert not left.value.code
 
 
 def find_differences(first, second):

@@ -71,7 +71,7 @@ def test_a_killed_run_is_said_and_resumed(journey, tmp_path, text):
     path.write_text(text.replace("duration_s  ", "duration_s = 400 #"), encoding="utf-8")
     page = journey()
     page.get_by_text("Ready to fly: 2,000 frames").wait_for()
-    start(page, "killed.h5", "0:1000")
+    start(page, "killed.h5", "0:600")
     jobs = find(page, "jobs")
     find_recording(page, "killed.h5").get_by_text("running").wait_for(timeout=240_000)
     page.wait_for_function("/running [1-9]/.test(document.querySelector('[data-test=job-state]')?.textContent)")
@@ -84,7 +84,7 @@ def test_a_killed_run_is_said_and_resumed(journey, tmp_path, text):
     find(page, "resume").click()
     jobs.get_by_text("done", exact=True).wait_for(timeout=240_000)
     find_recording(page, "killed.h5").get_by_text("complete").wait_for()
-    run_command_line(path, tmp_path / "command.h5", "0:1000")
+    run_command_line(path, tmp_path / "command.h5", "0:600")
     assert find_differences(tmp_path / "killed.h5", tmp_path / "command.h5") == []
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 import rso_lidar as rl
-from tests.studio.browser.page_elements import find, find_thumb, wait_until_drawn
+from tests.studio.browser.page_elements import find, find_input, find_thumb, wait_until_drawn
 
 # Controls that a pointer can operate now. Of a group that is walked by arrow keys, such as tabs, one takes the focus.
 CONTROLS = """button, a[href], input, textarea, [contenteditable=true], canvas, [role=button], [role=checkbox],
@@ -58,6 +58,7 @@ def test_tab_reaches_each_control(journey, folder):
     page.get_by_text("Ready to fly").wait_for()
     before = (folder / "bench.toml").read_text(encoding="utf-8")
     find(page, "table-lidar.laser").click()
+    find_input(page, "lidar.laser.energy_mj").wait_for()  # a form drawn during the walk would take the focus away
     left = {"build": walk(page)}
     find(page, "page-see").click()
     wait_until_drawn(page, "image")
