@@ -17,7 +17,7 @@ from rso_lidar.picture.studies.dispersion import dispersion_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.processes import Processes
-from rso_lidar.rpo.dispersed.dispersed_paths import SOURCES
+from rso_lidar.rpo.dispersed.linear_dispersion import SOURCES
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.study.dispersions.kept_runs import identify, read_blocks, write_blocks
 from rso_lidar.study.dispersions.mission_disperser import BLOCK, Block, MissionDisperser

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rso_lidar.orbit import Epochs, Forces, Kepler
-from rso_lidar.rpo.dispersed.deviation_flow import DeviationFlow
+from rso_lidar.rpo.relative.deviation_flow import DeviationFlow
 from rso_lidar.rpo.dispersed.dispersed_paths import Disperser
 from rso_lidar.rpo.dispersed.nominal_flight import GuidanceInstant, NominalFlight
 from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
