@@ -42,6 +42,7 @@ def dispersion_figure(
     """
     count = len(table["run"])
     note = f"{count:,} runs about {target}   ·   shaded: 95 % of the runs   ·   dashed: 95 % by linear covariance"
+    note += "   ·   orange: 95 % of the filter's errors" if "nees" in tubes else ""
     figure = new_figure(9.6, 9.2, title or "Dispersions", note)
     plots = figure.subplots(3, 2)
     unit, word = (3600.0, "h") if tubes["time_s"][-1] > 20_000.0 else (1.0, "s")
@@ -52,6 +53,7 @@ def dispersion_figure(
         axes.fill_between(time, low, high, color=BLUE, alpha=0.25, lw=0)
         for sign in (-1.0, 1.0):
             axes.plot(time, sign * _TWO_SIGMA * tubes[f"{axis}_linear_sigma_m"], color=INK, lw=THIN_PT, ls=(0, (4, 3)))
+        _draw_knowledge(axes, time, tubes, axis)
         _spread_scale(axes, tubes[f"{axis}_linear_sigma_m"])
         style_axes(axes, x=f"Time [{word}]", y=f"{name} deviation [m]")
     axes = plots.flat[3]
@@ -68,6 +70,24 @@ def dispersion_figure(
         format_thousands(axes.xaxis)
     figure.align_ylabels(plots)
     return figure
+
+
+def _draw_knowledge(axes: Axes, time: np.ndarray, tubes: Table, axis: str) -> None:
+    """Draw the errors of the navigation filter, by runs and as it states them.
+
+    Parameters
+    ----------
+    axes : the plot
+    time : (time,) in the unit of the plot
+    tubes : columns over time
+    axis : name of the axis
+    """
+    if "nees" not in tubes:
+        return
+    for sign in (-1.0, 1.0):
+        axes.plot(time, sign * _TWO_SIGMA * tubes[f"{axis}_knowledge_sigma_m"], color=ORANGE, lw=LINE_PT)
+        stated = sign * _TWO_SIGMA * tubes[f"{axis}_filter_sigma_m"]
+        axes.plot(time, stated, color=ORANGE, lw=THIN_PT, ls=(0, (1, 2)))
 
 
 def _spread_scale(axes: Axes, sigma_m: np.ndarray) -> None:

@@ -1,7 +1,7 @@
 """Sensors of relative navigation: a lidar that measures range and direction, and a camera that measures direction.
 
-They are described by their errors and their limits, not by their light: no frame is rendered. `rl.study.find_range_noise`
-makes the range noise of a lidar from the link budget of a scenario's instrument.
+They are described by their errors and their limits: no frame is rendered. `rl.study.find_navigation_lidar`
+makes the lidar from the link budget of a scenario's instrument.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class NavigationLidar(_NavigationSensor):
     range_noise: RangeNoise | None = Field(
         default=None,
         description=(
-            "Noise of a range that grows with range, added in squares. `rl.study.find_range_noise` makes it from the "
+            "Noise of a range that grows with range, added in squares. `rl.study.find_navigation_lidar` makes it from the "
             "instrument. If omitted, none."
         ),
     )
