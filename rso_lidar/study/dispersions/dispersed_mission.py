@@ -28,6 +28,7 @@ PERCENTILES = (2.5, 50.0, 97.5)
 _AXES = ("radial", "along", "cross")
 KNOWLEDGE = ("knowledge_sigma", "linear_knowledge_sigma", "filter_sigma")  # by runs, linear, as the filters state it
 _STATES = 6
+_APART = 1.25  # ratio of standard deviations by linear covariance and by runs above which the former does not hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +112,14 @@ class DispersedMission:
             lines.append(f"    {axis:6} sigma {runs:11.3f} {linear:9.3f} {stated:11.3f} m")
         low, high = nees_bounds(self.n_runs)
         nees = self.tubes["nees"]
+        ratios = np.array(
+            [self.tubes[f"{axis}_{KNOWLEDGE[1]}_m"] / self.tubes[f"{axis}_{KNOWLEDGE[0]}_m"] for axis in _AXES]
+        )
+        if max(ratios.max(), 1.0 / ratios.min()) > _APART + 5.0 / np.sqrt(2.0 * self.n_runs):
+            lines.append(
+                f"    the linear covariance does not hold on the way, with {ratios.min():.2f} to {ratios.max():.2f} times "
+                "the sigma of the runs: range from directions alone, and limits of sensors, are not linear"
+            )
         return [
             *lines,
             f"  mean NEES {last['nees']:.2f} at the end, {nees.min():.2f} to {nees.max():.2f} on the way  (consistent: 6; "
