@@ -150,7 +150,8 @@ class Disperser:
         if not isinstance(errors, NavigationErrors):
             return state if bank is None else bank.orbit
         noise = apply_matrix(np.diag(errors.sigma), next(drawn))
-        return state + self._at.to_inertial(node, noise)
+        known: np.ndarray = state + self._at.to_inertial(node, noise)
+        return known
 
     def _find_push(self, node: int, held: np.ndarray, *, without_burns: bool) -> Push | None:
         """Return the error of held thrust from a node to the next; None without held thrust.

@@ -72,7 +72,7 @@ class RelativeFilter(Part):
         if count > _MOST_MEASUREMENTS:
             raise ScenarioError(
                 f"navigation.every_s: {count:,} measurements up to {until_s:g} s are more than {_MOST_MEASUREMENTS:,}: "
-                f"leave at least {math.ceil(until_s / _MOST_MEASUREMENTS)} s between them"
+                "leave more time between them"
             )
         first = math.floor(max(after_s, 0.0) / self.every_s + 1e-9) + 1
         return self.every_s * np.arange(first, count + 1)

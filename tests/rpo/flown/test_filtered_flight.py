@@ -240,7 +240,7 @@ def test_tables_of_noise_are_checked():
 
 
 def test_too_many_measurements_are_refused():
-    with pytest.raises(ScenarioError, match=r"leave at least \d+ s between them"):
+    with pytest.raises(ScenarioError, match="leave more time between them"):
         FILTER.replace(every_s=1.0).list_instants_s(0.0, 1e6)
 
 
