@@ -35,7 +35,7 @@ class LinearDispersion:
     knowledge: np.ndarray | None = None
 
 
-class _Columns:
+class _SourceColumns:
     """Columns of the sources of error: rows of the craft, of the filter's estimate, and of the burn on arrival.
 
     Parameters
@@ -93,7 +93,7 @@ class _Columns:
 def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
     """Return the linear covariance at the samples of a flight."""
     bank = flight.make_filters(np.zeros((ORBIT, 1)), np.zeros((ORBIT, 1))) if flight.filter is not None else None
-    columns = _Columns(flight.to_inertial(0, flight.root), 0 if bank is None else len(bank.state))
+    columns = _SourceColumns(flight.to_inertial(0, flight.root), 0 if bank is None else len(bank.state))
     columns.widen(THRUST * len(flight.legs), "burns")
     if bank is not None:
         assert flight.filter is not None
@@ -133,7 +133,7 @@ def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
     return LinearDispersion(made, parts, knowledge)
 
 
-def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _Columns) -> None:
+def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _SourceColumns) -> None:
     """Add the measurements of a node to the columns.
 
     Parameters
@@ -157,7 +157,7 @@ def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _Col
     columns.compress()
 
 
-def _find_known(flight: DispersedFlight, node: int, columns: _Columns) -> np.ndarray:
+def _find_known(flight: DispersedFlight, node: int, columns: _SourceColumns) -> np.ndarray:
     """Return the deviation (6, column) that guidance knows, inertial axes.
 
     Parameters
@@ -175,7 +175,7 @@ def _find_known(flight: DispersedFlight, node: int, columns: _Columns) -> np.nda
     return known
 
 
-def _carry(flight: DispersedFlight, bank: FilterBank | None, node: int, columns: _Columns) -> None:
+def _carry(flight: DispersedFlight, bank: FilterBank | None, node: int, columns: _SourceColumns) -> None:
     """Propagate the columns to the next node; those of held legs gain what thrust adds.
 
     Parameters

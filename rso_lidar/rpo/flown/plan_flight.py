@@ -199,6 +199,13 @@ class PlanFlight:
             f"  commands  {len(commands)} impulses of {math.fsum(one.size_m_s for one in commands):.5f} m/s, "
             f"after {updates} updates of guidance; the plan {self.plan.impulsive_delta_v_m_s:.5f} m/s",
         ]
+        if self._filter is not None and (known := self.list_estimates(end_s)):
+            blind = sum(not one.sensors for one in known)
+            sigma = ", ".join(f"{one:.2g}" for one in np.sqrt(np.diagonal(known[-1].covariance)[:3]))
+            lines.append(
+                f"  filter    {len(known)} instants of measurement, {blind} without a sensor; sigma of the position at "
+                f"{known[-1].time_s:.0f} s: {sigma} m"
+            )
         return "\n".join(lines)
 
     def _find_next_s(self, after_s: float) -> float:

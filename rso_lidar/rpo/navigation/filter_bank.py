@@ -18,7 +18,7 @@ from rso_lidar.rpo.navigation.navigation_sensors import NavigationCamera, Naviga
 
 ORBIT = 6  # states of position and velocity
 THRUST = 4  # states of held thrust: its size, and its turns about three axes, in standard deviations
-_ITERATIONS = 2  # before the last linearisation
+_ITERATIONS = 2  # before the last linearisation: with a camera alone, mean NEES 6.4 (one or more), 14 (none), of 6
 _TINY_M = 1e-9
 
 

@@ -43,7 +43,12 @@ class RangeNoise(Part):
         return self
 
     def find_sigma_m(self, range_m: np.ndarray) -> np.ndarray:
-        """Return the standard deviation at ranges [m]."""
+        """Return the standard deviation at ranges [m].
+
+        Parameters
+        ----------
+        range_m : ranges (run,) [m]
+        """
         found: np.ndarray = np.exp(np.interp(np.log(range_m), np.log(self.range_m), np.log(self.sigma_m)))
         return found
 
@@ -88,11 +93,21 @@ class _NavigationSensor(Part):
         return False
 
     def find_range_sigma_m(self, range_m: np.ndarray) -> np.ndarray:
-        """Return the standard deviation of a range [m]; infinite without ranges."""
+        """Return the standard deviation of a range [m]; infinite without ranges.
+
+        Parameters
+        ----------
+        range_m : ranges (run,) [m]
+        """
         return np.full_like(range_m, np.inf)
 
     def find_bearing_sigma_rad(self, range_m: np.ndarray) -> np.ndarray:
-        """Return the standard deviation of each of the two angles of a direction [rad], at ranges [m]."""
+        """Return the standard deviation of each of the two angles of a direction [rad].
+
+        Parameters
+        ----------
+        range_m : ranges (run,) [m]
+        """
         found: np.ndarray = np.hypot(self.bearing_sigma_deg * units.DEG, self.origin_sigma_m / range_m)
         return found
 
@@ -133,7 +148,12 @@ class NavigationLidar(_NavigationSensor):
         return True
 
     def find_range_sigma_m(self, range_m: np.ndarray) -> np.ndarray:
-        """Return the standard deviation of a range [m]."""
+        """Return the standard deviation of a range [m].
+
+        Parameters
+        ----------
+        range_m : ranges (run,) [m]
+        """
         square = self.range_sigma_m**2 + self.origin_sigma_m**2
         grown = self.range_noise.find_sigma_m(range_m) ** 2 if self.range_noise is not None else 0.0
         found: np.ndarray = np.sqrt(square + grown + np.zeros_like(range_m))

@@ -151,6 +151,7 @@ def test_guidance_is_given_the_estimate():
     np.testing.assert_array_equal(update.position_m, estimate.position_m)
     np.testing.assert_array_equal(update.velocity_m_s, estimate.velocity_m_s)
     assert estimate.sensors == (0,)
+    assert "10 instants of measurement, 0 without a sensor; sigma of the position at 1000 s:" in flight.describe()
 
 
 def test_sensors_measure_within_their_range_only():
