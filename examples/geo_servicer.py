@@ -49,7 +49,31 @@ scenario = rl.Scenario(
             forces=rl.orbit.Forces(zonal_degree=3, sun=True, moon=True),
             thrusters=rpo.Thrusters(magnitude_sigma_fraction=0.01, pointing_sigma_deg=0.5),
             guidance=rpo.TwoImpulseGuidance(every_s=1500, horizon_s=6000, forces=rl.orbit.Forces(zonal_degree=2)),
-            navigation=rpo.NavigationErrors(position_sigma_m=0.1, velocity_sigma_m_s=0.0002),
+            navigation=rpo.RelativeFilter(  # all of its numbers are assumed
+                every_s=100,
+                position_sigma_m=[100, 400, 100],  # of an orbit by ground stations
+                velocity_sigma_m_s=[0.02, 0.01, 0.01],
+                acceleration_m_s2_sqrt_hz=1e-7,
+                sensors=[
+                    rpo.NavigationCamera(
+                        bearing_sigma_deg=0.01,
+                        origin_sigma_m=0.5,
+                        least_range_m=100,
+                        fov_deg=15,
+                        sun_exclusion_deg=30,
+                    ),
+                    rpo.NavigationLidar(
+                        bearing_sigma_deg=0.045,
+                        origin_sigma_m=0.1,
+                        most_range_m=1900,
+                        fov_deg=5,
+                        sun_exclusion_deg=10,
+                        range_noise=rpo.RangeNoise(  # the budget's range noise at 14 hours
+                            range_m=[300, 1100, 1900], sigma_m=[0.051, 0.060, 0.097]
+                        ),
+                    ),
+                ],
+            ),
         ),
         attitude=rl.LookAt(at="client"),  # the craft itself points: no PTU
     ),

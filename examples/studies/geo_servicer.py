@@ -1,6 +1,6 @@
-"""Read the approach of examples/geo_servicer.toml: burns, frames by range, the Sun, and two hundred flights with errors.
+"""Read the approach of examples/geo_servicer.toml: burns, frames by range, and two hundred flights with a filter.
 
-`python examples/studies/geo_servicer.py` prints the tables of geo_servicer.md and draws its picture, in half a minute.
+`python examples/studies/geo_servicer.py` prints the tables of geo_servicer.md and draws its picture, in a minute and a half.
 """
 
 import sys
@@ -12,6 +12,7 @@ import rso_lidar as rl
 from rso_lidar.picture import save_figure
 
 HERE = Path(__file__).resolve().parent
+INSTANTS_H = (0.0, 9.8, 12.0, 14.6, 18.7, 18.9, 22.0, 24.9)
 BANDS_M = ((0, 20), (20, 60), (60, 450), (450, 3100), (3100, 10_000), (10_000, 20_100))
 
 
@@ -20,6 +21,15 @@ def main(picture: Path) -> None:
     scenario = rl.Scenario.load(HERE.parent / "geo_servicer.toml")
     flight = scenario.follower.motion.fly(scenario.time.start_utc, scenario.target[0].motion)
     print(flight.plan.describe())
+    seen = None
+    for one in flight.list_estimates(scenario.time.duration_s):
+        if one.sensors != seen:
+            names = [
+                sensor.type for k, sensor in enumerate(scenario.follower.motion.navigation.sensors) if k in one.sensors
+            ]
+            away_m = np.linalg.norm(one.position_m)
+            print(f"{one.time_s / 3600.0:5.2f} h  {away_m:7.0f} m  {' and '.join(names) or 'no sensor'}")
+            seen = one.sensors
     burns = sum(one.size_m_s for one in flight.list_commands(scenario.time.duration_s))
     print(f"burns: planned {flight.plan.impulsive_delta_v_m_s:.3f} m/s, flown {burns:.3f} m/s")
     truth = rl.truth(scenario)
@@ -40,6 +50,10 @@ def main(picture: Path) -> None:
         )
     made = rl.study.disperse(scenario, 200)
     print(made.describe())
+    for at_h in INSTANTS_H:
+        k = int(np.argmin(np.abs(made.tubes["time_s"] - 3600.0 * at_h)))
+        errors = ", ".join(f"{made.tubes[f'{axis}_knowledge_sigma_m'][k]:.3g}" for axis in ("radial", "along", "cross"))
+        print(f"{at_h:5.1f} h  {made.tubes['range_p50_m'][k]:7.0f} m  error of the filter {errors} m")
     save_figure(made.figure(), picture)
 
 

@@ -16,6 +16,7 @@ from rso_lidar.orbit import Epochs, Forces, Impulse
 from rso_lidar.rpo import Flown, Plan, PlanFlight, PlannedImpulse, ProximityOperation, TwoImpulseGuidance
 from rso_lidar.rpo.dispersed.nominal_flight import GuidanceInstant, NominalFlight
 from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
+from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 
@@ -118,7 +119,8 @@ def find_nominal_flight(
     motion, plan, held = body.motion, None, []
     commands: tuple[PlannedImpulse, ...] = ()
     updates: list[GuidanceInstant] = []
-    forces, thrusters, navigation, least = Forces(), Thrusters(), NavigationErrors(), 0.0
+    forces, thrusters, least = Forces(), Thrusters(), 0.0
+    navigation: NavigationErrors | RelativeFilter = NavigationErrors()
     if isinstance(motion, Flown):
         if motion.guidance is not None and not isinstance(motion.guidance, TwoImpulseGuidance):
             raise ScenarioError(
@@ -156,7 +158,11 @@ def find_nominal_flight(
         state = Chief(bodies, chief).states(Epochs(start_utc, time_s))
         return rtn_matrix(state.position_m, state.velocity_m_s)
 
+    def place_chief(time_s: np.ndarray) -> np.ndarray:
+        return Chief(bodies, chief).states(Epochs(start_utc, time_s)).position_m
+
     return NominalFlight(
         start_utc, place, find_axes, forces, commands, tuple(updates), tuple(held),
         plan.control_m_s2 if plan is not None and held else None, thrusters, navigation, least,
+        place_chief,
     )  # fmt: skip

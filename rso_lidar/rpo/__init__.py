@@ -1,10 +1,13 @@
 """Rendezvous and proximity operations: relative motion in a chief's rtn axes, plans made of it, and their flight."""
 
 from rso_lidar.public_names import limit_dir
+from rso_lidar.rpo.flown.filtered_flight import FilterEstimate
 from rso_lidar.rpo.flown.flown_plan import Flown, RelativeStart
 from rso_lidar.rpo.flown.guidance import Guidance, GuidanceUpdate, TwoImpulseGuidance
 from rso_lidar.rpo.flown.plan_flight import PlanFlight
 from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
+from rso_lidar.rpo.navigation.navigation_sensors import NavigationCamera, NavigationLidar, RangeNoise
+from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
 from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
 from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
 from rso_lidar.rpo.plans.free_holds import Perch, PulsedStationKeeping
@@ -61,6 +64,7 @@ __all__ = [
     "CoElliptic",
     "CoEllipticLeg",
     "DriftLeg",
+    "FilterEstimate",
     "Flown",
     "ForcedCircumnavigation",
     "ForcedCircumnavigationLeg",
@@ -75,7 +79,9 @@ __all__ = [
     "InSunlight",
     "Lambert",
     "LambertLeg",
+    "NavigationCamera",
     "NavigationErrors",
+    "NavigationLidar",
     "Nonlinear",
     "Perch",
     "PerchLeg",
@@ -88,7 +94,9 @@ __all__ = [
     "PulsedStationKeeping",
     "RBarApproach",
     "RBarLeg",
+    "RangeNoise",
     "RelativeElements",
+    "RelativeFilter",
     "RelativeMotion",
     "RelativeStart",
     "Rendezvous",

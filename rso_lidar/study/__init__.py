@@ -2,6 +2,7 @@
 
 from rso_lidar.public_names import limit_dir
 from rso_lidar.study.budgets.finding_range import FoundRange, find_range
+from rso_lidar.study.budgets.navigation_lidar import find_navigation_lidar
 from rso_lidar.study.budgets.range_budget import Budget, budget
 from rso_lidar.study.budgets.range_curve import BudgetCurve
 from rso_lidar.study.dispersions.dispersed_mission import DispersedMission, disperse
@@ -85,6 +86,7 @@ __all__ = [
     "encounters",
     "estimate_set_errors",
     "find_hazards",
+    "find_navigation_lidar",
     "find_range",
     "find_true_relative_state",
     "fit_own_orbit",

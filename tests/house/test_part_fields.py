@@ -16,6 +16,7 @@ UNITS = {  # how a name ends, and what its description says in brackets
     "kg": "kg", "kg_m2": "kg m²", "m2": "m²", "n": "N", "per_s": "1/s", "per_sr": "1/sr", "per_v": "1/V", "na": "nA",
     "nf": "nF", "ohm": "Ω", "counts": "counts", "photons": "photons", "electrons": "electrons", "rev_day": "rev/day",
     "deg_sqrt_h": "deg/√h", "deg_h": "deg/h", "deg_h_sqrt_h": "deg/h/√h", "m_s_sqrt_h": "m/s/√h", "ug": "µg",
+    "m_s2_sqrt_hz": "m/s²/√Hz",
     "ug_sqrt_h": "µg/√h", "g": "g", "ppm": "ppm", "mrad": "mrad", "arcsec": "arcsec", "rpm": "rpm", "n_m": "N m",
     "rev_day2": "rev/day²", "rev_day3": "rev/day³", "pixels": "pixels", "per_earth_radius": "1/R⊕", "fraction": None,
 }  # fmt: skip

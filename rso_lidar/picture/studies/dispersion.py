@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _NAMES = {"radial": "Radial", "along": "Along-track", "cross": "Cross-track"}
 _MUCH = 20.0  # times the usual deviation
 _TWO_SIGMA = 1.96  # half width of the linear tube that holds 95 % of a normal distribution
+_STATES = 6  # of the filter, which is the mean NEES if it is consistent
 Table = Mapping[str, np.ndarray]
 
 
@@ -42,8 +43,10 @@ def dispersion_figure(
     """
     count = len(table["run"])
     note = f"{count:,} runs about {target}   ·   shaded: 95 % of the runs   ·   dashed: 95 % by linear covariance"
-    figure = new_figure(9.6, 9.2, title or "Dispersions", note)
-    plots = figure.subplots(3, 2)
+    note += "   ·   orange: 95 % of the filter's errors" if "nees" in tubes else ""
+    has_filter = "nees" in tubes
+    figure = new_figure(9.6, 12.0 if has_filter else 9.2, title or "Dispersions", note)
+    plots = figure.subplots(4 if has_filter else 3, 2)
     unit, word = (3600.0, "h") if tubes["time_s"][-1] > 20_000.0 else (1.0, "s")
     time = tubes["time_s"] / unit
     for axes, (axis, name) in zip(plots.flat, _NAMES.items(), strict=False):
@@ -52,6 +55,7 @@ def dispersion_figure(
         axes.fill_between(time, low, high, color=BLUE, alpha=0.25, lw=0)
         for sign in (-1.0, 1.0):
             axes.plot(time, sign * _TWO_SIGMA * tubes[f"{axis}_linear_sigma_m"], color=INK, lw=THIN_PT, ls=(0, (4, 3)))
+        _draw_knowledge(axes, time, tubes, axis)
         _spread_scale(axes, tubes[f"{axis}_linear_sigma_m"])
         style_axes(axes, x=f"Time [{word}]", y=f"{name} deviation [m]")
     axes = plots.flat[3]
@@ -64,10 +68,65 @@ def dispersion_figure(
     axes.plot(time, tubes["detected_probability"], color=GREEN, lw=THICK_PT)
     axes.set_ylim(-0.03, 1.03)
     style_axes(axes, x=f"Time [{word}]", y="P(detected by then)")
+    if has_filter:
+        _draw_filter(plots.flat[6], time, tubes, word)
+        _draw_nees(plots.flat[7], time, tubes, word)
     for axes in plots.flat:
         format_thousands(axes.xaxis)
     figure.align_ylabels(plots)
     return figure
+
+
+def _draw_knowledge(axes: Axes, time: np.ndarray, tubes: Table, axis: str) -> None:
+    """Draw the errors of the navigation filter, by runs and as it states them.
+
+    Parameters
+    ----------
+    axes : the plot
+    time : (time,) in the unit of the plot
+    tubes : columns over time
+    axis : name of the axis
+    """
+    if "nees" not in tubes:
+        return
+    for sign in (-1.0, 1.0):
+        axes.plot(time, sign * _TWO_SIGMA * tubes[f"{axis}_knowledge_sigma_m"], color=ORANGE, lw=LINE_PT)
+        stated = sign * _TWO_SIGMA * tubes[f"{axis}_filter_sigma_m"]
+        axes.plot(time, stated, color=ORANGE, lw=THIN_PT, ls=(0, (1, 2)))
+
+
+def _draw_filter(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
+    """Draw the standard deviations of the filter's error in three axes, by runs and as it states them.
+
+    Parameters
+    ----------
+    axes : the plot
+    time : (time,) in the unit of the plot
+    tubes : columns over time
+    word : unit of time
+    """
+    for (axis, name), colour in zip(_NAMES.items(), (BLUE, ORANGE, GREEN), strict=True):
+        axes.plot(time, tubes[f"{axis}_knowledge_sigma_m"], color=colour, lw=LINE_PT, label=name)
+        axes.plot(time, tubes[f"{axis}_filter_sigma_m"], color=colour, lw=THIN_PT, ls=(0, (1, 2)))
+    axes.set_yscale("log")
+    axes.legend(fontsize=TEXT_PT, frameon=False, labelcolor=QUIET, loc="upper right")
+    style_axes(axes, x=f"Time [{word}]", y="Filter's error, one sigma [m]")
+
+
+def _draw_nees(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
+    """Draw the mean NEES of the runs, 6 for consistent filters.
+
+    Parameters
+    ----------
+    axes : the plot
+    time : (time,) in the unit of the plot
+    tubes : columns over time
+    word : unit of time
+    """
+    axes.axhline(_STATES, color=INK, lw=THIN_PT, ls=(0, (4, 3)))
+    axes.plot(time, tubes["nees"], color=BLUE, lw=LINE_PT)
+    axes.set_ylim(0.0, max(2.0 * _STATES, 1.1 * float(tubes["nees"].max())))
+    style_axes(axes, x=f"Time [{word}]", y="Mean NEES of the filters")
 
 
 def _spread_scale(axes: Axes, sigma_m: np.ndarray) -> None:

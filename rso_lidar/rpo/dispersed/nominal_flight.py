@@ -10,6 +10,7 @@ import numpy as np
 
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
+from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
 from rso_lidar.rpo.plans.plan import PlannedImpulse
 
 
@@ -38,6 +39,8 @@ class NominalFlight:
     control_m_s2 : function of instants (time,) [s] that returns the thrust there (time, 3) [m/s2] in the rtn axes
     thrusters, navigation : whose random errors disperse the flight
     least_m_s : a correction smaller than this is not made [m/s]
+    chief_m : function of instants (time,) [s] that returns the position (time, 3) [m] of the body approached, inertial
+        axes; a filter needs it
     """
 
     start_utc: datetime.datetime
@@ -49,8 +52,9 @@ class NominalFlight:
     held_s: tuple[tuple[float, float], ...] = ()
     control_m_s2: Callable[[np.ndarray], np.ndarray] | None = None
     thrusters: Thrusters = field(default_factory=Thrusters)
-    navigation: NavigationErrors = field(default_factory=NavigationErrors)
+    navigation: NavigationErrors | RelativeFilter = field(default_factory=NavigationErrors)
     least_m_s: float = 0.0
+    chief_m: Callable[[np.ndarray], np.ndarray] | None = None
 
     def list_nodes_s(self, until_s: float, sample_s: np.ndarray) -> np.ndarray:
         """Return the instants (node,) [s] at which something happens or is sampled, from 0.
@@ -63,6 +67,8 @@ class NominalFlight:
         ends = [edge for span in self.held_s for edge in span]
         events = [*(one.time_s for one in self.burns), *ends]
         events += [at_s for one in self.updates for at_s in (one.time_s, one.aim_s)]
+        if isinstance(self.navigation, RelativeFilter):
+            events += self.navigation.list_instants_s(0.0, until_s).tolist()
         inside = [at_s for at_s in events if 0.0 <= at_s <= until_s]
         nodes: np.ndarray = np.unique(np.concatenate([[0.0], inside, sample_s]))
         return nodes

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import datetime
 import functools
+from collections.abc import Mapping
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
@@ -20,6 +21,7 @@ from rso_lidar.rpo.flown.guidance import AnyGuidance, TwoImpulseGuidance
 from rso_lidar.rpo.flown.plan_flight import FlightSettings, PlanFlight
 from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
 from rso_lidar.rpo.limits import Velocity
+from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
 from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
 from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
 from rso_lidar.rpo.plans.free_holds import Perch, PulsedStationKeeping
@@ -59,6 +61,13 @@ class RelativeStart(Part):
     velocity_m_s: Velocity = Field(description="Velocity relative to those rotating axes [m/s].")
 
 
+def _name_errors(value: object) -> object:
+    """Return a table of navigation with its `type`, which may be left out for stated errors."""
+    return {"type": "errors", **value} if isinstance(value, Mapping) and "type" not in value else value
+
+
+_DescribedNavigation = Annotated[NavigationErrors | RelativeFilter, Field(discriminator="type")]
+AnyNavigation = Annotated[_DescribedNavigation, BeforeValidator(_name_errors)]
 AnyStart = Annotated[Initial | RelativeStart, Field(discriminator="type")]
 
 
@@ -98,8 +107,12 @@ class Flown(RtnMotion):
         default=None,
         description="Guidance that replans the impulses on the way. If omitted, the plan is flown blindly.",
     )
-    navigation: NavigationErrors = Field(
-        default=NavigationErrors(), description="Errors of the state that guidance is given. If omitted, none."
+    navigation: AnyNavigation = Field(
+        default=NavigationErrors(),
+        description=(
+            "State that guidance is given: the true one with stated `errors` (the type if none is given), or that of a "
+            "`filter` on sensors. If omitted, the true one."
+        ),
     )
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] | None = Field(
         default=None,
@@ -210,6 +223,8 @@ class Flown(RtnMotion):
                 f"flown: gravity differs between craft and '{self.relative_to}' ({', '.join(unlike)}), which moves them "
                 "apart as nothing real does: give both the same"
             )
+        if isinstance(self.navigation, RelativeFilter) and self.guidance is None:
+            lines.append("flown: without guidance nobody asks the filter of navigation: add guidance, or leave it out")
         if isinstance(self.guidance, TwoImpulseGuidance):
             lines += self.guidance.list_limits(flight.plan.mean_motion_rad_s)
         try:

@@ -13,19 +13,21 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.maneuver import Axes3, Burn, Impulse, rotate_to_inertial
+from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
 from rso_lidar.orbit.propagation.numerical import IntegratedOrbit, Thrust
 from rso_lidar.part import make_answer_error, to_real_array
 from rso_lidar.records import BodyState
+from rso_lidar.rpo.flown.filtered_flight import CarriedBurn, FilteredFlight, FilterEstimate
 from rso_lidar.rpo.flown.guidance import Guidance, GuidanceUpdate, TwoImpulseGuidance, check_impulses
+from rso_lidar.rpo.flown.held_thrust import HeldThrust, hold_legs
 from rso_lidar.rpo.flown.thrusters import (
-    HELD_LEGS,
     IMPULSES,
     NAVIGATION,
     NavigationErrors,
     Thrusters,
     make_generator,
 )
+from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
 from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.rpo.relative.reference_orbit import ReferenceOrbit
 
@@ -39,44 +41,8 @@ class FlightSettings:
     forces: Forces
     thrusters: Thrusters
     guidance: TwoImpulseGuidance | Guidance | None
-    navigation: NavigationErrors
+    navigation: NavigationErrors | RelativeFilter
     seed: int
-
-
-@dataclass(frozen=True, eq=False)
-class HeldThrust:
-    """Thrust that holds a leg of a plan, with its errors.
-
-    Parameters
-    ----------
-    plan : the plan
-    from_s, until_s : span of the leg [s]
-    factor : (3, 3) by which the errors change the thrust
-    """
-
-    plan: Plan
-    from_s: float
-    until_s: float
-    factor: np.ndarray
-    axes: Axes3 = "chief_rtn"
-
-    @property
-    def edges_s(self) -> tuple[float, ...]:
-        """Instants at which the acceleration is discontinuous [s]."""
-        return self.from_s, self.until_s
-
-    def acceleration(self, time_s: float, r: list[float], v: list[float]) -> tuple[float, float, float]:
-        """Return the acceleration [m/s2] in inertial axes.
-
-        Parameters
-        ----------
-        time_s : seconds since the start of the plan
-        r, v : position [m] and velocity [m/s] of the chief
-        """
-        inside_s = min(time_s, math.nextafter(self.until_s, -math.inf))
-        push = self.factor @ self.plan.control_m_s2(np.array([inside_s]))[0]
-        x, y, z = push.tolist()
-        return rotate_to_inertial((x, y, z), self.axes, r, v)
 
 
 class PlanFlight:
@@ -98,10 +64,15 @@ class PlanFlight:
             start = _place_on_plan(plan, reference)
         self._row = np.concatenate([start.position_m, start.velocity_m_s])
         self._pending = tuple(sorted(plan.impulses, key=_time_s))
-        self._held = tuple(_hold(plan, settings))
+        self._held = tuple(hold_legs(plan, settings.thrusters, settings.seed))
         self._burns: list[Impulse | Burn] = []  # carried out
         self._commands: list[PlannedImpulse] = []  # what was asked of them
         self._mass_kg = settings.thrusters.mass_kg or math.nan
+        self._carried: list[CarriedBurn] = []  # in the last piece
+        self._filter: FilteredFlight | None = None
+        if isinstance(settings.navigation, RelativeFilter):
+            craft = settings.forces, settings.thrusters, settings.seed
+            self._filter = FilteredFlight(settings.navigation, self._held, reference, *craft)
         self._begins_s, self._orbits = list[float](), list[IntegratedOrbit]()
         self._updates_s: list[float] = []
         self._next_s = self._find_next_s(-1.0)
@@ -170,6 +141,18 @@ class PlanFlight:
             self._reach(until_s)
             return tuple(at_s for at_s in self._updates_s if at_s <= until_s)
 
+    def list_estimates(self, until_s: float) -> tuple[FilterEstimate, ...]:
+        """Return what the navigation filter knew after each measurement, up to the last update of guidance by an instant.
+
+        Parameters
+        ----------
+        until_s : the instant [s]
+        """
+        with self._lock:
+            self._reach(until_s)
+            known = () if self._filter is None else tuple(self._filter.estimates)
+            return tuple(one for one in known if one.time_s <= until_s)
+
     def thrust_m_s2(self, time_s: np.ndarray) -> np.ndarray:
         """Return the acceleration (time, 3) by thrust [m/s2] in the chief's rtn axes; impulses are left out.
 
@@ -216,6 +199,13 @@ class PlanFlight:
             f"  commands  {len(commands)} impulses of {math.fsum(one.size_m_s for one in commands):.5f} m/s, "
             f"after {updates} updates of guidance; the plan {self.plan.impulsive_delta_v_m_s:.5f} m/s",
         ]
+        if self._filter is not None and (known := self.list_estimates(end_s)):
+            blind = sum(not one.sensors for one in known)
+            sigma = ", ".join(f"{one:.2g}" for one in np.sqrt(np.diagonal(known[-1].covariance)[:3]))
+            lines.append(
+                f"  filter    {len(known)} instants of measurement, {blind} without a sensor; sigma of the position at "
+                f"{known[-1].time_s:.0f} s: {sigma} m"
+            )
         return "\n".join(lines)
 
     def _find_next_s(self, after_s: float) -> float:
@@ -235,6 +225,8 @@ class PlanFlight:
             if self._orbits:
                 begin_s = self._next_s
                 self._row = self._orbits[-1](np.array([begin_s]))[0]
+                if self._filter is not None:
+                    self._filter.follow(self._orbits[-1], self._begins_s[-1], begin_s, self._carried)
             if self._next_s <= begin_s:
                 self._update(begin_s)
             self._begin_piece(begin_s)
@@ -247,10 +239,7 @@ class PlanFlight:
             raise ScenarioError(
                 f"guidance: more than {_MOST_UPDATES:,} updates by {now_s:g} s: leave more time between them"
             )
-        body = BodyState(self._row[None, :3], self._row[None, 3:])
-        true = self.reference.express(body, Epochs(self.reference.start_utc, np.array([now_s])))
-        draw = make_generator(self.settings.seed, NAVIGATION, len(self._updates_s))
-        position, velocity = self.settings.navigation.disturb((true[0][0], true[1][0]), draw)
+        position, velocity = self._know(now_s)
         self._updates_s.append(now_s)
         self._next_s = self._find_next_s(now_s)
 
@@ -259,6 +248,16 @@ class PlanFlight:
 
         update = GuidanceUpdate(now_s, position, velocity, self.plan, self._pending, self._next_s, predict)
         self._pending = check_impulses(guidance, guidance.replan(update), now_s)
+
+    def _know(self, now_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the relative position [m] and velocity [m/s] (3,) as navigation knows them at an update."""
+        if self._filter is not None:
+            return self._filter.know(now_s, self._row)
+        body = BodyState(self._row[None, :3], self._row[None, 3:])
+        true = self.reference.express(body, Epochs(self.reference.start_utc, np.array([now_s])))
+        draw = make_generator(self.settings.seed, NAVIGATION, len(self._updates_s))
+        assert isinstance(self.settings.navigation, NavigationErrors)
+        return self.settings.navigation.disturb((true[0][0], true[1][0]), draw)
 
     def _predict(
         self,
@@ -293,7 +292,7 @@ class PlanFlight:
             for one in impulses
             if now_s < one.time_s < until_s
         ]
-        pushes += [HeldThrust(self.plan, one.from_s, one.until_s, np.eye(3)) for one in self._held]
+        pushes += [HeldThrust(self.plan, one.from_s, one.until_s, np.eye(3), one.number) for one in self._held]
         row = _integrate(start, reference, forces, pushes, now_s)(np.array([until_s]))
         at = Epochs(reference.start_utc, np.array([until_s]))
         position, velocity = reference.express(BodyState(row[:, :3], row[:, 3:]), at)
@@ -305,6 +304,7 @@ class PlanFlight:
         An update that falls into a burn waits for its end: before, the velocity that is still to come is unknown.
         """
         thrusters, kept = self.settings.thrusters, list[PlannedImpulse]()
+        self._carried.clear()
         ignitions = [
             max(one.time_s - 0.5 * thrusters.find_duration_s(one.size_m_s, self._mass_kg), begin_s)
             for one in self._pending
@@ -317,6 +317,8 @@ class PlanFlight:
             done = thrusters.disturb(one.delta_v_m_s, draw)
             maneuver = thrusters.make_maneuver(ignition_s, done, self._mass_kg)
             self._commands.append(one)
+            duration_s = thrusters.find_duration_s(float(np.linalg.norm(done)), self._mass_kg)
+            self._carried.append(CarriedBurn(ignition_s + 0.5 * duration_s, one.delta_v_m_s, done))
             self._mass_kg = thrusters.spend(self._mass_kg, float(np.linalg.norm(done)))
             if maneuver is not None:
                 self._burns.append(maneuver)
@@ -350,21 +352,6 @@ def _place_on_plan(plan: Plan, reference: ReferenceOrbit) -> BodyState:
     position, velocity = (rows[0] for rows in plan.relative(np.zeros(1)))
     made = [one.delta_v_m_s for one in plan.impulses if one.time_s <= 0.0]
     return reference.place(position, velocity - np.sum([np.zeros(3), *made], axis=0))
-
-
-def _hold(plan: Plan, settings: FlightSettings) -> list[HeldThrust]:
-    """Return the thrust that holds the legs of a plan, the last one without end."""
-    ends = [*(leg.begin_s for leg in plan.legs[1:]), math.inf]
-    return [
-        HeldThrust(
-            plan,
-            leg.begin_s,
-            end_s,
-            settings.thrusters.draw_factor(make_generator(settings.seed, HELD_LEGS, number)),
-        )
-        for number, (leg, end_s) in enumerate(zip(plan.legs, ends, strict=True))
-        if leg.acceleration_m_s2 is not None and end_s > leg.begin_s
-    ]
 
 
 def _time_s(impulse: PlannedImpulse) -> float:

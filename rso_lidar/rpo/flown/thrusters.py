@@ -7,7 +7,7 @@ fixed and proportional parts of magnitude and pointing, all normal and independe
 from __future__ import annotations
 
 import math
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -16,7 +16,7 @@ from rso_lidar import units
 from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
 from rso_lidar.part import NotNegative, Number, Part, Positive, Vector
 
-IMPULSES, HELD_LEGS, NAVIGATION = 0, 1, 2  # what a random number is for
+IMPULSES, HELD_LEGS, NAVIGATION, MEASUREMENTS = 0, 1, 2, 3  # what a random number is for
 _LEAST_M_S = 1e-9  # smaller changes of velocity are not carried out
 
 
@@ -120,6 +120,32 @@ class Thrusters(Part):
         )
         return matrix
 
+    @property
+    def mean_factor(self) -> np.ndarray:
+        """Matrix (3, 3) by which the constant errors change a thrust."""
+        from scipy.spatial.transform import Rotation
+
+        turned = Rotation.from_rotvec(np.array(self.misalignment_deg) * units.DEG).as_matrix()
+        made: np.ndarray = (1.0 + self.magnitude_error_fraction) * turned
+        return made
+
+    def find_covariance(self, square: np.ndarray) -> np.ndarray:
+        """Return the covariance (3, 3, …) of a burn's random errors [m2/s2], to first order.
+
+        Parameters
+        ----------
+        square : (3, 3, …) the command times itself, or the mean of that [m2/s2]
+        """
+        total = square[0, 0] + square[1, 1] + square[2, 2]
+        wide = (slice(None), slice(None), *(None,) * (square.ndim - 2))
+        unit = np.eye(3)[wide]
+        along = square / np.where(total > 0.0, total, 1.0)
+        made = self.magnitude_sigma_fraction**2 * square
+        made = made + (self.pointing_sigma_deg * units.DEG) ** 2 * (total * unit - square)
+        fixed = self.magnitude_sigma_m_s**2 * along + self.pointing_sigma_m_s**2 * (unit - along)
+        found: np.ndarray = np.where(total > 0.0, made + fixed, made)
+        return found
+
     def spend(self, mass_kg: float, delta_v_m_s: float) -> float:
         """Return the mass after a change of velocity [kg], by Tsiolkovsky's equation.
 
@@ -188,12 +214,19 @@ class Thrusters(Part):
 class NavigationErrors(Part):
     """Errors of the relative state that guidance is given: normal, independent for each fix and each axis."""
 
+    type: Literal["errors"] = "errors"
+
     position_sigma_m: NotNegative = Field(
         default=0.0, description="Standard deviation of each component of the relative position [m]."
     )
     velocity_sigma_m_s: NotNegative = Field(
         default=0.0, description="Standard deviation of each component of the relative velocity [m/s]."
     )
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations (6,) of position [m] and velocity [m/s]."""
+        return np.array([self.position_sigma_m] * 3 + [self.velocity_sigma_m_s] * 3)
 
     def disturb(self, state: tuple[np.ndarray, np.ndarray], draw: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (3,) as they are known.
@@ -208,12 +241,12 @@ class NavigationErrors(Part):
 
 
 def make_generator(seed: int, use: int, number: int) -> np.random.Generator:
-    """Return the counter-based generator of one burn, held leg or fix.
+    """Return the counter-based generator of one burn, held leg, fix or measurement.
 
     Parameters
     ----------
     seed : of the flight
-    use : `IMPULSES`, `HELD_LEGS` or `NAVIGATION`
-    number : of the burn, leg or fix
+    use : `IMPULSES`, `HELD_LEGS`, `NAVIGATION` or `MEASUREMENTS`
+    number : of the burn, leg, fix or measurement
     """
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(use, number))))

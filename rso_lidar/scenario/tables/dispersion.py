@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.part import NotNegative, Number, Part, Positive, Vector
-from rso_lidar.rpo import NavigationErrors, Thrusters
+from rso_lidar.rpo import Thrusters
+from rso_lidar.rpo.flown.flown_plan import AnyNavigation
 
 Row = tuple[Number, Number, Number, Number, Number, Number]
 _ROUNDING = 1e-9  # relative, to which a covariance may be asymmetric or negative
@@ -38,8 +39,9 @@ class Dispersion(Part):
     thrusters: Thrusters | None = Field(
         default=None, description="Errors of burns. If omitted, those of the `flown` motion, else none."
     )
-    navigation: NavigationErrors | None = Field(
-        default=None, description="Errors of navigation. If omitted, those of the `flown` motion, else none."
+    navigation: AnyNavigation | None = Field(
+        default=None,
+        description="Navigation: `errors` or a `filter`. If omitted, that of the `flown` motion, else none.",
     )
     pointing: Literal["target", "plan"] = Field(
         default="target",

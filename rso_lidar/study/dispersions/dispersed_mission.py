@@ -17,7 +17,7 @@ from rso_lidar.picture.studies.dispersion import dispersion_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.processes import Processes
-from rso_lidar.rpo.dispersed.dispersed_paths import SOURCES
+from rso_lidar.rpo.dispersed.linear_dispersion import SOURCES
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.study.dispersions.kept_runs import identify, read_blocks, write_blocks
 from rso_lidar.study.dispersions.mission_disperser import BLOCK, Block, MissionDisperser
@@ -26,6 +26,9 @@ _MOST_RUNS = 1_000_000
 _CONFIDENCE = 0.95
 PERCENTILES = (2.5, 50.0, 97.5)
 _AXES = ("radial", "along", "cross")
+KNOWLEDGE = ("knowledge_sigma", "linear_knowledge_sigma", "filter_sigma")  # by runs, linear, as the filters state it
+_STATES = 6
+_APART = 1.25  # ratio of standard deviations by linear covariance and by runs above which the former does not hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +40,8 @@ class DispersedMission:
     title, target : of the scenario, and name of the target
     table : columns (run) by name: nearest approach, collision, keep-out, field, detection and delta-v of each run
     tubes : columns (time) by name: the flight without errors, standard deviations by runs and by linear covariance with
-        their shares by source, percentiles, and the probability that the target was detected by then
+        their shares by source, percentiles, and the probability that the target was detected by then; with a filter, the
+        standard deviations of its error by runs, by linear covariance and as it states them, and its mean NEES
     hard_body_radius_m, keep_out_m : distances that count as a collision and as a violation [m]
     omits : what the runs leave out, in sentences
     """
@@ -92,7 +96,35 @@ class DispersedMission:
             lines.append(
                 f"    {axis:6} sigma {last[f'{axis}_sigma_m']:11.3f} {last[f'{axis}_linear_sigma_m']:9.3f} m{shares}"
             )
+        lines += self._describe_filter(last) if "nees" in last else []
         return "\n".join([*lines, *(f"  {line}" for line in self.omits)])
+
+    def _describe_filter(self, last: dict[str, float]) -> list[str]:
+        """Describe what the filters know at the end, and whether they know how well.
+
+        Parameters
+        ----------
+        last : tubes at the end
+        """
+        lines = ["  error of the filter     runs    linear      stated by the filters"]
+        for axis in _AXES:
+            runs, linear, stated = (last[f"{axis}_{word}_m"] for word in KNOWLEDGE)
+            lines.append(f"    {axis:6} sigma {runs:11.3f} {linear:9.3f} {stated:11.3f} m")
+        low, high = nees_bounds(self.n_runs)
+        nees = self.tubes["nees"]
+        ratios = np.array(
+            [self.tubes[f"{axis}_{KNOWLEDGE[1]}_m"] / self.tubes[f"{axis}_{KNOWLEDGE[0]}_m"] for axis in _AXES]
+        )
+        if max(ratios.max(), 1.0 / ratios.min()) > _APART + 5.0 / np.sqrt(2.0 * self.n_runs):
+            lines.append(
+                f"    the linear covariance does not hold on the way, with {ratios.min():.2f} to {ratios.max():.2f} times "
+                "the sigma of the runs: range from directions alone, and limits of sensors, are not linear"
+            )
+        return [
+            *lines,
+            f"  mean NEES {last['nees']:.2f} at the end, {nees.min():.2f} to {nees.max():.2f} on the way  (consistent: 6; "
+            f"95 %: {low:.2f} to {high:.2f} at one instant)",
+        ]
 
     def figure(self) -> Any:
         """Return a matplotlib Figure: the tubes of the path, the range, and the probability of detection over time."""
@@ -128,6 +160,21 @@ class DispersedMission:
             of the file
         """
         return save_figure_or_table(path, self.figure, self.tubes, LIGHT)
+
+
+def nees_bounds(runs: int, share: float = _CONFIDENCE) -> tuple[float, float]:
+    """Return the two-sided bounds of the mean NEES of runs whose filters are consistent (chi-square distribution).
+
+    Parameters
+    ----------
+    runs : number of runs
+    share : probability that the mean is within the bounds
+    """
+    from scipy.special import chdtri
+
+    tail = 0.5 * (1.0 - share)
+    low, high = (float(chdtri(_STATES * runs, over)) / runs for over in (1.0 - tail, tail))
+    return low, high
 
 
 _OMITS = (
@@ -233,6 +280,7 @@ def _join(made: MissionDisperser, block: Block) -> DispersedMission:
     """
     position = made.nominal_m + block.pop("deviation_m")
     missed = block.pop("missed")
+    error, stated, nees = (block.pop(name, None) for name in ("knowledge_error_m", "filter_sigma_m", "nees"))
     linear = made.disperser.find_linear()
     range_m = np.sqrt(np.sum(position**2, axis=2))
     tubes: dict[str, np.ndarray] = {"time_s": made.sample_s}
@@ -248,6 +296,12 @@ def _join(made: MissionDisperser, block: Block) -> DispersedMission:
             tubes[f"{axis}_p{level:g}_m"] = row
     for level, row in zip(PERCENTILES, np.percentile(range_m, PERCENTILES, axis=0), strict=True):
         tubes[f"range_p{level:g}_m"] = row
+    if error is not None and stated is not None and nees is not None and linear.knowledge is not None:
+        known = np.sqrt(np.diagonal(linear.knowledge, axis1=1, axis2=2))
+        for k, axis in enumerate(_AXES):
+            columns = error[:, :, k].std(axis=0, ddof=1), known[:, k], np.sqrt(np.mean(stated[:, :, k] ** 2, axis=0))
+            tubes |= {f"{axis}_{word}_m": column for word, column in zip(KNOWLEDGE, columns, strict=True)}
+        tubes["nees"] = nees.mean(axis=0)
     tubes["detected_probability"] = 1.0 - missed.mean(axis=0)
     return DispersedMission(
         made.scenario.name, made.target, block, tubes, made.hard_body_radius_m, made.keep_out.radius_m, _OMITS

@@ -131,7 +131,7 @@ class MissionDisperser:
             chance = np.where(held[:, k], self.detect(k, range_m[:, k], energy), 0.0)
             left = left * (1.0 - chance) ** flashes
             missed[:, k] = left
-        return {
+        block = {
             "run": np.arange(runs.start, runs.stop),
             "nearest_m": nearest,
             "nearest_s": np.interp(place, np.arange(len(self.sample_s)), self.sample_s),
@@ -146,6 +146,9 @@ class MissionDisperser:
             "deviation_m": paths.deviation_m,
             "missed": missed,
         }
+        if (known := paths.knowledge) is not None:
+            block |= {"knowledge_error_m": known.error_m, "filter_sigma_m": known.sigma_m, "nees": known.nees}
+        return block
 
     @cached_property
     def detect(self) -> Callable[[int, np.ndarray, np.ndarray], np.ndarray]:
