@@ -10,8 +10,9 @@ import numpy as np
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.motions.motion import chief_of
 from rso_lidar.motion.motions.placement import Place
-from rso_lidar.orbit.central_body import CentralBody, find_center, subtract_center
+from rso_lidar.orbit.central_body import CentralBody, find_center, find_center_states, subtract_center
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.trajectory import Trajectory, find_breaks_s, state_rates, two_body_rates
 from rso_lidar.pose import Link, cross, rotate_vectors
 from rso_lidar.records import BodyState
@@ -82,3 +83,19 @@ def list_breaks_s(
         else:
             breaks.append(find_breaks_s(motion, epochs))
     return np.concatenate(breaks)
+
+
+def find_moon_m(bodies: Sequence[Body], epochs: Epochs) -> np.ndarray:
+    """Return the position (time, 3) [m] of the Moon in root axes.
+
+    It is that of the kernel by which bodies orbit about the Moon, and else the built-in series, which is up to 32 km off.
+
+    Parameters
+    ----------
+    bodies : all bodies.
+    epochs : instants.
+    """
+    for body in bodies:
+        if (center := find_center_states(body.motion, epochs)) is not None:
+            return center.position_m
+    return moon_position_m(epochs)
