@@ -87,7 +87,12 @@ class MoonCentered(Part):
         raise NotImplementedError
 
     def states_about_moon(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s] (time, 3) about the Moon's centre, in GCRS axes."""
+        """Return position [m] and velocity [m/s] (time, 3) about the Moon's centre, in GCRS axes.
+
+        Parameters
+        ----------
+        epochs : instants
+        """
         start, since_s = self.start_about_moon(), epochs.since(self.epoch_utc)
         return BodyState(*propagate_two_body(start.position_m, start.velocity_m_s, since_s, MOON.gm_m3_s2))
 

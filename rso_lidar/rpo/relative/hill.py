@@ -122,6 +122,9 @@ def describe_validity(
     farthest_m = float(np.linalg.norm(np.atleast_2d(position_m), axis=-1).max(initial=0.0))
     e = find_eccentricity(chief_m, chief_m_s, center.gm_m3_s2)
     sentences = []
+    elements = ", relative_elements" if center is EARTH else ""  # they have the Earth's J2
+    if center is not EARTH:
+        better = "use nonlinear"
     if farthest_m > FAR_M:
         off_m = factor * math.pi * farthest_m**2 / float(np.linalg.norm(chief_m))
         what = "the separation" if factor == STRAIGHT else "the height, or the arc across,"
@@ -133,7 +136,7 @@ def describe_validity(
         sentences.append(
             f"hill: the chief's eccentricity is {e:.4f}; above {ECCENTRIC:g} Clohessy-Wiltshire, which takes it as "
             f"circular, is off by up to {30.0 * e:.0%} of the separation for each revolution: "
-            "use yamanaka_ankersen, relative_elements or nonlinear"
+            f"use yamanaka_ankersen{elements} or nonlinear"
         )
     return sentences
 

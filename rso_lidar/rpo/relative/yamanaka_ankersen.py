@@ -14,7 +14,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.central_body import find_center
+from rso_lidar.orbit.central_body import EARTH, find_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body.anomaly import start_eccentric_anomaly
@@ -68,7 +68,7 @@ class YamanakaAnkersen(RelativeState):
             sentences.append(
                 f"yamanaka_ankersen: the separation reaches {farthest_m / units.KM:.1f} km; beyond {FAR_M / units.KM:g} km "
                 f"the neglected second order, here up to some {off_m:.3g} m for each "
-                "revolution, matters: use nonlinear or relative_elements"
+                f"revolution, matters: use nonlinear{' or relative_elements' if center is EARTH else ''}"
             )
         return sentences + describe_flattening("yamanaka_ankersen", epochs, *start, center=center)
 
@@ -108,6 +108,11 @@ class _ChiefOrbit:
     """The chief's two-body ellipse.
 
     `e` is its eccentricity and `k2` the paper's k^2 = sqrt(GM / p^3); the anomalies are those at the start.
+
+    Parameters
+    ----------
+    r, v : state (3,) about the central body [m], [m/s]
+    gm : gravitational parameter of that body [m3/s2]
     """
 
     def __init__(self, r: np.ndarray, v: np.ndarray, gm: float) -> None:

@@ -11,8 +11,8 @@ from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses
 from rso_lidar.orbit.sky.geometry import earth_angular_radius_rad
 from rso_lidar.scenario.assessment.stray_light import advise_on_glare
-from rso_lidar.scenario.mission.lunar_orbits import list_lunar_bodies
 from rso_lidar.scenario.mission.mission import Mission
+from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 from rso_lidar.scenario.preview.geometry import Preview
 from rso_lidar.scenario.preview.sky import (
     SkyGeometry,
@@ -121,6 +121,12 @@ def _advise_on_earth(preview: Preview, around: SkyGeometry) -> list[str]:
 
 
 def _advise_on_moon(mission: Mission, preview: Preview, around: SkyGeometry) -> list[str]:
+    """Warn of the Moon's disk in the field of view of a follower that orbits about it.
+
+    Parameters
+    ----------
+    mission, preview, around : the mission, its geometry, and the bodies around the lidar.
+    """
     if around.moon_m is None or "follower" not in list_lunar_bodies(mission.bodies):
         return []
     radius = earth_angular_radius_rad(around.moon_m - around.position_m, units.MOON_RADIUS_M)

@@ -19,7 +19,7 @@ from rso_lidar.motion.bodies.order import sort_bodies
 from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.exposure import Exposure
-from rso_lidar.scenario.mission.lunar_orbits import check_lunar_orbits
+from rso_lidar.scenario.mission.moon_missions import check_lunar_orbits
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics, list_fmus
 from rso_lidar.scenario.mission.sensor_checks import check_sensors, check_tracked_name
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces

@@ -27,8 +27,8 @@ from rso_lidar.orbit.sky.geometry import (
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.scenario.mission.lunar_orbits import list_lunar_bodies
 from rso_lidar.scenario.mission.mission import Mission
+from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 from rso_lidar.scenario.preview.geometry import Preview
 
 

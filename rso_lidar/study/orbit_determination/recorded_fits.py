@@ -16,7 +16,7 @@ from rso_lidar.errors import RecordingError
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.records import Frame, GnssSamples
 from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.lunar_orbits import list_lunar_bodies
+from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 from rso_lidar.sensors import Gnss
 from rso_lidar.study.orbit_determination.attitude_history import AttitudeHistory
 from rso_lidar.study.orbit_determination.recorded_measurements import (

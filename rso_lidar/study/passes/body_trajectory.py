@@ -9,7 +9,7 @@ from rso_lidar.motion.truth import Chief
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.records import BodyState
 from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.lunar_orbits import list_lunar_bodies
+from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 
 
 class BodyTrajectory:
