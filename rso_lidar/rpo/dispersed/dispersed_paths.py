@@ -15,6 +15,7 @@ from rso_lidar.rpo.dispersed.deviation_flow import DeviationFlow, Push
 from rso_lidar.rpo.dispersed.nominal_flight import NominalFlight
 
 SOURCES = ("start", "burns", "navigation")
+TARGET = "target"  # a further source, where the body approached has errors of its own
 _WEAK = 1e-3  # share of the strongest direction below which a component of the aim cannot be commanded
 _TIE_S = 1e-6  # instants nearer than this are one
 _INITIAL, _PER_BURN, _PER_UPDATE, _PER_LEG = 6, 8, 6, 4  # standard normal numbers
@@ -56,9 +57,16 @@ class Disperser:
     flight : the flight without random errors
     sample_s : (time,) ascending instants at which deviations are wanted [s]
     covariance : (6, 6) of the state at the start in the rotating rtn axes [m2, m2/s, m2/s2]
+    target_covariance : the same of the body approached, whose path then deviates too; None for none
     """
 
-    def __init__(self, flight: NominalFlight, sample_s: np.ndarray, covariance: np.ndarray) -> None:
+    def __init__(
+        self,
+        flight: NominalFlight,
+        sample_s: np.ndarray,
+        covariance: np.ndarray,
+        target_covariance: np.ndarray | None = None,
+    ) -> None:
         self.flight, self.sample_s = flight, sample_s
         node_s = flight.list_nodes_s(float(sample_s[-1]), sample_s)
         self.node_s = node_s[np.append(True, np.diff(node_s) > _TIE_S)]
@@ -69,8 +77,11 @@ class Disperser:
         self._updates = {
             self._index(one.time_s): self._index(one.aim_s) for one in flight.updates if self._holds(one.aim_s)
         }
-        values, vectors = np.linalg.eigh(covariance)
-        self._root = vectors * np.sqrt(np.maximum(values, 0.0))
+        self._root, self._target = _find_root(covariance), None
+        if target_covariance is not None:
+            assert flight.chief_m is not None
+            self._target = DeviationFlow(self.node_s, flight.chief_m, flight.forces, flight.start_utc)
+            self._target_root = _find_root(target_covariance)
         self._transition = [self._flow.transition(node) for node in range(len(self.node_s) - 1)]
         self._gains = {now: self._find_gain(now, aim) for now, aim in self._updates.items()}
         due = set(self._updates.values())
@@ -83,7 +94,13 @@ class Disperser:
     @property
     def n_numbers(self) -> int:
         """How many standard normal numbers a run takes."""
-        return _INITIAL + _PER_LEG * len(self._legs) + _PER_BURN * len(self._burning) + _PER_UPDATE * len(self._updates)
+        own = _INITIAL + _PER_LEG * len(self._legs) + _PER_BURN * len(self._burning) + _PER_UPDATE * len(self._updates)
+        return own if self._target is None else own + _INITIAL
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of the sources of errors."""
+        return SOURCES if self._target is None else (*SOURCES, TARGET)
 
     # ------------------------------------------------------------------------------------------------- linear
 
@@ -95,10 +112,15 @@ class Disperser:
         of_legs = _PER_LEG * len(self._legs)
         labels += ["burns"] * of_legs
         columns, pending = _widen(columns, of_legs), _widen(pending, of_legs)
+        beside = np.zeros_like(columns)  # deviations of the body approached
+        if self._target is not None:
+            columns, pending = _widen(columns, _INITIAL), _widen(pending, _INITIAL)
+            beside = np.hstack([beside, self._to_inertial(0, self._target_root)])
+            labels += [TARGET] * _INITIAL
         for node in range(len(self.node_s)):
             axes, change = self._axes[node], np.zeros_like(pending)
             if node in self._updates:
-                known = np.hstack([columns, self._to_inertial(node, self._navigation_root())])
+                known = np.hstack([columns - beside, self._to_inertial(node, self._navigation_root())])
                 columns, pending = _widen(columns, 6), _widen(pending, 6)
                 labels += ["navigation"] * 6
                 velocity, arrival = self._gains[node]
@@ -111,15 +133,18 @@ class Disperser:
                 columns, pending = _widen(columns, 3), _widen(pending, 3)
                 columns[3:, -3:] = errors
                 labels += ["burns"] * 3
-            kept[node] = self._to_rotating(node, columns)
+            beside = _widen(beside, columns.shape[1] - beside.shape[1])
+            kept[node] = self._to_rotating(node, columns - beside)
             if node + 1 < len(self.node_s):
                 columns = self._carry(node, columns)
+                if self._target is not None:
+                    beside = self._target.transition(node) @ beside
         chosen = np.array(labels)
         rows = [kept[node] for node in self._sample]
         made = np.stack([one @ one.T for one in rows])
         parts = {
             name: np.stack([np.sum(one[:3, chosen[: one.shape[1]] == name] ** 2, axis=1) for one in rows])
-            for name in SOURCES
+            for name in self.sources
         }
         return LinearDispersion(made, parts)
 
@@ -169,10 +194,14 @@ class Disperser:
         numbers : (run, number) standard normal numbers, `n_numbers` for each run
         without_burns : whether all burns, corrections and held thrust are missing
         """
-        drawn = iter(np.split(numbers.T, self._list_splits()))
+        pieces = np.split(numbers.T, self._list_splits())
+        drawn = iter(pieces)
         state = self._to_inertial(0, _apply(self._root, next(drawn)))
         held = next(drawn)
         n_runs = len(numbers)
+        beside = np.zeros((6, n_runs))  # deviations of the body approached
+        if self._target is not None:
+            beside = self._to_inertial(0, _apply(self._target_root, pieces[-1]))
         pending, aim, spent = np.zeros((3, n_runs)), -1, np.zeros(n_runs)
         deviations = np.empty((len(self.sample_s), 3, n_runs))
         wanted: dict[int, list[int]] = {}
@@ -183,7 +212,7 @@ class Disperser:
             if node in self._updates:
                 noise = _apply(self._navigation_root(), next(drawn))
                 if not without_burns:
-                    known = state + self._to_inertial(node, noise)
+                    known = state - beside + self._to_inertial(node, noise)
                     velocity, arrival = (_apply(gain, known) for gain in self._gains[node])
                     made = np.sqrt(np.sum(velocity**2, axis=0)) >= self.flight.least_m_s
                     change = np.where(made, _apply(axes.T, velocity), 0.0)
@@ -202,12 +231,14 @@ class Disperser:
                     carried = self._carry_out(command, errors) - planned
                 state[3:] += _apply(axes, carried)
             for k in wanted.get(node, ()):
-                deviations[k] = _apply(axes.T, state[:3])
+                deviations[k] = _apply(axes.T, state[:3] - beside[:3])
             if node + 1 < len(self.node_s):
                 push = None
                 if self._is_held(node):
                     push = self._stop_thrust() if without_burns else self._make_push(held, node)
                 state = self._flow.advance(node, state, push)
+                if self._target is not None:
+                    beside = self._target.advance(node, beside)
         return DispersedPaths(np.ascontiguousarray(deviations.transpose(2, 0, 1)), spent)
 
     def _carry_out(self, command: np.ndarray, numbers: np.ndarray) -> np.ndarray:
@@ -241,6 +272,8 @@ class Disperser:
         counts = [_INITIAL, _PER_LEG * len(self._legs)]
         for node in range(len(self.node_s)):
             counts += [_PER_UPDATE] * (node in self._updates) + [_PER_BURN] * (node in self._burning)
+        if self._target is not None:
+            counts.append(_INITIAL)
         return [int(place) for place in np.cumsum(counts)[:-1]]
 
     # ------------------------------------------------------------------------------------------------- parts of both
@@ -331,6 +364,13 @@ def _apply(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
     for k in range(1, matrix.shape[1]):
         made = made + matrix[:, k : k + 1] * columns[k]
     return made
+
+
+def _find_root(covariance: np.ndarray) -> np.ndarray:
+    """Return a matrix (6, 6) whose product with its own transpose is a covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    root: np.ndarray = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root
 
 
 def _is_inside(span: tuple[float, float], at_s: float) -> bool:

@@ -38,6 +38,8 @@ class NominalFlight:
     control_m_s2 : function of instants (time,) [s] that returns the thrust there (time, 3) [m/s2] in the rtn axes
     thrusters, navigation : whose random errors disperse the flight
     least_m_s : a correction smaller than this is not made [m/s]
+    chief_m : function of instants (time,) [s] that returns the position (time, 3) [m] of the body approached, inertial axes;
+        needed where that has errors of its own
     """
 
     start_utc: datetime.datetime
@@ -51,6 +53,7 @@ class NominalFlight:
     thrusters: Thrusters = field(default_factory=Thrusters)
     navigation: NavigationErrors = field(default_factory=NavigationErrors)
     least_m_s: float = 0.0
+    chief_m: Callable[[np.ndarray], np.ndarray] | None = None
 
     def list_nodes_s(self, until_s: float, sample_s: np.ndarray) -> np.ndarray:
         """Return the instants (node,) [s] at which something happens or is sampled, from 0.

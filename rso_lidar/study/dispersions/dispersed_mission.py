@@ -17,7 +17,7 @@ from rso_lidar.picture.studies.dispersion import dispersion_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.processes import Processes
-from rso_lidar.rpo.dispersed.dispersed_paths import SOURCES
+from rso_lidar.rpo.dispersed.dispersed_paths import SOURCES, TARGET
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.study.dispersions.kept_runs import identify, read_blocks, write_blocks
 from rso_lidar.study.dispersions.mission_disperser import BLOCK, Block, MissionDisperser
@@ -40,6 +40,7 @@ class DispersedMission:
         their shares by source, percentiles, and the probability that the target was detected by then
     hard_body_radius_m, keep_out_m : distances that count as a collision and as a violation [m]
     omits : what the runs leave out, in sentences
+    sources : names of the sources of errors, of which `tubes` has the shares
     """
 
     title: str
@@ -49,6 +50,7 @@ class DispersedMission:
     hard_body_radius_m: float
     keep_out_m: float
     omits: tuple[str, ...] = ()
+    sources: tuple[str, ...] = SOURCES
 
     @property
     def n_runs(self) -> int:
@@ -86,12 +88,18 @@ class DispersedMission:
         lines.append("  nearest approach  " + " / ".join(f"{one:,.1f}" for one in nearest) + " m (2.5, 50, 97.5 %)")
         spent = np.percentile(self.table["delta_v_m_s"], PERCENTILES)
         lines.append("  delta-v of burns  " + " / ".join(f"{one:,.4f}" for one in spent) + " m/s (2.5, 50, 97.5 %)")
-        lines.append("  at the end            runs    linear  " + "".join(f"{name:>12}" for name in SOURCES))
+        lines.append("  at the end            runs    linear  " + "".join(f"{name:>12}" for name in self.sources))
         for axis in _AXES:
-            shares = "".join(f"{100.0 * last[f'{axis}_{name}_share']:10.1f} %" for name in SOURCES)
+            shares = "".join(f"{100.0 * last[f'{axis}_{name}_share']:10.1f} %" for name in self.sources)
             lines.append(
                 f"    {axis:6} sigma {last[f'{axis}_sigma_m']:11.3f} {last[f'{axis}_linear_sigma_m']:9.3f} m{shares}"
             )
+        if "body_x_sigma_m" in last:
+            lines.append("  in the target's axes  runs    linear")
+            lines += [
+                f"    {axis:6} sigma {last[f'body_{axis}_sigma_m']:11.3f} {last[f'body_{axis}_linear_sigma_m']:9.3f} m"
+                for axis in "xyz"
+            ]
         return "\n".join([*lines, *(f"  {line}" for line in self.omits)])
 
     def figure(self) -> Any:
@@ -130,9 +138,7 @@ class DispersedMission:
         return save_figure_or_table(path, self.figure, self.tubes, LIGHT)
 
 
-_OMITS = (
-    "left out: errors of the target's own orbit and attitude, and the change of drag, sunlight and tides over a deviation",
-)
+_OMITS = "the change of drag, sunlight and tides over a deviation"
 
 
 def disperse(
@@ -233,7 +239,7 @@ def _join(made: MissionDisperser, block: Block) -> DispersedMission:
     """
     position = made.nominal_m + block.pop("deviation_m")
     missed = block.pop("missed")
-    linear = made.disperser.find_linear()
+    linear, attitude = made.disperser.find_linear(), made.attitude
     range_m = np.sqrt(np.sum(position**2, axis=2))
     tubes: dict[str, np.ndarray] = {"time_s": made.sample_s}
     sigma = np.sqrt(np.diagonal(linear.covariance, axis1=1, axis2=2))
@@ -242,13 +248,36 @@ def _join(made: MissionDisperser, block: Block) -> DispersedMission:
         tubes[f"{axis}_m"] = made.nominal_m[:, k]
         tubes[f"{axis}_sigma_m"] = position[:, :, k].std(axis=0, ddof=1)
         tubes[f"{axis}_linear_sigma_m"] = sigma[:, k]
-        for name in SOURCES:
+        for name in made.disperser.sources:
             tubes[f"{axis}_{name}_share"] = linear.shares[name][:, k] / total[:, k]
         for level, row in zip(PERCENTILES, np.percentile(position[:, :, k], PERCENTILES, axis=0), strict=True):
             tubes[f"{axis}_p{level:g}_m"] = row
     for level, row in zip(PERCENTILES, np.percentile(range_m, PERCENTILES, axis=0), strict=True):
         tubes[f"range_p{level:g}_m"] = row
+    if attitude is not None:
+        in_body, planned = block.pop("in_body_m"), attitude.place(made.nominal_m)
+        linear_m = attitude.find_linear_sigma_m(made.nominal_m, linear.covariance[:, :3, :3])
+        for k, axis in enumerate("xyz"):
+            tubes[f"body_{axis}_m"] = planned[:, k]
+            tubes[f"body_{axis}_sigma_m"] = in_body[:, :, k].std(axis=0, ddof=1)
+            tubes[f"body_{axis}_linear_sigma_m"] = linear_m[:, k]
     tubes["detected_probability"] = 1.0 - missed.mean(axis=0)
     return DispersedMission(
-        made.scenario.name, made.target, block, tubes, made.hard_body_radius_m, made.keep_out.radius_m, _OMITS
+        made.scenario.name,
+        made.target,
+        block,
+        tubes,
+        made.hard_body_radius_m,
+        made.keep_out.radius_m,
+        (_describe_omissions(made),),
+        made.disperser.sources,
     )
+
+
+def _describe_omissions(made: MissionDisperser) -> str:
+    """Describe what the runs leave out."""
+    missing = [
+        word for word, has in (("orbit", TARGET in made.disperser.sources), ("attitude", made.attitude)) if not has
+    ]
+    own = f"errors of the target's own {' and '.join(missing)}, and " if missing else ""
+    return f"left out: {own}{_OMITS}"
