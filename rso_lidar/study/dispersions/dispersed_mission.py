@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.motion.motions.motion import chief_of, has_orbit
 from rso_lidar.picture.studies.dispersion import dispersion_figure
 from rso_lidar.picture.style.output import save_figure_or_table
@@ -147,6 +149,7 @@ def disperse(
     *,
     target: str | None = None,
     workers: int | None = None,
+    executor: Executor | None = None,
     working: str | Path | None = None,
     on_runs: Callable[[int, int], None] | None = None,
 ) -> DispersedMission:
@@ -161,6 +164,8 @@ def disperse(
     runs : number of runs, from 2
     target : name of the target (None: the body that the follower approaches, else the first target)
     workers : number of processes (None: this one alone)
+    executor : in the manner of `concurrent.futures`, which flies blocks of runs in place of `workers`: a pool of threads or
+        processes, or ``client.get_executor()`` of dask. It changes no result.
     working : file in which finished runs are kept; an interrupted study, or one of fewer runs, continues from it. Its name
         is extended by eight hex digits that identify the scenario.
     on_runs : called with the number of finished runs and that of all, at the start and after each block
@@ -180,13 +185,19 @@ def disperse(
         raise ScenarioError(f"runs: needs a whole number from 2 to {_MOST_RUNS:,}, not {runs!r}")
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
+    if executor is not None and (workers is not None or not callable(getattr(executor, "submit", None))):
+        raise ScenarioError(
+            "executor: needs an Executor of concurrent.futures, or client.get_executor() of dask, and no workers"
+        )
     made = MissionDisperser(scenario, _find_target(scenario, target))
     kept = None if working is None else Path(f"{working}.{identify(scenario, made.target)}.npz")
     blocks = read_blocks(kept) if kept is not None else {}
     tell = on_runs or (lambda done, count: None)
     wanted = list(range(0, runs, BLOCK))
     tell(min(BLOCK * sum(begin in blocks for begin in wanted), runs), runs)
-    for begin, block in _fly_blocks(made, [one for one in wanted if one not in blocks], workers):
+    left = [one for one in wanted if one not in blocks]
+    flown = _fly_blocks(made, left, workers) if executor is None else _submit_blocks(made, left, executor)
+    for begin, block in flown:
         blocks[begin] = block
         if kept is not None:
             write_blocks(kept, blocks)
@@ -223,6 +234,26 @@ def _fly_blocks(made: MissionDisperser, begins: list[int], workers: int | None) 
         return
     with Processes(min(workers, len(begins)), partial(_fly_block, made)) as processes:
         yield from processes.map_unordered(begins)
+
+
+def _submit_blocks(made: MissionDisperser, begins: list[int], executor: Executor) -> Iterator[tuple[int, Block]]:
+    """Fly blocks of runs by an executor, and yield each with its first run when it is finished.
+
+    Parameters
+    ----------
+    made, begins : as for `_fly_blocks`
+    executor : whose workers may be other processes or machines; each block makes its flight anew there
+    """
+    waiting = [executor.submit(_fly_block, copy.copy(made), begin) for begin in begins]
+    try:
+        for future in as_completed(waiting):
+            try:
+                yield future.result()
+            except BrokenExecutor as error:
+                raise RunError("disperse: a worker of the executor ended; start it again with fewer workers") from error
+    finally:
+        for future in waiting:
+            future.cancel()
 
 
 def _fly_block(made: MissionDisperser, begin: int) -> tuple[int, Block]:
