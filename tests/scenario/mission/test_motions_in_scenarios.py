@@ -296,7 +296,7 @@ def test_an_orbit_that_falls_says_when(load):
 
 
 def test_each_type_is_told_where_none_is_known():
-    """The list of known types in an error holds every type of this file, and only FMUs and orbits about the Moon beside, with files of their own."""
+    """The list of known types in an error holds every type of this file, with FMUs and lunar orbits, which need files."""
     with pytest.raises(ScenarioError) as error:
         rl.Scenario.loads(scenario_text('{ type = "warp" }'))
     known = set(re.findall(r"\w+", str(error.value).partition("(known: ")[2]))
