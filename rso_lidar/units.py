@@ -33,6 +33,9 @@ MOON_GM_M3_S2 = 4.902_800_066e12
 # IAU working group on cartographic coordinates (2015): mean radius.
 MOON_RADIUS_M = 1_737_400.0
 
+# GRAIL, as in DE430 (Folkner et al. 2014, IPN 42-196), to four digits; radius 1738 km.
+MOON_J2 = 2.032e-4
+
 # IAU 2012 resolution B2, exact.
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
 

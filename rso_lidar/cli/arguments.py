@@ -2,7 +2,8 @@
 
 import datetime
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -53,6 +54,23 @@ def choose_scheme(dark: bool, outputs: Iterable[Path | None] | None = None) -> S
     if dark and outputs is not None and not any(place and place.suffix.lower() not in _TABLES for place in outputs):
         raise ScenarioError("--dark: is for pictures; end the output with .png, or leave --dark out")
     return DARK if dark else LIGHT
+
+
+@contextmanager
+def name_options(*arguments: str) -> Iterator[None]:
+    """Let the messages of errors name the options of a command in place of the arguments of a function.
+
+    Parameters
+    ----------
+    arguments : names with which messages may begin, such as ``target_size``, the option --target-size
+    """
+    try:
+        yield
+    except ScenarioError as error:
+        place, colon, rest = str(error).partition(":")
+        if not colon or place not in arguments:
+            raise
+        raise ScenarioError(f"--{place.replace('_', '-')}:{rest}") from None
 
 
 def parse_length_m(option: str, text: str) -> float:

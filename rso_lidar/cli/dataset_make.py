@@ -10,7 +10,8 @@ from rso_lidar import dataset
 from rso_lidar.cli.arguments import NoCode, TrustFmu
 from rso_lidar.cli.progress import Bar, announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
-from rso_lidar.errors import DatasetError, did_you_mean
+from rso_lidar.dask_cluster import choose_scheduler
+from rso_lidar.errors import DatasetError
 from rso_lidar.interruption import set_advice
 
 
@@ -54,13 +55,7 @@ def make(
 
     A run that is interrupted loses at most the shards that it was making; --resume goes on.
     """
-    if engine not in ("pool", "dask"):
-        raise DatasetError(
-            f"--engine {engine}: is not an engine{did_you_mean(engine, ('pool', 'dask'))}; take pool or dask"
-        )
-    if scheduler is not None and engine != "dask":
-        raise DatasetError(f"--scheduler {scheduler}: is for --engine dask; add it, or leave out --scheduler")
-    by = (scheduler or "local") if engine == "dask" else None
+    by = choose_scheduler(engine, scheduler, DatasetError)
     set_advice(lambda: to_one_line(f"finished shards are kept in {output}; the same command with --resume goes on"))
     with ExitStack() as stack:
         bars: list[Bar] = []

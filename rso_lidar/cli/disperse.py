@@ -1,13 +1,16 @@
 """`rso-lidar disperse`: a mission flown many times with errors, by runs and by linear covariance."""
 
+import os
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from rso_lidar.cli.arguments import Dark, NoCode, Overwrite, ScenarioFile, Seed, Settings, choose_scheme, join_settings
 from rso_lidar.cli.progress import show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
+from rso_lidar.dask_cluster import choose_scheduler, open_dask_client
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import set_advice
 from rso_lidar.picture.style.output import RESULT_SUFFIXES
@@ -32,6 +35,15 @@ def disperse(
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, max=256, help="Processes; changes no result.")
     ] = None,
+    engine: Annotated[
+        str, typer.Option("--engine", metavar="pool|dask", help="Engine that flies the runs: processes here, or dask.")
+    ] = "pool",
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS|local", help="Scheduler of dask; local starts one, with --workers."
+        ),
+    ] = None,
     seed: Seed = None,
     settings: Settings = None,
     no_code: NoCode = False,
@@ -46,6 +58,7 @@ def disperse(
     if tubes is not None:
         tubes = check_writable(tubes, (".csv",), overwrite=overwrite)
     scheme = choose_scheme(dark, [output])
+    by = choose_scheduler(engine, scheduler)
     scenario = Scenario.load(file, join_settings(settings, seed), trust_code=not no_code)
     working = output.with_name(f".{output.stem}.runs")
     set_advice(lambda: to_one_line(f"finished runs are kept beside {output}; the same command goes on"))
@@ -58,7 +71,12 @@ def disperse(
                 bar.advance()
             shown = done
 
-        made = disperse_mission(scenario, runs, target=target, workers=workers, working=working, on_runs=step)
+        with ExitStack() as stack:
+            how: dict[str, Any] = {"workers": workers}
+            if by is not None:
+                client = stack.enter_context(open_dask_client(by, workers or os.cpu_count() or 1))
+                how = {"executor": client.get_executor()}
+            made = disperse_mission(scenario, runs, target=target, working=working, on_runs=step, **how)
     made.save(output, scheme)
     if tubes is not None:
         made.save_tubes(tubes)

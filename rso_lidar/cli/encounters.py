@@ -9,7 +9,15 @@ import numpy as np
 import typer
 
 from rso_lidar import picture, units
-from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme, load_lidar, parse_instant, parse_length_m
+from rso_lidar.cli.arguments import (
+    Dark,
+    Overwrite,
+    choose_scheme,
+    load_lidar,
+    name_options,
+    parse_instant,
+    parse_length_m,
+)
 from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
@@ -28,6 +36,15 @@ from rso_lidar.study.passes.search_objects import load_follower
 
 _GREATEST_KEEP_OUT_M = 1e7
 _ORDERS = ("range", "time", "speed")
+_ARGUMENTS = (
+    "within",
+    "start",
+    "days",
+    "max_slew",
+    "target_size",
+    "reflectance",
+    "flash_rate",
+)  # which are options too
 _GAP = 2  # spaces between columns of a terminal
 _NAMING = 5  # columns that identify an encounter and its range
 # Columns in order of importance, for terminals that are too narrow for all of them.
@@ -152,11 +169,12 @@ def encounters(
         raise ScenarioError(f"--sort {sort}: unknown order{did_you_mean(sort, _ORDERS)} (known: {', '.join(_ORDERS)})")
     within_m, start_utc = parse_length_m("--within", within), parse_instant("--start", start)
     camera, asked, finding, rate_hz = _load_camera(lidar)
-    plate = ViewedPlate(
-        None if target_size is None else parse_length_m("--target-size", target_size),
-        reflectance,
-        rate_hz if flash_rate is None else flash_rate,
-    )
+    with name_options(*_ARGUMENTS):
+        plate = ViewedPlate(
+            None if target_size is None else parse_length_m("--target-size", target_size),
+            reflectance,
+            rate_hz if flash_rate is None else flash_rate,
+        )
     angles = {"sun": sun_exclusion, "moon": moon_exclusion, "earth": earth_exclusion}
     asked = _choose_constraints(asked, angles, None if keep_out is None else parse_length_m("--keep-out", keep_out))
     if not min_duration >= 0.0:
@@ -166,23 +184,24 @@ def encounters(
             if suffix and place.suffix.lower() != suffix:
                 raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
             check_writable(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
-    table = find(
-        catalog[0] if len(catalog) == 1 else catalog,
-        _choose_follower(follower),
-        within_m=within_m,
-        start_utc=start_utc,
-        days=days,
-        lidar=camera,
-        lidar_name=lidar,
-        max_slew_deg_s=max_slew,
-        constraints=asked,
-        sunlit=sunlit,
-        min_duration_s=min_duration,
-        sort=sort,  # type: ignore[arg-type]
-        limit=limit,
-        plate=plate,
-        finding=finding,
-    )
+    with name_options(*_ARGUMENTS):
+        table = find(
+            catalog[0] if len(catalog) == 1 else catalog,
+            _choose_follower(follower),
+            within_m=within_m,
+            start_utc=start_utc,
+            days=days,
+            lidar=camera,
+            lidar_name=lidar,
+            max_slew_deg_s=max_slew,
+            constraints=asked,
+            sunlit=sunlit,
+            min_duration_s=min_duration,
+            sort=sort,  # type: ignore[arg-type]
+            limit=limit,
+            plate=plate,
+            finding=finding,
+        )
     text = scenario_text(table, scenario) if scenario is not None and (table.rows or scenario < 1) else None
     _print_table(table)
     if csv is not None:

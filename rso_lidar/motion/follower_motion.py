@@ -11,6 +11,7 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError, suppress_warnings
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.motion.bodies.body import Body
+from rso_lidar.motion.bodies.orbital_axes import find_moon_m
 from rso_lidar.motion.course import Course
 from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
@@ -19,7 +20,6 @@ from rso_lidar.motion.motions.motion import chief_of
 from rso_lidar.motion.motions.placement import PlacedMotion
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.proximity import find_flight, find_plan
-from rso_lidar.orbit import moon_position_m
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import ROOT, cross, length, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import BodyMotion, BodyState, Truth
@@ -232,7 +232,7 @@ def _find_sky(course: Course, truth: Truth, time_s: np.ndarray) -> dict[str, np.
         has_sun = np.isfinite(truth.sun_direction).all()
         return {"sun_direction": np.broadcast_to(truth.sun_direction, shape)} if has_sun else {}
     position = truth.states[course.bodies[-1].name].position_m
-    moon = moon_position_m(Epochs(course.start_utc, time_s)) - position
+    moon = find_moon_m(course.bodies, Epochs(course.start_utc, time_s)) - position
     distance = length(position)
     return {
         "sun_direction": np.broadcast_to(truth.sun_direction, shape),

@@ -154,15 +154,14 @@ def find_nominal_flight(
     def place(time_s: np.ndarray) -> np.ndarray:
         return Chief(bodies, body.name).states(Epochs(start_utc, time_s)).position_m
 
+    def place_chief(time_s: np.ndarray) -> np.ndarray:
+        return Chief(bodies, chief).states(Epochs(start_utc, time_s)).position_m
+
     def find_axes(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         state = Chief(bodies, chief).states(Epochs(start_utc, time_s))
         return rtn_matrix(state.position_m, state.velocity_m_s)
 
-    def place_chief(time_s: np.ndarray) -> np.ndarray:
-        return Chief(bodies, chief).states(Epochs(start_utc, time_s)).position_m
-
     return NominalFlight(
         start_utc, place, find_axes, forces, commands, tuple(updates), tuple(held),
-        plan.control_m_s2 if plan is not None and held else None, thrusters, navigation, least,
-        place_chief,
+        plan.control_m_s2 if plan is not None and held else None, thrusters, navigation, least, place_chief,
     )  # fmt: skip

@@ -64,11 +64,22 @@ class SunVectors:
         direction: np.ndarray = self.position_m / np.linalg.norm(self.position_m, axis=1, keepdims=True)
         return direction
 
-    def visible_fraction(self, state: BodyState) -> np.ndarray:
-        """Compute the fraction (time) of the Sun visible to a body; a local world has no eclipses."""
+    def visible_fraction(self, state: BodyState, moon: BodyState | None = None) -> np.ndarray:
+        """Compute the fraction (time) of the Sun visible to a body; a local world has no eclipses.
+
+        Parameters
+        ----------
+        state : of the body, from the Earth's centre.
+        moon : state of the Moon, for a body that orbits about it; for others its shadow is left out.
+        """
         if self.local or self.position_m is None:
             return np.ones(len(self.epochs))
-        return sunlit_fraction(state.position_m, self.position_m)
+        free = sunlit_fraction(state.position_m, self.position_m)
+        if moon is None:
+            return free
+        beside = state.position_m - moon.position_m, self.position_m - moon.position_m
+        both: np.ndarray = np.maximum(free + sunlit_fraction(*beside, units.MOON_RADIUS_M) - 1.0, 0.0)
+        return both  # exact unless the disks of Earth and Moon overlap in front of the Sun
 
     @property
     def _unit(self) -> np.ndarray:

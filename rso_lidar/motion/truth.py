@@ -16,19 +16,21 @@ from rso_lidar.motion.attitudes.situation import Orientation, Situation, orient
 from rso_lidar.motion.attitudes.sun_pointing import sun_line
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.hinge import find_sun_in_body
+from rso_lidar.motion.bodies.orbital_axes import find_turning_rad_s, link_orbit, list_breaks_s
 from rso_lidar.motion.bodies.order import list_dependencies, sort_bodies
 from rso_lidar.motion.dynamics.commands import CommandedFlight, CommandedModel
 from rso_lidar.motion.motions.motion import chief_of, list_exceeded_limits, states_of
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.motion.sun_vectors import SunVectors
+from rso_lidar.orbit.central_body import CentralBody, find_center, find_center_states, subtract_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.numerical import ForceModel
-from rso_lidar.orbit.trajectory import differentiate, find_breaks_s, state_rates, two_body_rates
+from rso_lidar.orbit.trajectory import differentiate
 from rso_lidar.part import read_member
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, rotate_vectors
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.rpo.relative.relative_motion import RtnMotion
-from rso_lidar.rpo.relative.rtn import inertial_acceleration, rtn_matrix
+from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 Flights = Mapping[str, CommandedFlight]
 ROUNDING_RAD_S = 1e-15
@@ -82,7 +84,7 @@ def truth(
     states = {body.name: states[body.name] for body in bodies}
     lit: dict[str, np.ndarray] = {}
     if here.sun.position_m is not None:
-        lit = {name: here.sun.visible_fraction(state) for name, state in states.items()}
+        lit = {name: here.sun.visible_fraction(state, here.centers.get(name)) for name, state in states.items()}
     return Truth(epochs.time_s, tree, states, here.sun.direction, None, lit)
 
 
@@ -101,6 +103,8 @@ class _Evaluation:
     # Of bodies that orbit: their states, and the angular velocities (time, 3) [rad/s] of their rtn axes, in those axes.
     states: dict[str, BodyState] = field(default_factory=dict)
     turning: dict[str, np.ndarray] = field(default_factory=dict)
+    # Of bodies that orbit: the states of the centre about which they do; None for the Earth, which is the origin.
+    centers: dict[str, BodyState | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.by_name.update({body.name: body for body in self.bodies})
@@ -117,7 +121,7 @@ class _Evaluation:
             return {}
         some = [body.replace(attitude=None, axes=()) for body in self.bodies if body.orbits]
         origins = [self.by_name[name].origin for name in names]
-        breaks_s = _list_breaks_s(some, self.epochs)
+        breaks_s = list_breaks_s(some, self.epochs, Chief)
 
         def rows(time_s: np.ndarray) -> np.ndarray:
             poses = truth(some, Epochs(self.epochs.start_utc, time_s), flights=self.flights, rates=False).poses
@@ -178,13 +182,11 @@ class _Evaluation:
             return tree.with_node(body.origin, relative_to or ROOT, link)
         if relative_to is not None:
             return self._add_relative(tree, body, relative_to, place)
-        state = BodyState(place.position_m, place.velocity_m_s)
-        rates = place.rates
-        if rates is None:
-            rates = state_rates(body.motion, self.epochs, state) if self.turns(body) else two_body_rates(state)
-        matrix, turning = rtn_matrix(state.position_m, state.velocity_m_s, rates)
-        self.states[body.name], self.turning[body.name] = state, turning
-        return tree.with_node(body.origin, ROOT, Link((state.position_m, matrix), rates[0], turning))
+        center = self.centers[body.name] = find_center_states(body.motion, self.epochs)
+        link = link_orbit(body.motion, self.epochs, place, center, turns=self.turns(body))
+        self.states[body.name] = BodyState(place.position_m, place.velocity_m_s)
+        self.turning[body.name] = link.angular_velocity_rad_s
+        return tree.with_node(body.origin, ROOT, link)
 
     def _place(self, tree: PoseTree, body: Body) -> Place:
         """Compute position and velocity of a body's origin in the axes of its motion, and warn of exceeded model limits."""
@@ -225,7 +227,9 @@ class _Evaluation:
         moved_m_s = rho_rate if rates is None else rates[0]
         position = there.translation_m + rotate_vectors(there.matrix, rho)
         velocity = self.states[chief].velocity_m_s + rotate_vectors(there.matrix, rho_rate + cross(turning, rho))
-        own, own_turning = rtn_matrix(position, velocity)
+        center = self.centers[body.name] = self.centers[chief]
+        about = subtract_center(BodyState(position, velocity), center)
+        own, own_turning = rtn_matrix(about.position_m, about.velocity_m_s)
         chief_from_own = np.matmul(np.swapaxes(there.matrix, -1, -2), own)
         carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), turning)
         # For a body relative to this one, the rotation of the chief's orbital plane is accurate enough: in free flight
@@ -233,12 +237,10 @@ class _Evaluation:
         own_turning[..., 0] = carried[..., 0]
         self.states[body.name], self.turning[body.name] = BodyState(position, velocity), own_turning
         if rates is not None:
-            around = there.angular_velocity_rad_s
-            moved = rho, *rates
-            acceleration = inertial_acceleration(self.states[chief], there.matrix, around, moved)
-            changes = there.velocity_m_s + rotate_vectors(there.matrix, moved_m_s + cross(around, rho)), acceleration
-            self.turning[body.name] = own_turning = rtn_matrix(position, velocity, changes)[1]
-            carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), around)
+            orbit = subtract_center(self.states[chief], center)
+            own_turning = find_turning_rad_s(about, place, there, orbit, center, self.chief(tree, chief).central_body)
+            self.turning[body.name] = own_turning
+            carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), there.angular_velocity_rad_s)
         relative = own_turning - carried
         found = self.relative_turning.get(body.name, relative)
         # Skip a difference quotient that is unknown, or that differs only by the rounding of matrices over its step.
@@ -367,9 +369,18 @@ class Chief:
             self._known = [*self._known[-3:], (epochs, states)]
         return states
 
+    @property
+    def central_body(self) -> CentralBody:
+        """The body about which this one orbits."""
+        return find_center(self._chain[-1].motion)
+
+    def center_states(self, epochs: Epochs) -> BodyState | None:
+        """Compute the states (time, 3) of the centre of that body in GCRS axes; None for the Earth."""
+        return find_center_states(self._chain[-1].motion, epochs)
+
     def list_breaks_s(self, epochs: Epochs) -> np.ndarray:
         """Return the instants [s] at which the states of the body, or of one of its chiefs, have a jump or a corner."""
-        return _list_breaks_s(self._chain, epochs)
+        return list_breaks_s(self._chain, epochs, Chief)
 
     @property
     def force_model(self) -> ForceModel | None:
@@ -386,14 +397,3 @@ class Chief:
         while (relative_to := chief_of(chain[-1].motion)) is not None:
             chain.append(self._by_name[relative_to])
         return [body.replace(attitude=None, axes=()) for body in chain]
-
-
-def _list_breaks_s(bodies: Sequence[Body], epochs: Epochs) -> np.ndarray:
-    """Return the instants [s] at which the states of some bodies in orbit have a jump or a corner."""
-    breaks = [np.empty(0)]
-    for motion in (body.motion for body in bodies):
-        if isinstance(motion, RtnMotion):
-            breaks.append(motion.breaks_s(epochs, Chief(bodies, str(chief_of(motion)))))
-        else:
-            breaks.append(find_breaks_s(motion, epochs))
-    return np.concatenate(breaks)

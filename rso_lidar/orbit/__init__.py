@@ -1,6 +1,6 @@
-"""Orbits about the Earth: time scales, element sets, propagators, ephemerides, conjunctions, Sun, Moon and eclipses.
+"""Orbits about the Earth or the Moon: time scales, element sets, propagators, ephemerides, conjunctions and eclipses.
 
-Everything is in GCRS axes about the Earth's centre and in SI units, unless a name or a docstring states otherwise.
+Everything is in GCRS axes from the Earth's centre and in SI units, unless a name or a docstring states otherwise.
 
 **Motions** fill a scenario's `motion` table, and answer `states(epochs)` as every `Trajectory` does:
 
@@ -9,6 +9,7 @@ Everything is in GCRS axes about the Earth's centre and in SI units, unless a na
 - `J2`: mean elements with the secular and short-period effects of J2.
 - `Numerical`: numerical integration with `Forces` (`Drag`, `RadiationPressure`), `Impulse` and `Burn`.
 - `Ephemeris`: interpolation of a table of states (CCSDS OEM or CSV).
+- `LunarKepler` and `LunarState`: two-body motion about the Moon, whose position a user's kernel gives.
 
 **Element sets.** `Catalog` reads and filters them, and `ElementSet` is one of them. `SetSequence` is the trajectory of one
 object from several of its sets; `Fleet` propagates thousands of sets side by side. They hold the mean elements of SGP4,
@@ -41,6 +42,7 @@ from rso_lidar.orbit.earth.ground import GroundStation, LookAngles, find_ground_
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
 from rso_lidar.orbit.propagation.j2 import J2, mean_from_osculating, osculating_from_mean
+from rso_lidar.orbit.propagation.lunar_orbit import LunarKepler, LunarState
 from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
 from rso_lidar.orbit.propagation.numerical import Numerical, integrate_orbit
 from rso_lidar.orbit.screening.all_pairs import PairScreening, screen_pairs
@@ -97,6 +99,8 @@ __all__ = [
     "JplEphemeris",
     "Kepler",
     "LookAngles",
+    "LunarKepler",
+    "LunarState",
     "NamedTrajectory",
     "Numerical",
     "Omm",

@@ -11,8 +11,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from rso_lidar import units
 from rso_lidar.errors import PropagationError, suppress_warnings
+from rso_lidar.orbit.central_body import EARTH
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import call_member, make_answer_error, to_real_array
 from rso_lidar.pose import dot
@@ -86,11 +86,17 @@ def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.n
     return velocity, acceleration
 
 
-def two_body_rates(state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives of a two-body state: its velocity [m/s] and the Earth's point-mass gravity [m/s2] (…, 3)."""
+def two_body_rates(state: BodyState, gm_m3_s2: float = EARTH.gm_m3_s2) -> tuple[np.ndarray, np.ndarray]:
+    """Return the derivatives of a two-body state: its velocity [m/s] and point-mass gravity [m/s2] (…, 3).
+
+    Parameters
+    ----------
+    state : position and velocity (…, 3) from the centre of the body with that gravity
+    gm_m3_s2 : its gravitational parameter [m3/s2], by default the Earth's
+    """
     r = state.position_m
     distance = np.sqrt(dot(r, r))[..., None]
-    return np.array(state.velocity_m_s), -units.EARTH_GM_M3_S2 * r / distance**3
+    return np.array(state.velocity_m_s), -gm_m3_s2 * r / distance**3
 
 
 def find_breaks_s(trajectory: Any, epochs: Epochs) -> np.ndarray:

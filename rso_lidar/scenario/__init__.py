@@ -3,7 +3,7 @@
 from rso_lidar.public_names import limit_dir
 from rso_lidar.scenario.scenario import Scenario, require_scenario
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
-from rso_lidar.scenario.tables.dispersion import Dispersion
+from rso_lidar.scenario.tables.dispersion import Dispersion, ElementSetErrors, StateErrors, TargetErrors
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.finding import Finding
 from rso_lidar.scenario.tables.fragment import Fragment
@@ -21,6 +21,7 @@ __all__ = [
     "CratersAndBoulders",
     "DataLink",
     "Dispersion",
+    "ElementSetErrors",
     "FacetMaterials",
     "Finding",
     "Follower",
@@ -30,7 +31,9 @@ __all__ = [
     "Lidar",
     "Scenario",
     "Schedule",
+    "StateErrors",
     "Target",
+    "TargetErrors",
     "Time",
     "World",
     "require_scenario",

@@ -18,7 +18,8 @@ UNITS = {  # how a name ends, and what its description says in brackets
     "deg_sqrt_h": "deg/√h", "deg_h": "deg/h", "deg_h_sqrt_h": "deg/h/√h", "m_s_sqrt_h": "m/s/√h", "ug": "µg",
     "m_s2_sqrt_hz": "m/s²/√Hz",
     "ug_sqrt_h": "µg/√h", "g": "g", "ppm": "ppm", "mrad": "mrad", "arcsec": "arcsec", "rpm": "rpm", "n_m": "N m",
-    "rev_day2": "rev/day²", "rev_day3": "rev/day³", "pixels": "pixels", "per_earth_radius": "1/R⊕", "fraction": None,
+    "rev_day2": "rev/day²", "rev_day3": "rev/day³", "days": "day", "pixels": "pixels",
+    "per_earth_radius": "1/R⊕", "fraction": None,
 }  # fmt: skip
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none

@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from rso_lidar.dask_cluster import open_dask_client
 from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.making.shard_making import make_shard
 from rso_lidar.dataset.shards.manifest import ShardRecord
 from rso_lidar.errors import DatasetError, RsoLidarError, RunError
 
-LOCAL = "local"
-_LOST_WORKERS = 16  # workers that may be killed under one shard, before the shard is taken for their cause
 _WAITING = 4  # tasks for each worker that are known to the scheduler: memory stays flat for any number of shards
-_CONNECT_S = "20s"
 
 
 def make_shards_by_dask(
@@ -42,24 +39,8 @@ def make_shards_by_dask(
     RunError
         If a shard fails, or is lost with one worker after another.
     """
-    try:
-        dask: Any = importlib.import_module("dask")
+    with open_dask_client(scheduler, workers, DatasetError) as client:
         distributed: Any = importlib.import_module("distributed")
-    except ImportError:
-        raise DatasetError('--engine dask: needs dask; install the extra: pip install "rso-lidar[dask]"') from None
-    with ExitStack() as stack:
-        stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": _LOST_WORKERS}))
-        try:
-            if scheduler == LOCAL:
-                options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
-                cluster = stack.enter_context(distributed.LocalCluster(n_workers=workers, **options))
-                client = stack.enter_context(distributed.Client(cluster))
-            else:
-                client = stack.enter_context(distributed.Client(scheduler, timeout=_CONNECT_S))
-        except (OSError, ValueError) as error:
-            said = " ".join(str(error).split())
-            problem = f"--scheduler {scheduler}: no scheduler answers ({said:.120})"
-            raise DatasetError(f"{problem}; start one, or take local") from None
         left = list(numbers)
         place = folder.resolve()
 

@@ -1,13 +1,15 @@
 """The order in which bodies are evaluated, and the bodies on which an attitude depends."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 
-from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion.attitudes.situation import laws_of, looks_at, needs_orbit
 from rso_lidar.motion.bodies.body import RESERVED, Body
 from rso_lidar.motion.motions.motion import chief_of, is_attached
+from rso_lidar.orbit.central_body import CentralBody, find_center
 from rso_lidar.part import kind_of
+from rso_lidar.rpo.relative.relative_motion import RtnMotion
 
 
 def sort_bodies(bodies: Sequence[Body], *, local: bool) -> list[str]:
@@ -126,7 +128,36 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
             f"{body.name}.motion.relative_to: '{relative_to}' does not orbit, so it has no rtn axes; "
             "give it an orbit, or use motion 'fixed' or 'table'"
         )
+    if isinstance(motion, RtnMotion):
+        with add_place(f"{body.name}.motion"):
+            motion.check_center(find_center_of_body(body, by_name))
     return [chief.origin]
+
+
+def find_center_of_body(body: Body, by_name: Mapping[str, Body]) -> CentralBody:
+    """Return the body about which another orbits: that of the first chief in its chain of chiefs.
+
+    Parameters
+    ----------
+    body : the body that orbits.
+    by_name : all bodies.
+    """
+    return find_center(find_first_chief(body, by_name).motion)
+
+
+def find_first_chief(body: Body, by_name: Mapping[str, Body]) -> Body:
+    """Return the body at the begin of a chain of chiefs, whose motion is relative to no other.
+
+    Parameters
+    ----------
+    body : the end of the chain.
+    by_name : all bodies.
+    """
+    seen = {body.name}
+    while (relative_to := chief_of(body.motion)) in by_name and relative_to not in seen:
+        body = by_name[str(relative_to)]
+        seen.add(body.name)
+    return body
 
 
 def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body], local: bool) -> list[str]:

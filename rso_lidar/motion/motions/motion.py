@@ -14,7 +14,7 @@ from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.placement import PlacedMotion
 from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
-from rso_lidar.orbit import J2, Ephemeris, Kepler, Numerical, Omm, State, Tle
+from rso_lidar.orbit import J2, Ephemeris, Kepler, LunarKepler, LunarState, Numerical, Omm, State, Tle
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import (
     Part,
@@ -92,6 +92,8 @@ DescribedMotion = Annotated[
     | J2
     | Numerical
     | Ephemeris
+    | LunarKepler
+    | LunarState
     | Hill
     | YamanakaAnkersen
     | RelativeElements

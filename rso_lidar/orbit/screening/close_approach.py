@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rso_lidar.orbit.screening.distinct_minima import EQUAL_M, select_distinct_minima
 from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
 from rso_lidar.orbit.screening.scheduled_fleet import InTeme, ScheduledFleet
 from rso_lidar.orbit.screening.trajectory_piece import BRIEF_S, SWITCH_S
@@ -21,9 +22,6 @@ from rso_lidar.orbit.sets.fleet import Fleet
 ROOT_S = 1e-4
 _MOST_TURNS = 80
 _DIFFERENCE_S = 0.5
-_EQUAL_M = (
-    1e-4  # minima that differ by less are equal: rounding in SGP4 alone moves a position by some 1e-7 m after days
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +51,7 @@ class CloseApproach:
     @property
     def time_s(self) -> float:
         """Time of closest approach [s since the start]; of equal minima, as in a formation, the first."""
-        return float(self.minima_s[np.argmax(self.minima_m <= self.minima_m.min() + _EQUAL_M)])
+        return float(self.minima_s[np.argmax(self.minima_m <= self.minima_m.min() + EQUAL_M)])
 
     @property
     def range_m(self) -> float:
@@ -185,7 +183,8 @@ def refine_approaches(
     for first, end in zip(begins.tolist(), ends.tolist(), strict=True):
         of = slice(first, end + 1)
         # two objects with the same elements have no minimum; then the first of the least ranges counts
-        at = first + (np.flatnonzero(lower[of]) if lower[of].any() else np.argmin(nodes.square[of], keepdims=True))
+        low = np.flatnonzero(lower[of]) if lower[of].any() else np.argmin(nodes.square[of], keepdims=True)
+        at = first + (select_distinct_minima(np.sqrt(nodes.square[of]), low) if len(low) > 1 else low)
         approaches.append(
             CloseApproach(
                 which=int(nodes.which[first]),

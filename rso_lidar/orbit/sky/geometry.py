@@ -51,12 +51,13 @@ def phase_angle_rad(target_m: np.ndarray, observer_m: np.ndarray, sun_m: np.ndar
     return angle_rad(sun_m - target_m, observer_m - target_m)
 
 
-def earth_angular_radius_rad(position_m: np.ndarray) -> np.ndarray:
-    """Return the angular radius of the Earth's disk.
+def earth_angular_radius_rad(position_m: np.ndarray, radius_m: float = units.EARTH_RADIUS_M) -> np.ndarray:
+    """Return the angular radius of the Earth's disk, or of another sphere.
 
     Parameters
     ----------
-    position_m : (time, 3) position of the observer [m]
+    position_m : (time, 3) position of the observer from the centre [m]
+    radius_m : of the sphere, by default the Earth's [m]
 
     Returns
     -------
@@ -64,7 +65,7 @@ def earth_angular_radius_rad(position_m: np.ndarray) -> np.ndarray:
     """
     distance = np.sqrt(np.sum(position_m * position_m, axis=-1))
     with np.errstate(divide="ignore", invalid="ignore"):
-        radius: np.ndarray = np.arcsin(units.EARTH_RADIUS_M / distance)
+        radius: np.ndarray = np.arcsin(radius_m / distance)
     return radius
 
 
@@ -115,22 +116,23 @@ def is_earth_lit(boresight: np.ndarray, position_m: np.ndarray, sun_m: np.ndarra
     return lit
 
 
-def line_altitude_m(a_m: np.ndarray, b_m: np.ndarray) -> np.ndarray:
-    """Return the lowest altitude of the straight line from a to b over the Earth.
+def line_altitude_m(a_m: np.ndarray, b_m: np.ndarray, radius_m: float = units.EARTH_RADIUS_M) -> np.ndarray:
+    """Return the lowest altitude of the straight line from a to b over the Earth, or over another sphere.
 
     Parameters
     ----------
-    a_m, b_m : (time, 3) positions [m]
+    a_m, b_m : (time, 3) positions from the centre [m]
+    radius_m : of the sphere, by default the Earth's [m]
 
     Returns
     -------
-    (time,) [m], negative where the Earth blocks the line
+    (time,) [m], negative where the sphere blocks the line
     """
     line = b_m - a_m
     length2 = np.sum(line * line, axis=-1)
     share = np.clip(-np.sum(a_m * line, axis=-1) / np.where(length2 > 0.0, length2, 1.0), 0.0, 1.0)
     lowest = a_m + share[..., None] * line
-    height: np.ndarray = np.sqrt(np.sum(lowest * lowest, axis=-1)) - units.EARTH_RADIUS_M
+    height: np.ndarray = np.sqrt(np.sum(lowest * lowest, axis=-1)) - radius_m
     return height
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError, did_you_mean
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.records import BodyState
 from rso_lidar.shipped import find
 
 
@@ -79,6 +80,30 @@ class JplEphemeris:
                 place = self._read(kernel, body, Epochs(epochs.start_utc, epochs.time_s - ago_s))
         return place
 
+    def states(self, body: str, epochs: Epochs) -> BodyState:
+        """Return the geometric position and velocity of a body relative to the Earth's centre.
+
+        Parameters
+        ----------
+        body : name of the body, such as "moon"
+        epochs : instants
+
+        Returns
+        -------
+        BodyState
+            (time, 3) [m], [m/s] in GCRS axes
+
+        Raises
+        ------
+        ScenarioError
+            if the kernel does not have the body
+        PropagationError
+            if epochs are outside the kernel; its `bad` masks them
+        """
+        with self._open() as kernel:
+            found = self._look_up(kernel, body, epochs)
+        return BodyState(*(np.ascontiguousarray(one.T) for one in (found.position.m, found.velocity.m_per_s)))
+
     def _read(self, kernel: Any, body: str, epochs: Epochs) -> np.ndarray:
         """Read the geometric position (time, 3) [m] of a body from the Earth's centre.
 
@@ -87,6 +112,16 @@ class JplEphemeris:
         kernel : open kernel of skyfield
         body : name of the body
         epochs : instants
+        """
+        place: np.ndarray = np.ascontiguousarray(self._look_up(kernel, body, epochs).position.m.T)
+        return place
+
+    def _look_up(self, kernel: Any, body: str, epochs: Epochs) -> Any:
+        """Look up a body, as seen from the Earth's centre, in skyfield's form.
+
+        Parameters
+        ----------
+        kernel, body, epochs : as for `_read`
         """
         from skyfield.errors import EphemerisRangeError
 
@@ -99,7 +134,7 @@ class JplEphemeris:
                 f"{self.path}: has no body '{body!s:.40}'{guess} (bodies: {', '.join(names)})"
             ) from None
         try:
-            place: np.ndarray = np.ascontiguousarray(path.at(epochs.skyfield_time()).position.m.T)
+            return path.at(epochs.skyfield_time())
         except EphemerisRangeError as error:
             begin, end = (time.utc_strftime("%Y-%m-%d") for time in (error.start_time, error.end_time))
             bad = np.asarray(error.time_mask)
@@ -108,7 +143,6 @@ class JplEphemeris:
                 "another kernel",
                 bad,
             ) from None
-        return place
 
     @contextmanager
     def _open(self) -> Iterator[Any]:

@@ -1,20 +1,22 @@
-"""Two-body motion about the Earth, from osculating elements or from a state, on every conic.
+"""Two-body motion, by default about the Earth, from osculating elements or from a state, on every conic.
 
 An ellipse is solved without iteration for the change of its eccentric anomaly. Every other conic is solved by universal
-variables. Neither method has a singular eccentricity or inclination. GM is `units.EARTH_GM_M3_S2`. Source: Battin, An
-Introduction to the Mathematics and Methods of Astrodynamics, secs. 4.3 and 4.5; Vallado 4th ed. alg. 8.
+variables. Neither method has a singular eccentricity or inclination. Both have the Earth's GM; motion about another body is
+that about the Earth with time in another unit. Source: Battin, An Introduction to the Mathematics and Methods of
+Astrodynamics, secs. 4.3 and 4.5; Vallado 4th ed. alg. 8.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
+from rso_lidar.orbit.central_body import EARTH, CentralBody
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import two_body_rates
 from rso_lidar.orbit.two_body.anomaly import start_eccentric_anomaly
@@ -34,6 +36,8 @@ _NEAR_PARABOLA = 1e-7  # perigee distance over semi-major axis below which an el
 
 class ClassicalElements(Part):
     """Base of motions that begin with the classical elements of a conic in GCRS axes at `epoch_utc`."""
+
+    central_body: ClassVar[CentralBody] = EARTH
 
     epoch_utc: Instant = Field(description="Time at which the elements apply.")
     semi_major_axis_km: Number = Field(description="Semi-major axis [km], negative for a hyperbola.")
@@ -62,9 +66,12 @@ class ClassicalElements(Part):
             )
         if (self.true_anomaly_deg is None) == (self.mean_anomaly_deg is None):
             raise ValueError("needs exactly one of true_anomaly_deg and mean_anomaly_deg: give one of them")
-        if self.perigee_m < units.EARTH_RADIUS_M:
-            low_km = (units.EARTH_RADIUS_M - self.perigee_m) / units.KM
-            raise ValueError(f"semi_major_axis_km: the perigee is {low_km:.1f} km below the Earth's surface: raise it")
+        body = self.central_body
+        if self.perigee_m < body.radius_m:
+            low_km = (body.radius_m - self.perigee_m) / units.KM
+            raise ValueError(
+                f"semi_major_axis_km: the perigee is {low_km:.1f} km below {body.name}'s surface: raise it"
+            )
         if self.true_anomaly_deg is not None and 1.0 + e * math.cos(self.true_anomaly_deg * units.DEG) <= 0.0:
             limit = math.acos(-1.0 / e) / units.DEG
             raise ValueError(f"true_anomaly_deg: is beyond the asymptote: keep it within {limit:.3f} of perigee")
@@ -72,23 +79,23 @@ class ClassicalElements(Part):
 
     @property
     def perigee_m(self) -> float:
-        """Distance of perigee from the Earth's centre [m]."""
+        """Distance of perigee from the centre of the central body [m]."""
         return self.semi_major_axis_km * units.KM * (1.0 - self.eccentricity)
 
     def at_epoch(self) -> BodyState:
-        """Return the state at `epoch_utc` in GCRS axes (Vallado 4th ed. alg. 10)."""
+        """Return the state at `epoch_utc` about the central body, in GCRS axes (Vallado 4th ed. alg. 10)."""
         from scipy.spatial.transform import Rotation
 
-        e = self.eccentricity
+        e, gm = self.eccentricity, self.central_body.gm_m3_s2
         parameter = self.perigee_m * (1.0 + e)
         anomaly = (self.true_anomaly_deg or 0.0) * units.DEG
         c, s = math.cos(anomaly), math.sin(anomaly)
         position = parameter / (1.0 + e * c) * np.array([c, s, 0.0])
-        velocity = math.sqrt(GM / parameter) * np.array([-s, e + c, 0.0])
+        velocity = math.sqrt(gm / parameter) * np.array([-s, e + c, 0.0])
         if self.mean_anomaly_deg is not None:  # propagate there from perigee
             mean = self.mean_anomaly_deg if e > 1.0 else math.remainder(self.mean_anomaly_deg, 360.0)
-            time_s = mean * units.DEG * math.sqrt(abs(self.semi_major_axis_km * units.KM) ** 3 / GM)
-            positions, velocities = propagate_two_body(position, velocity, np.array([time_s]))
+            time_s = mean * units.DEG * math.sqrt(abs(self.semi_major_axis_km * units.KM) ** 3 / gm)
+            positions, velocities = propagate_two_body(position, velocity, np.array([time_s]), gm)
             position, velocity = positions[0], velocities[0]
         angles = np.array([self.raan_deg, self.inclination_deg, self.argument_of_perigee_deg]) * units.DEG
         inertial_from_perifocal = Rotation.from_euler("ZXZ", angles)
@@ -131,16 +138,7 @@ class State(Part):
 
     @model_validator(mode="after")
     def _in_space(self) -> Self:
-        radius = float(np.linalg.norm(self.position_m))
-        if radius < units.EARTH_RADIUS_M:
-            raise ValueError(
-                f"position_m: is {radius:g} m from the Earth's centre, inside the Earth: give metres from the centre"
-            )
-        speed = float(np.linalg.norm(self.velocity_m_s))
-        if np.linalg.norm(np.cross(self.position_m, self.velocity_m_s)) <= 1e-9 * radius * speed:
-            raise ValueError(
-                "velocity_m_s: is parallel to position_m, a fall through the Earth's centre: give it a component across"
-            )
+        check_start(self.position_m, self.velocity_m_s, EARTH)
         return self
 
     def states(self, epochs: Epochs) -> BodyState:
@@ -162,6 +160,31 @@ class State(Part):
         return two_body_rates(state)
 
 
+def check_start(position_m: Vector, velocity_m_s: Vector, body: CentralBody) -> None:
+    """Check that a state begins an orbit: outside the central body, and not along the radius.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : from the centre of the body [m], [m/s]
+    body : central body
+
+    Raises
+    ------
+    ValueError
+        if it does not
+    """
+    radius = float(np.linalg.norm(position_m))
+    if radius < body.radius_m:
+        raise ValueError(
+            f"position_m: is {radius:g} m from {body.name}'s centre, inside {body.name}: give metres from the centre"
+        )
+    speed = float(np.linalg.norm(velocity_m_s))
+    if np.linalg.norm(np.cross(position_m, velocity_m_s)) <= 1e-9 * radius * speed:
+        raise ValueError(
+            f"velocity_m_s: is parallel to position_m, a fall through {body.name}'s centre: give it a component across"
+        )
+
+
 def semi_major_axis_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
     """Return the osculating semi-major axis [m] by the vis-viva equation, negative on a hyperbola."""
     alpha = inverse_semi_major_axis(np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float))
@@ -169,14 +192,17 @@ def semi_major_axis_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float
 
 
 def propagate_two_body(
-    position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray
+    position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray, gm_m3_s2: float = GM
 ) -> tuple[np.ndarray, np.ndarray]:
     """Propagate one state by two-body motion to many times, forward or backward.
+
+    With time in units of sqrt(GM_Earth / GM), motion about a body of any GM is that about the Earth.
 
     Parameters
     ----------
     position_m, velocity_m_s : (3,) state at the epoch [m], [m/s]
     dt_s : (time,) time since the epoch [s]
+    gm_m3_s2 : gravitational parameter of the central body [m3/s2], by default the Earth's
 
     Returns
     -------
@@ -198,6 +224,10 @@ def propagate_two_body(
     """
     r0_vector, v0_vector = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
     dt = np.atleast_1d(np.asarray(dt_s, dtype=float))
+    if gm_m3_s2 != GM:
+        unit = math.sqrt(GM / gm_m3_s2)
+        moved, faster = propagate_two_body(r0_vector, unit * v0_vector, dt / unit)
+        return moved, faster / unit
     alpha = inverse_semi_major_axis(r0_vector, v0_vector)
     positions, velocities, bad = np.empty((len(dt), 3)), np.empty((len(dt), 3)), np.zeros(len(dt), dtype=bool)
     if alpha > 0.0 and alpha * perigee_distance_m(r0_vector, v0_vector) > _NEAR_PARABOLA:

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar import units
+from rso_lidar.orbit.central_body import EARTH, CentralBody
 from rso_lidar.orbit.two_body.anomaly import eccentric_from_true, mean_from_eccentric
 from rso_lidar.pose import cross, length
 
-GM = units.EARTH_GM_M3_S2
 ROUND = 8.0 * float(
     np.finfo(float).eps
 )  # an eccentricity or sine of inclination below this is rounding, and counts as zero
@@ -39,6 +38,7 @@ class OsculatingElements:
     argument_of_perigee_rad : [rad]
     true_anomaly_rad : [rad]
     semi_latus_rectum_m : [m]
+    central_body : the body of the orbit
     """
 
     semi_major_axis_m: np.ndarray | float
@@ -48,6 +48,7 @@ class OsculatingElements:
     argument_of_perigee_rad: np.ndarray | float
     true_anomaly_rad: np.ndarray | float
     semi_latus_rectum_m: np.ndarray | float | None = None
+    central_body: CentralBody = EARTH
 
     @property
     def _p(self) -> np.ndarray:
@@ -60,20 +61,20 @@ class OsculatingElements:
     def period_s(self) -> np.ndarray | float:
         """Orbital period [s], infinite on an open conic."""
         a = np.asarray(self.semi_major_axis_m, dtype=float)
-        closed = (a > 0.0) & np.isfinite(a)
-        return _unwrap_scalar(np.where(closed, math.tau * np.sqrt(np.where(closed, a, 1.0) ** 3 / GM), math.inf))
+        closed, gm = (a > 0.0) & np.isfinite(a), self.central_body.gm_m3_s2
+        return _unwrap_scalar(np.where(closed, math.tau * np.sqrt(np.where(closed, a, 1.0) ** 3 / gm), math.inf))
 
     @property
     def perigee_altitude_m(self) -> np.ndarray | float:
         """Altitude of perigee above the equatorial radius [m]."""
-        return _unwrap_scalar(self._p / (1.0 + self.eccentricity) - units.EARTH_RADIUS_M)
+        return _unwrap_scalar(self._p / (1.0 + self.eccentricity) - self.central_body.radius_m)
 
     @property
     def apogee_altitude_m(self) -> np.ndarray | float:
         """Altitude of apogee above the equatorial radius [m], infinite on an open conic."""
         a = np.asarray(self.semi_major_axis_m, dtype=float)
         perigee = self._p / (1.0 + self.eccentricity)
-        return _unwrap_scalar(np.where(a > 0.0, 2.0 * a - perigee - units.EARTH_RADIUS_M, math.inf))
+        return _unwrap_scalar(np.where(a > 0.0, 2.0 * a - perigee - self.central_body.radius_m, math.inf))
 
     @property
     def mean_anomaly_rad(self) -> np.ndarray | float:
@@ -82,13 +83,16 @@ class OsculatingElements:
         return _unwrap_scalar(mean_from_eccentric(anomaly, self.eccentricity))
 
 
-def elements_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> OsculatingElements:
-    """Compute the osculating elements of states about the Earth.
+def elements_from_state(
+    position_m: np.ndarray, velocity_m_s: np.ndarray, central_body: CentralBody = EARTH
+) -> OsculatingElements:
+    """Compute the osculating elements of states about the Earth, or about another body.
 
     Parameters
     ----------
-    position_m : (…, 3) from the Earth's centre [m]
-    velocity_m_s : (…, 3) [m/s]
+    position_m : (…, 3) from the centre of the body [m]
+    velocity_m_s : (…, 3) relative to it [m/s]
+    central_body : the body
 
     Returns
     -------
@@ -99,13 +103,14 @@ def elements_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> Osc
     hx, hy, hz = np.moveaxis(cross(r, v), -1, 0)
     radius = length(r)
     h = np.sqrt(hx * hx + hy * hy + hz * hz)
-    p = h * h / GM
-    alpha = 2.0 / radius - (v[..., 0] ** 2 + v[..., 1] ** 2 + v[..., 2] ** 2) / GM
+    gm = central_body.gm_m3_s2
+    p = h * h / gm
+    alpha = 2.0 / radius - (v[..., 0] ** 2 + v[..., 1] ** 2 + v[..., 2] ** 2) / gm
     with np.errstate(divide="ignore"):
         a = np.where(alpha == 0.0, math.inf, 1.0 / alpha)
     # the eccentricity vector along the radius and across it: e cos nu and e sin nu
     out = p / radius - 1.0
-    across = h / GM * (r[..., 0] * v[..., 0] + r[..., 1] * v[..., 1] + r[..., 2] * v[..., 2]) / radius
+    across = h / gm * (r[..., 0] * v[..., 0] + r[..., 1] * v[..., 1] + r[..., 2] * v[..., 2]) / radius
     e = np.hypot(out, across)
     circle = e < ROUND
     sine = np.hypot(hx, hy) / h
@@ -128,6 +133,7 @@ def elements_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> Osc
         _unwrap_scalar(_wrap_turn(perigee)),
         _unwrap_scalar(_wrap_turn(anomaly)),
         _unwrap_scalar(p),
+        central_body,
     )
 
 
@@ -145,7 +151,7 @@ def state_from_elements(of: OsculatingElements) -> tuple[np.ndarray, np.ndarray]
     p, e = of._p, np.asarray(of.eccentricity, dtype=float)
     nu, argument = np.asarray(of.true_anomaly_rad), np.asarray(of.argument_of_perigee_rad)
     raan, inclination = np.asarray(of.raan_rad), np.asarray(of.inclination_rad)
-    speed = np.sqrt(GM / p)
+    speed = np.sqrt(of.central_body.gm_m3_s2 / p)
     c, s = np.cos(nu), np.sin(nu)
     radius = p / (1.0 + e * c)
     x, y, u, w = radius * c, radius * s, -speed * s, speed * (e + c)

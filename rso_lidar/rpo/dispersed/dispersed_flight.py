@@ -23,9 +23,16 @@ class DispersedFlight:
     flight : the flight without random errors
     sample_s : (time,) ascending instants at which deviations are wanted [s]
     covariance : (6, 6) of the state at the start in the rotating rtn axes [m2, m2/s, m2/s2]
+    target_covariance : the same of the body approached, whose path then deviates too; None for none
     """
 
-    def __init__(self, flight: NominalFlight, sample_s: np.ndarray, covariance: np.ndarray) -> None:
+    def __init__(
+        self,
+        flight: NominalFlight,
+        sample_s: np.ndarray,
+        covariance: np.ndarray,
+        target_covariance: np.ndarray | None = None,
+    ) -> None:
         self.flight, self.sample_s = flight, sample_s
         node_s = flight.list_nodes_s(float(sample_s[-1]), sample_s)
         self.node_s = node_s[np.append(True, np.diff(node_s) > TIE_S)]
@@ -36,8 +43,12 @@ class DispersedFlight:
         self.updates = {
             self.find_node(one.time_s): self.find_node(one.aim_s) for one in flight.updates if self._holds(one.aim_s)
         }
-        values, vectors = np.linalg.eigh(covariance)
-        self.root = vectors * np.sqrt(np.maximum(values, 0.0))
+        self.root = _find_root(covariance)
+        self.target_root: np.ndarray | None = None
+        if target_covariance is not None:
+            assert flight.chief_m is not None
+            self.target_root = self.to_inertial(0, _find_root(target_covariance))
+            self.target_flow = DeviationFlow(self.node_s, flight.chief_m, flight.forces, flight.start_utc)
         self.transition = [self.flow.transition(node) for node in range(len(self.node_s) - 1)]
         self.gains = {now: self._find_gain(now, aim) for now, aim in self.updates.items()}
         due = set(self.updates.values())
@@ -74,6 +85,21 @@ class DispersedFlight:
         assert self.filter is not None
         root = self.to_inertial(0, np.diag(self.filter.part.start_sigma))
         return FilterBank(state + apply_matrix(root, numbers), root @ root.T, has_thrust=self.filter_is_held)
+
+    def spread_target(self, numbers: np.ndarray) -> np.ndarray:
+        """Return deviations (6, run) of the body approached at the start, inertial axes.
+
+        Parameters
+        ----------
+        numbers : (6, run) standard normal; without rows where it has no errors
+        """
+        if self.target_root is None:
+            return np.zeros((ORBIT, numbers.shape[1]))
+        return apply_matrix(self.target_root, numbers)
+
+    def carry_target(self, node: int, deviations: np.ndarray) -> np.ndarray:
+        """Return deviations (6, run) of the body approached at the next node, inertial axes."""
+        return deviations if self.target_root is None else self.target_flow.advance(node, deviations)
 
     def carry_filters(self, bank: FilterBank, node: int, moved: np.ndarray) -> None:
         """Propagate filters to the next node.
@@ -139,3 +165,10 @@ class DispersedFlight:
         position = apply_matrix(axes.T, inertial[:3])
         velocity = apply_matrix(axes.T, inertial[3:]) - np.cross(turn[:, None], position, axis=0)
         return np.concatenate([position, velocity])
+
+
+def _find_root(covariance: np.ndarray) -> np.ndarray:
+    """Return a matrix (6, 6) whose product with its own transpose is a covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    root: np.ndarray = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root

@@ -11,7 +11,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.rpo.dispersed.dispersed_flight import DispersedFlight
 from rso_lidar.rpo.dispersed.filter_nodes import find_burn_covariance
-from rso_lidar.rpo.dispersed.linear_dispersion import LinearDispersion, find_linear_dispersion
+from rso_lidar.rpo.dispersed.linear_dispersion import LinearDispersion, find_linear_dispersion, list_sources
 from rso_lidar.rpo.dispersed.nominal_flight import NominalFlight
 from rso_lidar.rpo.flown.thrusters import NavigationErrors
 from rso_lidar.rpo.navigation.filter_bank import FilterBank, apply_matrix, find_nees
@@ -60,11 +60,18 @@ class Disperser:
     flight : the flight without random errors
     sample_s : (time,) ascending instants at which deviations are wanted [s]
     covariance : (6, 6) of the state at the start in the rotating rtn axes [m2, m2/s, m2/s2]
+    target_covariance : the same of the body approached, whose path then deviates too; None for none
     """
 
-    def __init__(self, flight: NominalFlight, sample_s: np.ndarray, covariance: np.ndarray) -> None:
+    def __init__(
+        self,
+        flight: NominalFlight,
+        sample_s: np.ndarray,
+        covariance: np.ndarray,
+        target_covariance: np.ndarray | None = None,
+    ) -> None:
         self.flight, self.sample_s = flight, sample_s
-        self._at = DispersedFlight(flight, sample_s, covariance)
+        self._at = DispersedFlight(flight, sample_s, covariance, target_covariance)
         self._wanted: dict[int, list[int]] = {}
         for k, node in enumerate(self._at.sample.tolist()):
             self._wanted.setdefault(node, []).append(k)
@@ -73,6 +80,11 @@ class Disperser:
     def n_numbers(self) -> int:
         """How many standard normal numbers a run takes."""
         return sum(self._list_counts())
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of the sources of errors."""
+        return list_sources(self._at)
 
     def find_linear(self) -> LinearDispersion:
         """Return the linear covariance at the samples."""
@@ -87,11 +99,13 @@ class Disperser:
         without_burns : whether all burns, corrections and held thrust are missing; a filter then has no effect
         """
         at, n_runs = self._at, len(numbers)
-        drawn = iter(np.split(numbers.T, np.cumsum(self._list_counts())[:-1]))
+        pieces = np.split(numbers.T, np.cumsum(self._list_counts())[:-1])
+        drawn = iter(pieces)
         state = at.to_inertial(0, apply_matrix(at.root, next(drawn)))
+        beside = at.spread_target(pieces[-1])  # deviations of the body approached
         held, bank = next(drawn), None
         if at.filter is not None:
-            bank = at.make_filters(state, next(drawn))
+            bank = at.make_filters(state - beside, next(drawn))
         bank = None if without_burns else bank
         notes = _KnowledgeNotes(at, n_runs) if bank is not None else None
         pending, aim, spent = np.zeros((3, n_runs)), -1, np.zeros(n_runs)
@@ -101,9 +115,9 @@ class Disperser:
             if at.filter is not None and node in at.filter:
                 measured = next(drawn)
                 if bank is not None:
-                    at.filter.observe(bank, node, state, measured)
+                    at.filter.observe(bank, node, state - beside, measured)
             if node in at.updates:
-                known = self._find_known(node, state, bank, drawn)
+                known = self._find_known(node, state - beside, bank, drawn)
                 if not without_burns:
                     velocity, arrival = (apply_matrix(gain, known) for gain in at.gains[node])
                     made = np.sqrt(np.sum(velocity**2, axis=0)) >= self.flight.least_m_s
@@ -126,11 +140,12 @@ class Disperser:
                         bank.add_burn(apply_matrix(axes, change), covariance)
                 state[3:] += apply_matrix(axes, carried)
             for k in self._wanted.get(node, ()):
-                deviations[k] = apply_matrix(axes.T, state[:3])
+                deviations[k] = apply_matrix(axes.T, state[:3] - beside[:3])
                 if notes is not None and bank is not None:
-                    notes.write(k, node, state, bank)
+                    notes.write(k, node, state - beside, bank)
             if node + 1 < len(at.node_s):
                 state = self._advance(node, state, bank, self._find_push(node, held, without_burns=without_burns))
+                beside = at.carry_target(node, beside)
         paths = np.ascontiguousarray(deviations.transpose(2, 0, 1))
         return DispersedPaths(paths, spent, None if notes is None else notes.paths)
 
@@ -142,7 +157,7 @@ class Disperser:
         Parameters
         ----------
         node : of the update
-        state : (6, run) true deviations, inertial axes
+        state : (6, run) true deviations from the body approached, inertial axes
         bank : the filters; None without
         drawn : numbers that are left
         """
@@ -216,14 +231,14 @@ class Disperser:
         return done
 
     def _list_counts(self) -> list[int]:
-        """Return how numbers are divided: start, held legs, filter, then by node: measurements, update, burn."""
+        """Return how numbers are divided: start, held legs, filter, by node measurements, update, burn; last the target."""
         at = self._at
         counts = [_INITIAL, _PER_LEG * len(at.legs)] + [_INITIAL] * (at.filter is not None)
         states_errors = isinstance(self.flight.navigation, NavigationErrors)
         for node in range(len(at.node_s)):
             counts += [at.filter.per_instant] if at.filter is not None and node in at.filter else []
             counts += [_PER_UPDATE] * (states_errors and node in at.updates) + [_PER_BURN] * (node in at.burning)
-        return counts
+        return counts + [_INITIAL] * (at.target_root is not None)
 
 
 def _push_truth(push: Push, still: np.ndarray, stage: int) -> np.ndarray:

@@ -16,6 +16,7 @@ from rso_lidar.rpo.flown.thrusters import NavigationErrors
 from rso_lidar.rpo.navigation.filter_bank import ORBIT, THRUST, FilterBank
 
 SOURCES = ("start", "burns", "navigation")
+TARGET = "target"  # a further source, where the body approached has errors of its own
 _MOST_COLUMNS = 90  # of navigation, before they are replaced by as many as there are rows
 
 
@@ -36,7 +37,7 @@ class LinearDispersion:
 
 
 class _SourceColumns:
-    """Columns of the sources of error: rows of the craft, of the filter's estimate, and of the burn on arrival.
+    """Columns of the sources of error: rows of the craft, of the estimate, of the body approached, of the burn on arrival.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ class _SourceColumns:
 
     def __init__(self, craft: np.ndarray, estimate_states: int) -> None:
         count = craft.shape[1]
-        self.matrix = np.vstack([craft, np.zeros((estimate_states + 3, count))])
+        self.matrix = np.vstack([craft, np.zeros((estimate_states + ORBIT + 3, count))])
         self.labels = ["start"] * count
         if estimate_states:
             self.estimate[:ORBIT] = craft
@@ -60,7 +61,19 @@ class _SourceColumns:
     @property
     def estimate(self) -> np.ndarray:
         """Deviations (state, column) of the estimate."""
-        rows: np.ndarray = self.matrix[ORBIT:-3]
+        rows: np.ndarray = self.matrix[ORBIT : -ORBIT - 3]
+        return rows
+
+    @property
+    def target(self) -> np.ndarray:
+        """Deviations (6, column) of the body approached."""
+        rows: np.ndarray = self.matrix[-ORBIT - 3 : -3]
+        return rows
+
+    @property
+    def relative(self) -> np.ndarray:
+        """Deviations (6, column) of the craft from the body approached."""
+        rows: np.ndarray = self.craft - self.target
         return rows
 
     @property
@@ -90,11 +103,21 @@ class _SourceColumns:
         self.labels = [one for one in self.labels if one != "navigation"] + ["navigation"] * root.shape[1]
 
 
+def list_sources(flight: DispersedFlight) -> tuple[str, ...]:
+    """List the names of the sources of errors of a flight."""
+    return SOURCES if flight.target_root is None else (*SOURCES, TARGET)
+
+
 def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
     """Return the linear covariance at the samples of a flight."""
     bank = flight.make_filters(np.zeros((ORBIT, 1)), np.zeros((ORBIT, 1))) if flight.filter is not None else None
     columns = _SourceColumns(flight.to_inertial(0, flight.root), 0 if bank is None else len(bank.state))
     columns.widen(THRUST * len(flight.legs), "burns")
+    if flight.target_root is not None:
+        columns.widen(ORBIT, TARGET)
+        columns.target[:, -ORBIT:] = flight.target_root
+        if bank is not None:
+            columns.estimate[:ORBIT, -ORBIT:] = -flight.target_root
     if bank is not None:
         assert flight.filter is not None
         columns.widen(ORBIT, "navigation")
@@ -121,14 +144,17 @@ def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
             columns.widen(3, "burns")
             columns.craft[3:, -3:] = errors
         labels = np.array(columns.labels)
-        kept[node] = flight.to_rotating(node, columns.craft), labels
+        kept[node] = flight.to_rotating(node, columns.relative), labels
         if bank is not None:
-            known_at[node] = flight.to_rotating(node, columns.estimate[:ORBIT] - columns.craft)
+            known_at[node] = flight.to_rotating(node, columns.estimate[:ORBIT] - columns.relative)
         if node + 1 < len(flight.node_s):
             _carry(flight, bank, node, columns)
     rows = [kept[node] for node in flight.sample]
     made = np.stack([one @ one.T for one, _ in rows])
-    parts = {name: np.stack([np.sum(one[:3, labels == name] ** 2, axis=1) for one, labels in rows]) for name in SOURCES}
+    parts = {
+        name: np.stack([np.sum(one[:3, labels == name] ** 2, axis=1) for one, labels in rows])
+        for name in list_sources(flight)
+    }
     knowledge = np.stack([known_at[node] @ known_at[node].T for node in flight.sample]) if known_at else None
     return LinearDispersion(made, parts, knowledge)
 
@@ -149,7 +175,7 @@ def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _Sou
         return
     for one in filters.observe(bank, node, np.zeros((ORBIT, 1)), np.zeros((filters.per_instant, 1))):
         slope, gain = one.slope[:, 0], one.gain[:, 0]
-        apart = slope @ (columns.craft[:3] - columns.estimate[:3])
+        apart = slope @ (columns.relative[:3] - columns.estimate[:3])
         columns.estimate[:] += np.outer(gain, apart)
         columns.widen(1, "navigation")
         columns.estimate[:, -1] = gain * one.sigma[0]
@@ -170,7 +196,7 @@ def _find_known(flight: DispersedFlight, node: int, columns: _SourceColumns) -> 
     if not isinstance(errors, NavigationErrors):
         return columns.estimate[:ORBIT]
     columns.widen(ORBIT, "navigation")
-    known = columns.craft.copy()
+    known = columns.relative
     known[:, -ORBIT:] = flight.to_inertial(node, np.diag(errors.sigma))
     return known
 
@@ -187,6 +213,8 @@ def _carry(flight: DispersedFlight, bank: FilterBank | None, node: int, columns:
     """
     leg, start = flight.find_leg(node), flight.root.shape[1]
     columns.craft[:] = flight.transition[node] @ columns.craft
+    if flight.target_root is not None:
+        columns.target[:] = flight.target_flow.transition(node) @ columns.target
     if leg is not None:
         place = start + THRUST * leg
         columns.craft[:, place : place + THRUST] += flight.held[node]

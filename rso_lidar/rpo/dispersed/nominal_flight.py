@@ -40,7 +40,7 @@ class NominalFlight:
     thrusters, navigation : whose random errors disperse the flight
     least_m_s : a correction smaller than this is not made [m/s]
     chief_m : function of instants (time,) [s] that returns the position (time, 3) [m] of the body approached, inertial
-        axes; a filter needs it
+        axes; a filter needs it, and errors of that body do
     """
 
     start_utc: datetime.datetime

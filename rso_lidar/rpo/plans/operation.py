@@ -5,13 +5,14 @@ from __future__ import annotations
 import datetime
 import functools
 from abc import abstractmethod
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import Direction, NotNegative, Positive
@@ -35,6 +36,7 @@ class ProximityOperation(RelativeMotion):
     revolution. `validity` reports where that matters.
     """
 
+    any_center: ClassVar[bool] = True
     keep_out_m: NotNegative = Field(
         default=0.0,
         description="Radius of a sphere about the body's origin that the path may not enter [m]; 0 disables the check.",
@@ -99,7 +101,7 @@ class ProximityOperation(RelativeMotion):
         ScenarioError
             if the plan cannot be carried out, exceeds a limit, or enters the keep-out sphere
         """
-        return _make_checked_plan(self, hill.find_mean_motion_rad_s(chief, start_utc))
+        return _make_checked_plan(self, hill.find_mean_motion_rad_s(chief, start_utc), find_center(chief))
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
@@ -146,6 +148,7 @@ class ProximityOperation(RelativeMotion):
             position,
             *hill.find_start_state(chief, epochs.start_utc),
             better="use lambert, or nonlinear from the plan's state",
+            center=find_center(chief),
         )
         named = [f"{self.name}: {sentence.removeprefix('hill: ')}" for sentence in sentences]
         return named + self.describe_flattening(epochs, chief)
@@ -168,18 +171,32 @@ class ProximityOperation(RelativeMotion):
             Epochs(epochs.start_utc, np.array([free_s])),
             *hill.find_start_state(chief, epochs.start_utc),
             better="use relative_elements, or nonlinear with forces, from the plan's state",
+            center=find_center(chief),
         )
 
 
 @functools.lru_cache(maxsize=128)
-def _make_checked_plan(operation: ProximityOperation, mean_motion_rad_s: float) -> Plan:
-    check_lengths(operation, mean_motion_rad_s)
-    return operation.keep_out.check(check_plan(operation.make_plan(mean_motion_rad_s), operation))
+def _make_checked_plan(operation: ProximityOperation, mean_motion_rad_s: float, center: CentralBody) -> Plan:
+    """Make a plan and check it.
+
+    Parameters
+    ----------
+    operation, mean_motion_rad_s, center : as for `check_lengths`
+    """
+    check_lengths(operation, mean_motion_rad_s, center)
+    return operation.keep_out.check(check_plan(operation.make_plan(mean_motion_rad_s), operation, center=center))
 
 
-def check_lengths(operation: Any, mean_motion_rad_s: float) -> None:
-    """Check that lengths of an operation are within the radius of the body's orbit; beyond, its rtn axes have no meaning."""
-    radius_m = float(np.cbrt(units.EARTH_GM_M3_S2 / mean_motion_rad_s**2))
+def check_lengths(operation: Any, mean_motion_rad_s: float, center: CentralBody = EARTH) -> None:
+    """Check that lengths of an operation are within the radius of the body's orbit; beyond, its rtn axes have no meaning.
+
+    Parameters
+    ----------
+    operation : the part
+    mean_motion_rad_s : of the body that is approached [rad/s]
+    center : body about which that one orbits
+    """
+    radius_m = float(np.cbrt(center.gm_m3_s2 / mean_motion_rad_s**2))
     for name in type(operation).model_fields:
         if not name.endswith("_m") or name == "keep_out_m" or getattr(operation, name) is None:
             continue
@@ -188,12 +205,12 @@ def check_lengths(operation: Any, mean_motion_rad_s: float) -> None:
         if np.any(sizes_m > radius_m):
             at = f"{name}[{int(np.argmax(sizes_m > radius_m))}]" if rows.ndim == 2 else name
             raise ScenarioError(
-                f"{at}: {float(sizes_m.max()) / units.KM:.4g} km is farther than the body is from the Earth's centre, "
+                f"{at}: {float(sizes_m.max()) / units.KM:.4g} km is farther than the body is from {center.name}'s centre, "
                 f"{radius_m / units.KM:.0f} km, where Clohessy-Wiltshire does not apply: come nearer, or use lambert"
             )
 
 
-def check_plan(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
+def check_plan(plan: Plan, operation: Any, *, far: bool = False, center: CentralBody = EARTH) -> Plan:
     """Check that a plan is not too long, too fast or too far, and return it.
 
     Parameters
@@ -201,6 +218,7 @@ def check_plan(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
     plan : the plan
     operation : the part it was made from
     far : whether it may go beyond the radius of the body's orbit
+    center : body about which the one that is approached orbits
 
     Returns
     -------
@@ -228,10 +246,10 @@ def check_plan(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
             f"{key}: the plan needs {max(speeds_m_s):.3g} m/s, faster than bodies pass each other near the Earth, at most "
             f"{FASTEST_M_S:g} m/s: give a longer time or a shorter way"
         )
-    radius_m = float(np.cbrt(units.EARTH_GM_M3_S2 / plan.mean_motion_rad_s**2))
+    radius_m = float(np.cbrt(center.gm_m3_s2 / plan.mean_motion_rad_s**2))
     if not far and not max(places_m) <= radius_m:
         raise ScenarioError(
-            f"{key}: the plan leads {max(places_m) / units.KM:.4g} km away, farther than the body is from the Earth's "
+            f"{key}: the plan leads {max(places_m) / units.KM:.4g} km away, farther than the body is from {center.name}'s "
             f"centre, {radius_m / units.KM:.0f} km, where Clohessy-Wiltshire does not apply: plan a shorter time, or use "
             "lambert"
         )

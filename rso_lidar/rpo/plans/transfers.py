@@ -7,7 +7,7 @@ import functools
 import math
 from collections.abc import Sequence
 from itertools import pairwise, product
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -218,6 +218,7 @@ class Lambert(ProximityOperation):
     than half a revolution).
     """
 
+    any_center: ClassVar[bool] = False
     type: Literal["lambert"] = "lambert"
     from_m: Vector = Field(description="Position at `start_utc`, in the body's rtn axes of that time [m].")
     to_m: Vector = Field(

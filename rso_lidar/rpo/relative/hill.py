@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import datetime
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center, states_about_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import Flag, Vector
@@ -44,6 +45,7 @@ class Hill(RelativeState):
     not matter. The acceleration is then along the axes at the body.
     """
 
+    any_center: ClassVar[bool] = True
     type: Literal["hill"] = "hill"
     acceleration_m_s2: Vector = Field(
         default=(0.0, 0.0, 0.0),
@@ -89,14 +91,13 @@ class Hill(RelativeState):
         chief : trajectory of the chief
         """
         position, _ = self._propagate_equations(epochs, chief)
-        start = find_start_state(chief, epochs.start_utc)
+        start, center = find_start_state(chief, epochs.start_utc), find_center(chief)
         if self.curvilinear:
-            sentences = describe_validity(
-                position[:, ::2], *start, better="use relative_elements or nonlinear", factor=CURVED
-            )
+            better = "use relative_elements or nonlinear"
+            sentences = describe_validity(position[:, ::2], *start, better=better, factor=CURVED, center=center)
         else:
-            sentences = describe_validity(position, *start)
-        return sentences + describe_flattening("hill", epochs, *start)
+            sentences = describe_validity(position, *start, center=center)
+        return sentences + describe_flattening("hill", epochs, *start, center=center)
 
 
 def describe_validity(
@@ -106,19 +107,24 @@ def describe_validity(
     *,
     better: str = "set curvilinear = true, or use relative_elements or nonlinear",
     factor: float = STRAIGHT,
+    center: CentralBody = EARTH,
 ) -> list[str]:
     """Return one sentence for each limit of Clohessy-Wiltshire's equations that a motion exceeds.
 
     Parameters
     ----------
     position_m : (time, 3) rtn positions [m]
-    chief_m, chief_m_s : (3,) state of the chief [m], [m/s]
+    chief_m, chief_m_s : (3,) state of the chief about the centre of that body [m], [m/s]
     better : what to use instead, for the sentence
     factor : the neglected second order is `factor` pi rho^2 / r per revolution
+    center : body about which the chief orbits
     """
     farthest_m = float(np.linalg.norm(np.atleast_2d(position_m), axis=-1).max(initial=0.0))
-    e = find_eccentricity(chief_m, chief_m_s)
+    e = find_eccentricity(chief_m, chief_m_s, center.gm_m3_s2)
     sentences = []
+    elements = ", relative_elements" if center is EARTH else ""  # they have the Earth's J2
+    if center is not EARTH:
+        better = "use nonlinear"
     if farthest_m > FAR_M:
         off_m = factor * math.pi * farthest_m**2 / float(np.linalg.norm(chief_m))
         what = "the separation" if factor == STRAIGHT else "the height, or the arc across,"
@@ -130,7 +136,7 @@ def describe_validity(
         sentences.append(
             f"hill: the chief's eccentricity is {e:.4f}; above {ECCENTRIC:g} Clohessy-Wiltshire, which takes it as "
             f"circular, is off by up to {30.0 * e:.0%} of the separation for each revolution: "
-            "use yamanaka_ankersen, relative_elements or nonlinear"
+            f"use yamanaka_ankersen{elements} or nonlinear"
         )
     return sentences
 
@@ -211,8 +217,8 @@ def _propagate(
 
 
 def find_start_state(chief: Trajectory, start_utc: datetime.datetime) -> tuple[np.ndarray, np.ndarray]:
-    """Return the position (3,) [m] and velocity (3,) [m/s] of a chief in GCRS axes at `start_utc`."""
-    state = chief.states(Epochs(start_utc, np.zeros(1)))
+    """Return position (3,) [m] and velocity (3,) [m/s] of a chief about its central body at `start_utc`, in GCRS axes."""
+    state = states_about_center(chief, Epochs(start_utc, np.zeros(1)))
     return np.asarray(state.position_m)[0], np.asarray(state.velocity_m_s)[0]
 
 
@@ -233,23 +239,35 @@ def find_mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> f
     ScenarioError
         if the orbit is open
     """
-    return mean_motion_of_state(*find_start_state(chief, start_utc))
+    return mean_motion_of_state(*find_start_state(chief, start_utc), find_center(chief).gm_m3_s2)
 
 
-def mean_motion_of_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
-    """Return the mean motion [rad/s] of the osculating orbit of a state (3,), (3,); `ScenarioError` if it is open."""
-    alpha = float(2.0 / np.linalg.norm(position_m) - np.sum(velocity_m_s * velocity_m_s) / GM)
+def mean_motion_of_state(position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3_s2: float = GM) -> float:
+    """Return the mean motion [rad/s] of the osculating orbit of a state; `ScenarioError` if it is open.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (3,) about the central body [m], [m/s]
+    gm_m3_s2 : its gravitational parameter [m3/s2], by default the Earth's
+    """
+    alpha = float(2.0 / np.linalg.norm(position_m) - np.sum(velocity_m_s * velocity_m_s) / gm_m3_s2)
     if alpha <= 0.0:
         raise ScenarioError(
             "relative_to: its orbit is open and has no mean motion: use motion 'nonlinear' about it, or 'state'"
         )
-    return math.sqrt(GM * alpha**3)
+    return math.sqrt(gm_m3_s2 * alpha**3)
 
 
-def find_eccentricity(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
-    """Return the osculating eccentricity of a state (3,), (3,) in GCRS axes."""
+def find_eccentricity(position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3_s2: float = GM) -> float:
+    """Return the osculating eccentricity of a state in GCRS axes.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (3,) about the central body [m], [m/s]
+    gm_m3_s2 : its gravitational parameter [m3/s2], by default the Earth's
+    """
     momentum = np.cross(position_m, velocity_m_s)
-    return float(np.linalg.norm(np.cross(velocity_m_s, momentum) / GM - position_m / np.linalg.norm(position_m)))
+    return float(np.linalg.norm(np.cross(velocity_m_s, momentum) / gm_m3_s2 - position_m / np.linalg.norm(position_m)))
 
 
 def describe_flattening(
@@ -258,6 +276,8 @@ def describe_flattening(
     chief_m: np.ndarray,
     chief_m_s: np.ndarray,
     better: str = "use relative_elements, or nonlinear with forces",
+    *,
+    center: CentralBody = EARTH,
 ) -> list[str]:
     """Return a sentence if J2, which a two-body model leaves out, moves the relative orbit by more than `TURNED`.
 
@@ -269,25 +289,29 @@ def describe_flattening(
     ----------
     name : name of the model
     epochs : instants
-    chief_m, chief_m_s : (3,) state of the chief [m], [m/s]
-    better : what to use instead, for the sentence
+    chief_m, chief_m_s : (3,) state of the chief about its central body [m], [m/s]
+    better : what to use instead, for the sentence; about the Moon there is nothing better
+    center : body about which the chief orbits
     """
-    alpha = 2.0 / np.linalg.norm(chief_m) - np.sum(chief_m_s**2) / GM
+    gm = center.gm_m3_s2
+    alpha = 2.0 / np.linalg.norm(chief_m) - np.sum(chief_m_s**2) / gm
     if alpha <= 0.0 or not len(epochs):
         return []
-    p = float(np.sum(np.cross(chief_m, chief_m_s) ** 2)) / GM
-    swept_rad = math.sqrt(GM * alpha**3) * float(np.abs(epochs.time_s).max())
-    share = _FLATTENED * units.EARTH_J2 * (units.EARTH_RADIUS_M / p) ** 2 * swept_rad
+    p = float(np.sum(np.cross(chief_m, chief_m_s) ** 2)) / gm
+    swept_rad = math.sqrt(gm * alpha**3) * float(np.abs(epochs.time_s).max())
+    share = _FLATTENED * center.j2 * (center.radius_m / p) ** 2 * swept_rad
     if share <= TURNED:
         return []
+    if center is not EARTH:
+        better = "its other harmonics, which are as large, are left out too: take the result as an estimate"
     return [
-        f"{name}: in {swept_rad / math.tau:.1f} revolutions the Earth's flattening (J2), which this model leaves out, moves "
-        f"the body by up to {share:.0%} of the separation: {better}"
+        f"{name}: in {swept_rad / math.tau:.1f} revolutions {center.name}'s flattening (J2), which this model leaves out, "
+        f"moves the body by up to {share:.0%} of the separation: {better}"
     ]
 
 
 def _find_radius(chief: Trajectory, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distance of a chief from the Earth's centre [m] and its rate [m/s] (time,)."""
-    state = chief.states(epochs)
+    """Return the distance of a chief from the centre of its central body [m] and its rate [m/s] (time,)."""
+    state = states_about_center(chief, epochs)
     radius = np.sqrt(dot(state.position_m, state.position_m))
     return radius, dot(state.position_m, state.velocity_m_s) / radius

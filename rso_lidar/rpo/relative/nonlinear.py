@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.maneuver import Impulse, describe_late
@@ -40,6 +42,17 @@ class Nonlinear(RelativeState):
         description="Impulses and burns of this body, in any order. The axes `chief_rtn` are those of `relative_to`.",
     )
 
+    def check_center(self, center: CentralBody) -> None:
+        """Check that the forces, and the gravity during maneuvers, are those of the body about which the chief orbits."""
+        if center is EARTH:
+            return
+        for key in ("forces", "maneuvers"):
+            if getattr(self, key):
+                raise ScenarioError(
+                    f"{key}: are integrated with the Earth's gravity, and '{self.relative_to}' orbits about {center.name}: "
+                    "leave them out"
+                )
+
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
 
@@ -52,9 +65,8 @@ class Nonlinear(RelativeState):
         reference = ReferenceOrbit.from_chief(chief, epochs.start_utc, forces)
         start = reference.place(np.array(self.position_m), np.array(self.velocity_m_s))
         if forces is None:
-            return reference.express(
-                BodyState(*propagate_two_body(start.position_m, start.velocity_m_s, epochs.time_s)), epochs
-            )
+            flown = propagate_two_body(start.position_m, start.velocity_m_s, epochs.time_s, reference.gm_m3_s2)
+            return reference.express(BodyState(*flown), epochs)
         place = start.position_m, start.velocity_m_s, epochs.start_utc
         chief_orbit = reference.orbit if self.maneuvers else None
         rows = integrate_orbit(*place, forces, self.maneuvers, chief=chief_orbit)(epochs.time_s)
@@ -107,5 +119,9 @@ class Nonlinear(RelativeState):
         if self.forces is not None:
             return []
         return describe_flattening(
-            "nonlinear", epochs, *find_start_state(chief, epochs.start_utc), better="give it forces"
+            "nonlinear",
+            epochs,
+            *find_start_state(chief, epochs.start_utc),
+            better="give it forces",
+            center=find_center(chief),
         )

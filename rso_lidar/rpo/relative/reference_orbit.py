@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 
 from rso_lidar.errors import PropagationError
+from rso_lidar.orbit.central_body import EARTH, find_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
@@ -30,10 +31,11 @@ class ReferenceOrbit:
     Parameters
     ----------
     start_utc : start of the run
-    position_m, velocity_m_s : (3,) state of the chief at `begin_s` in GCRS axes [m], [m/s]
+    position_m, velocity_m_s : (3,) state of the chief about its central body at `begin_s`, in GCRS axes [m], [m/s]
     forces : forces on it; None for two-body motion
     maneuvers : impulses and burns of the chief itself
     begin_s : time of the state, since `start_utc` [s]
+    gm_m3_s2 : gravitational parameter of the central body [m3/s2]; with forces, the Earth's
     """
 
     start_utc: datetime.datetime
@@ -42,6 +44,7 @@ class ReferenceOrbit:
     forces: Forces | None
     maneuvers: tuple[Impulse | Burn, ...] = ()
     begin_s: float = 0.0
+    gm_m3_s2: float = EARTH.gm_m3_s2
 
     @classmethod
     def from_chief(
@@ -61,7 +64,7 @@ class ReferenceOrbit:
         maneuvers : its impulses and burns
         """
         position, velocity = (tuple(vector.tolist()) for vector in find_start_state(chief, start_utc))
-        return cls(start_utc, position, velocity, forces, maneuvers)
+        return cls(start_utc, position, velocity, forces, maneuvers, gm_m3_s2=find_center(chief).gm_m3_s2)
 
     @property
     def orbit(self) -> IntegratedOrbit:
@@ -74,7 +77,7 @@ class ReferenceOrbit:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
         if self.forces is None:
             start = np.array(self.position_m), np.array(self.velocity_m_s)
-            return BodyState(*propagate_two_body(*start, epochs.time_s - self.begin_s))
+            return BodyState(*propagate_two_body(*start, epochs.time_s - self.begin_s, self.gm_m3_s2))
         rows = self.orbit(epochs.time_s)
         return BodyState(rows[:, :3], rows[:, 3:])
 

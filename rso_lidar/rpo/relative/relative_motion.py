@@ -3,21 +3,45 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.central_body import EARTH, CentralBody
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.part import Name, Part, Vector
+from rso_lidar.part import Name, Part, Vector, kind_of
 from rso_lidar.rpo.limits import Velocity
 
 
 class RtnMotion(Part):
     """Base of motions about a chief, which `relative_to` names, in its rotating rtn axes.
 
-    rtn: x radially outward, z along r x v, y = z x x.
+    rtn: x radially outward, z along r x v, y = z x x. `any_center` states whether the model takes the gravity of the body
+    about which the chief orbits; otherwise it has the Earth's.
     """
+
+    any_center: ClassVar[bool] = False
+
+    def check_center(self, center: CentralBody) -> None:
+        """Check that the model applies to a chief that orbits about a body.
+
+        Parameters
+        ----------
+        center : the body about which the chief orbits
+
+        Raises
+        ------
+        ScenarioError
+            if the model has the Earth's gravity, and that is another body
+        """
+        if center is not EARTH and not self.any_center:
+            raise ScenarioError(
+                f"'{kind_of(self)}' has the Earth's gravity, and '{getattr(self, 'relative_to', 'its chief')}' orbits about "
+                f"{center.name}: use 'hill', 'yamanaka_ankersen', 'nonlinear' without forces, or a plan of impulses"
+            )
 
     @abstractmethod
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:

@@ -8,12 +8,13 @@ the Earth) are y, -z and -x of rtn.
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.central_body import EARTH, find_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body.anomaly import start_eccentric_anomaly
@@ -36,6 +37,7 @@ class YamanakaAnkersen(RelativeState):
     two bodies are left out.
     """
 
+    any_center: ClassVar[bool] = True
     type: Literal["yamanaka_ankersen"] = "yamanaka_ankersen"
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -46,8 +48,8 @@ class YamanakaAnkersen(RelativeState):
         epochs : instants
         chief : trajectory of the chief
         """
-        start = find_start_state(chief, epochs.start_utc)
-        return propagate_yamanaka_ankersen(self.position_m, self.velocity_m_s, epochs.time_s, *start)
+        start, gm = find_start_state(chief, epochs.start_utc), find_center(chief).gm_m3_s2
+        return propagate_yamanaka_ankersen(self.position_m, self.velocity_m_s, epochs.time_s, *start, gm)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
         """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
@@ -57,17 +59,18 @@ class YamanakaAnkersen(RelativeState):
         epochs : instants
         chief : trajectory of the chief
         """
-        start = find_start_state(chief, epochs.start_utc)
+        start, center = find_start_state(chief, epochs.start_utc), find_center(chief)
         position, _ = self.relative(epochs, chief)
         farthest_m = float(np.linalg.norm(position, axis=1).max(initial=0.0))
         sentences = []
         if farthest_m > FAR_M:
+            off_m = _estimate_second_order_m(farthest_m, *start, center.gm_m3_s2)
             sentences.append(
                 f"yamanaka_ankersen: the separation reaches {farthest_m / units.KM:.1f} km; beyond {FAR_M / units.KM:g} km "
-                f"the neglected second order, here up to some {_estimate_second_order_m(farthest_m, *start):.3g} m for each "
-                "revolution, matters: use nonlinear or relative_elements"
+                f"the neglected second order, here up to some {off_m:.3g} m for each "
+                f"revolution, matters: use nonlinear{' or relative_elements' if center is EARTH else ''}"
             )
-        return sentences + describe_flattening("yamanaka_ankersen", epochs, *start)
+        return sentences + describe_flattening("yamanaka_ankersen", epochs, *start, center=center)
 
 
 def propagate_yamanaka_ankersen(
@@ -76,6 +79,7 @@ def propagate_yamanaka_ankersen(
     time_s: np.ndarray,
     chief_m: np.ndarray,
     chief_m_s: np.ndarray,
+    gm_m3_s2: float = GM,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Propagate a relative state by Yamanaka and Ankersen's equations.
 
@@ -83,14 +87,15 @@ def propagate_yamanaka_ankersen(
     ----------
     position_m, velocity_m_s : (3,) initial state in rtn axes [m], [m/s]
     time_s : (time,) time since the initial state [s]
-    chief_m, chief_m_s : (3,) state of the chief in GCRS axes at the start [m], [m/s]
+    chief_m, chief_m_s : (3,) state of the chief about its central body at the start, in GCRS axes [m], [m/s]
+    gm_m3_s2 : gravitational parameter of that body [m3/s2], by default the Earth's
 
     Returns
     -------
     position_m, velocity_m_s : (time, 3) in rtn axes [m], [m/s]
     """
     time = np.atleast_1d(np.asarray(time_s, dtype=float))
-    orbit = _ChiefOrbit(np.asarray(chief_m, dtype=float), np.asarray(chief_m_s, dtype=float))
+    orbit = _ChiefOrbit(np.asarray(chief_m, dtype=float), np.asarray(chief_m_s, dtype=float), gm_m3_s2)
     start = (*np.asarray(position_m, dtype=float), *np.asarray(velocity_m_s, dtype=float))
     constants = orbit.constants(*start)
     position, velocity = np.empty((len(time), 3)), np.empty((len(time), 3))
@@ -103,22 +108,27 @@ class _ChiefOrbit:
     """The chief's two-body ellipse.
 
     `e` is its eccentricity and `k2` the paper's k^2 = sqrt(GM / p^3); the anomalies are those at the start.
+
+    Parameters
+    ----------
+    r, v : state (3,) about the central body [m], [m/s]
+    gm : gravitational parameter of that body [m3/s2]
     """
 
-    def __init__(self, r: np.ndarray, v: np.ndarray) -> None:
+    def __init__(self, r: np.ndarray, v: np.ndarray, gm: float) -> None:
         radius = float(np.linalg.norm(r))
         momentum = np.cross(r, v)
-        p = float(np.sum(momentum * momentum)) / GM
-        alpha = 2.0 / radius - float(np.sum(v * v)) / GM
-        e_cos, e_sin = p / radius - 1.0, math.sqrt(p / GM) * float(np.sum(r * v)) / radius
+        p = float(np.sum(momentum * momentum)) / gm
+        alpha = 2.0 / radius - float(np.sum(v * v)) / gm
+        e_cos, e_sin = p / radius - 1.0, math.sqrt(p / gm) * float(np.sum(r * v)) / radius
         self.e = math.hypot(e_cos, e_sin)
         if alpha <= 0.0 or self.e >= 1.0:
             raise ScenarioError(
                 "relative_to: its orbit is open, and yamanaka_ankersen is for ellipses: use motion 'nonlinear'"
             )
         self.true_rad = math.atan2(e_sin, e_cos)
-        self.k2 = math.sqrt(GM / p**3)
-        self.mean_motion_rad_s = math.sqrt(GM * alpha**3)
+        self.k2 = math.sqrt(gm / p**3)
+        self.mean_motion_rad_s = math.sqrt(gm * alpha**3)
         self.axes_ratio = math.sqrt(p * alpha)  # sqrt(1 - e^2)
         eccentric = math.atan2(self.axes_ratio * math.sin(self.true_rad), self.e + math.cos(self.true_rad))
         self.mean_rad = eccentric - self.e * math.sin(eccentric)
@@ -212,15 +222,18 @@ def _solve_kepler(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.ndarra
     return s - rest * c, c + rest * s
 
 
-def _estimate_second_order_m(separation_m: float, position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+def _estimate_second_order_m(
+    separation_m: float, position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3_s2: float
+) -> float:
     """Return a bound [m] of the neglected second order in one revolution, found by propagating both bodies.
 
     Parameters
     ----------
     separation_m : greatest separation [m]
-    position_m, velocity_m_s : (3,) state of the chief [m], [m/s]
+    position_m, velocity_m_s : (3,) state of the chief about its central body [m], [m/s]
+    gm_m3_s2 : gravitational parameter of that body [m3/s2]
     """
-    e = float(find_eccentricity(position_m, velocity_m_s))
+    e = float(find_eccentricity(position_m, velocity_m_s, gm_m3_s2))
     h = np.cross(position_m, velocity_m_s)
-    perigee_m = float(h @ h) / GM / (1.0 + e)
+    perigee_m = float(h @ h) / gm_m3_s2 / (1.0 + e)
     return 6.0 * math.pi * separation_m**2 / perigee_m * math.sqrt((1.0 + e) / (1.0 - e)) / (1.0 - e) ** 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import functools
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -35,6 +35,7 @@ class Sequence(ProximityOperation):
     the body at their instants.
     """
 
+    any_center: ClassVar[bool] = False
     type: Literal["sequence"] = "sequence"
     legs: Annotated[tuple[AnyLeg, ...], Field(min_length=1, max_length=MOST_PIECES)] = Field(
         description="Legs in order, each an operation with the condition that ends it."

@@ -11,8 +11,10 @@ from rso_lidar import detector, units
 from rso_lidar.detector.bench.trial import Trial
 from rso_lidar.motion.motions.motion import summarize
 from rso_lidar.motion.proximity import find_flight, find_plan
+from rso_lidar.motion.truth import Chief
 from rso_lidar.optics import Receiver
 from rso_lidar.orbit import format_utc
+from rso_lidar.orbit.central_body import EARTH
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.part import kind_of
 from rso_lidar.scenario.assessment.advice import advise
@@ -25,6 +27,7 @@ from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, preview_mission
 from rso_lidar.scenario.preview.monte_carlo import try_pixels
 from rso_lidar.scenario.preview.returns import TargetReturns, cast_attitudes
+from rso_lidar.scenario.preview.sky import about_center
 from rso_lidar.scenario.preview.whole_target import find_in_run
 from rso_lidar.ties import find_first_least
 
@@ -100,10 +103,11 @@ def _describe_motion(mission: Mission, number: int, preview: Preview) -> str:
     text = summarize(body.motion, mission.time.start_utc)
     attitude = kind_of(body.attitude) if body.attitude else "as its motion"
     if body.orbits:
-        state = preview.states[body.name]
-        orbit = elements_from_state(state.position_m[0], state.velocity_m_s[0])
+        state, center = about_center(mission, preview, body.name), Chief(mission.bodies, body.name).central_body
+        orbit = elements_from_state(state.position_m[0], state.velocity_m_s[0], center)
+        about = "" if center is EARTH else f" about {center.name}"
         text += (
-            f"; a {orbit.semi_major_axis_m / units.KM:.1f} km, e {orbit.eccentricity:.5f}, "
+            f";{about} a {orbit.semi_major_axis_m / units.KM:.1f} km, e {orbit.eccentricity:.5f}, "
             f"i {orbit.inclination_rad / units.DEG:.3f}°, period {orbit.period_s / 60.0:.1f} min"
         )
     return f"{text}; attitude {attitude}"

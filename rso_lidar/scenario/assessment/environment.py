@@ -9,12 +9,15 @@ from rso_lidar.motion import Body
 from rso_lidar.motion.truth import Chief
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses
+from rso_lidar.orbit.sky.geometry import earth_angular_radius_rad
 from rso_lidar.scenario.assessment.stray_light import advise_on_glare
 from rso_lidar.scenario.mission.mission import Mission
+from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 from rso_lidar.scenario.preview.geometry import Preview
 from rso_lidar.scenario.preview.sky import (
     SkyGeometry,
     compute_sky_geometry,
+    line_height_over_moon_m,
     line_of_sight_height_m,
     tabulate_environment,
 )
@@ -70,7 +73,7 @@ def advise_on_environment(mission: Mission, preview: Preview, constraints: Const
     simulated = () if glare is None else glare.sources
     lines = _advise_on_sun(preview, around, near=near, simulated="sun" in simulated)
     if mission.lidar.receiver.filter_width_nm is not None and "earth" not in simulated:
-        lines += _advise_on_earth(preview, around)
+        lines += _advise_on_earth(preview, around) + _advise_on_moon(mission, preview, around)
     lines += advise_on_glare(mission, preview, around)
     return lines + _advise_on_line_of_sight(mission, preview, around)
 
@@ -117,8 +120,27 @@ def _advise_on_earth(preview: Preview, around: SkyGeometry) -> list[str]:
     ]
 
 
+def _advise_on_moon(mission: Mission, preview: Preview, around: SkyGeometry) -> list[str]:
+    """Warn of the Moon's disk in the field of view of a follower that orbits about it.
+
+    Parameters
+    ----------
+    mission, preview, around : the mission, its geometry, and the bodies around the lidar.
+    """
+    if around.moon_m is None or "follower" not in list_lunar_bodies(mission.bodies):
+        return []
+    radius = earth_angular_radius_rad(around.moon_m - around.position_m, units.MOON_RADIUS_M)
+    covers = around.outside_field_rad(around.moon_m - around.position_m) <= radius
+    if not covers.any():
+        return []
+    return [
+        f"the Moon's disk is in the field of view {describe_share(covers, preview.time_s)}: lidar.receiver.filter_width_nm "
+        "asks for sunlight, but that which the Moon scatters is not in the frames; look away from the Moon"
+    ]
+
+
 def _advise_on_line_of_sight(mission: Mission, preview: Preview, around: SkyGeometry) -> list[str]:
-    """Warn of targets hidden by the Earth.
+    """Warn of targets hidden by the Earth, or by the Moon about which the follower orbits.
 
     Parameters
     ----------
@@ -131,6 +153,12 @@ def _advise_on_line_of_sight(mission: Mission, preview: Preview, around: SkyGeom
             lines.append(
                 f"target {target.name}: the Earth stands between it and the lidar "
                 f"{describe_share(blocked, preview.time_s)}, and frames show it all the same; start when it is in sight"
+            )
+        over_moon_m = line_height_over_moon_m(mission, preview, target.name)
+        if over_moon_m is not None and (hidden := over_moon_m < 0.0).any():
+            lines.append(
+                f"target {target.name}: the Moon stands between it and the lidar {describe_share(hidden, preview.time_s)}, "
+                "and frames show it all the same; start when it is in sight"
             )
     return lines
 

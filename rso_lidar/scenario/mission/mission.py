@@ -11,15 +11,17 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from rso_lidar.errors import ScenarioError, add_place, did_you_mean
+from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.files import convert_path
 from rso_lidar.motion import Body, Ptu
+from rso_lidar.motion.bodies.orbital_axes import find_moon_m
 from rso_lidar.motion.bodies.order import sort_bodies
-from rso_lidar.orbit import Epochs, moon_position_m
+from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.exposure import Exposure
+from rso_lidar.scenario.mission.moon_missions import check_lunar_orbits
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics, list_fmus
-from rso_lidar.scenario.mission.sensor_checks import check_sensors
+from rso_lidar.scenario.mission.sensor_checks import check_sensors, check_tracked_name
 from rso_lidar.scenario.mission.target_surfaces import build_surfaces
 from rso_lidar.scenario.mission.validation import read_toml, validate_tables, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
@@ -211,21 +213,14 @@ class Mission(Part):
                 "time.frame_rate_hz"
             )
         check_sensors(self.sensor, self.target, self.follower)
+        check_lunar_orbits(bodies, self.world, self.lidar, self.sensor, self.dispersion)
         receiver = self.lidar.receiver
         if self.finding.pixels > receiver.n_rows * receiver.n_cols:
             raise ValueError(
                 f"finding.pixels: {self.finding.pixels} is more than the {receiver.n_rows * receiver.n_cols} pixels of the "
                 "receiver, so no target could be found; lower it"
             )
-        tracked = None if self.ptu is None else self.ptu.point.tracked_name
-        if tracked is not None:
-            known = [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]
-            known.remove("follower")
-            if tracked not in known:
-                guess = did_you_mean(tracked, known)
-                raise ValueError(
-                    f"ptu.point.at: no body is named '{tracked}'{guess} (known: {', '.join(known) or 'none'})"
-                )
+        check_tracked_name(None if self.ptu is None else self.ptu.point.tracked_name, bodies)
         return self
 
     @property
@@ -381,7 +376,7 @@ class Mission(Part):
         glare = self.lidar.receiver.glare
         if self.is_local or glare is None or "moon" not in glare.sources:
             return None
-        position_m: np.ndarray = moon_position_m(Epochs(self.time.start_utc, np.array([time_s])))[0]
+        position_m: np.ndarray = find_moon_m(self.bodies, Epochs(self.time.start_utc, np.array([time_s])))[0]
         return position_m
 
     def rng(self, frame: int, stage: int = 0) -> np.random.Generator:

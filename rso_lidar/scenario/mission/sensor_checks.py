@@ -1,4 +1,4 @@
-"""Checks of the other sensors of a mission against each other and against its bodies."""
+"""Checks of the other sensors and of the PTU of a mission against its bodies, and of sensors against each other."""
 
 from __future__ import annotations
 
@@ -44,3 +44,22 @@ def check_sensors(sensors: Sequence[Any], targets: Sequence[Body], follower: Bod
             )
         if isinstance(sensor, WheelTelemetry | ThrusterTelemetry):
             sensor.check_dynamics(count_dynamics(follower))
+
+
+def check_tracked_name(tracked: str | None, bodies: Sequence[Body]) -> None:
+    """Check that what the PTU tracks exists.
+
+    Parameters
+    ----------
+    tracked : name of a body, or of axes that it declares; None where the PTU tracks nothing.
+    bodies : targets, then the follower, which cannot be tracked.
+
+    Raises
+    ------
+    ValueError
+        If there is no such body.
+    """
+    known = [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes)) if name != "follower"]
+    if tracked is not None and tracked not in known:
+        guess = did_you_mean(tracked, known)
+        raise ValueError(f"ptu.point.at: no body is named '{tracked}'{guess} (known: {', '.join(known) or 'none'})")

@@ -11,6 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.motion.bodies.orbital_axes import find_moon_m
+from rso_lidar.motion.truth import Chief
+from rso_lidar.orbit.central_body import subtract_center
 from rso_lidar.orbit.sky.geometry import (
     angle_outside_field_rad,
     angle_rad,
@@ -21,10 +24,11 @@ from rso_lidar.orbit.sky.geometry import (
     line_altitude_m,
     phase_angle_rad,
 )
-from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import ROOT, rotate_vectors
+from rso_lidar.records import BodyState
 from rso_lidar.scenario.mission.mission import Mission
+from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 from rso_lidar.scenario.preview.geometry import Preview
 
 
@@ -104,7 +108,7 @@ def compute_sky_geometry(mission: Mission, preview: Preview) -> SkyGeometry:
                 position_m + units.ASTRONOMICAL_UNIT_M * preview.truth.sun_direction
             )  # the direction is the same everywhere
         return SkyGeometry(position_m, turn, half_field, sun_m, None, False, np.full(shape[0], True))
-    sun_m, moon_m = sun_position_m(preview.epochs), moon_position_m(preview.epochs)
+    sun_m, moon_m = sun_position_m(preview.epochs), find_moon_m(mission.bodies, preview.epochs)
     return SkyGeometry(position_m, turn, half_field, sun_m, moon_m, True, preview.truth.sunlit["follower"] > 0.0)
 
 
@@ -125,7 +129,7 @@ def tabulate_environment(mission: Mission, preview: Preview) -> dict[str, np.nda
     }
     for body in mission.bodies:
         if body.orbits and around.sun_m is not None:
-            columns[f"{body.name}_beta_rad"] = beta_angle_rad(preview.states[body.name], around.sun_m)
+            columns[f"{body.name}_beta_rad"] = beta_angle_rad(about_center(mission, preview, body.name), around.sun_m)
         if around.earth:
             columns[f"{body.name}_sunlit_fraction"] = np.asarray(preview.truth.sunlit[body.name])
     for target in mission.target:
@@ -139,6 +143,8 @@ def tabulate_environment(mission: Mission, preview: Preview) -> dict[str, np.nda
             )
         if around.earth:
             columns[f"{target.name}_line_height_m"] = line_of_sight_height_m(preview, target.name)
+            if (over_moon_m := line_height_over_moon_m(mission, preview, target.name)) is not None:
+                columns[f"{target.name}_line_height_over_moon_m"] = over_moon_m
     return {name: values for name, values in columns.items() if values is not None}
 
 
@@ -154,6 +160,36 @@ def line_of_sight_height_m(preview: Preview, target: str) -> np.ndarray:
 
     It is NaN where an end of the line is below the Earth's surface.
     """
-    ends = [preview.states[name].position_m for name in ("follower", target)]
+    ends = preview.states["follower"].position_m, preview.states[target].position_m
     buried = np.isnan(earth_angular_radius_rad(ends[0])) | np.isnan(earth_angular_radius_rad(ends[1]))
     return np.where(buried, np.nan, line_altitude_m(*ends))
+
+
+def line_height_over_moon_m(mission: Mission, preview: Preview, target: str) -> np.ndarray | None:
+    """Return the height (time) [m] at which the line from follower to target passes the Moon.
+
+    Parameters
+    ----------
+    mission, preview : the mission and its geometry.
+    target : name of the target.
+
+    Returns
+    -------
+    None if the follower does not orbit about the Moon
+    """
+    if "follower" not in list_lunar_bodies(mission.bodies):
+        return None
+    moon_m = find_moon_m(mission.bodies, preview.epochs)
+    own_m, target_m = (preview.states[name].position_m - moon_m for name in ("follower", target))
+    return line_altitude_m(own_m, target_m, units.MOON_RADIUS_M)
+
+
+def about_center(mission: Mission, preview: Preview, name: str) -> BodyState:
+    """Return the states (time, 3) of a body about the centre of the Earth, or of the Moon if it orbits about that.
+
+    Parameters
+    ----------
+    mission, preview : the mission and its geometry.
+    name : of the body.
+    """
+    return subtract_center(preview.states[name], Chief(mission.bodies, name).center_states(preview.epochs))

@@ -1,4 +1,4 @@
-"""Errors that disperse the flights of a mission: of the start, the burns, navigation, pointing and the laser."""
+"""Errors that disperse the flights of a mission: of both starts, the burns, navigation, attitude, pointing and the laser."""
 
 from __future__ import annotations
 
@@ -7,19 +7,41 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from rso_lidar.part import NotNegative, Number, Part, Positive, Vector
+from rso_lidar.part import NotNegative, Number, Part, Positive, Text, Vector, Whole
 from rso_lidar.rpo import Thrusters
 from rso_lidar.rpo.flown.flown_plan import AnyNavigation
 
 Row = tuple[Number, Number, Number, Number, Number, Number]
 _ROUNDING = 1e-9  # relative, to which a covariance may be asymmetric or negative
+MOST_ATTITUDE_DEG = 30.0
 
 
-class Dispersion(Part):
-    """Errors of the flights that `disperse` makes: normal, and independent from run to run. A run does not use them.
+class ElementSetErrors(Part):
+    """Covariance of an object's element sets at their age, from differences between its successive sets in a file.
 
-    Errors of burns and navigation are those of a `flown` motion, unless they are given here.
+    It is `rl.study.estimate_set_errors(sets).covariance_at(age_days)`: consistency of the sets, not their accuracy.
     """
+
+    type: Literal["element_sets"] = "element_sets"
+    file: Text = Field(description="File with element sets of the object at many epochs (TLE, 3LE or OMM).")
+    name: Text | None = Field(default=None, description="Name of the object, where the file has several.")
+    norad_id: Annotated[Whole, Field(ge=1, lt=10**9)] | None = Field(
+        default=None, description="Catalogue number of the object, where the file has several."
+    )
+    age_days: NotNegative | None = Field(
+        default=None,
+        description="Age of the set that is flown [day]. If omitted, that of the set whose epoch is nearest to `start_utc`.",
+    )
+
+    @model_validator(mode="after")
+    def _one_selection(self) -> Self:
+        if self.name is not None and self.norad_id is not None:
+            raise ValueError("name and norad_id both choose the object: give one")
+        return self
+
+
+class StateErrors(Part):
+    """Base of errors of a state at `start_utc`: standard deviations, a covariance, or the errors of element sets."""
 
     position_sigma_m: Vector = Field(
         default=(0.0, 0.0, 0.0),
@@ -35,6 +57,84 @@ class Dispersion(Part):
             "Covariance of position and velocity at `start_utc`, in place of the standard deviations, in the rotating rtn "
             "axes [m², m²/s, m²/s²]."
         ),
+    )
+    start: ElementSetErrors | None = Field(
+        default=None,
+        description="Errors of element sets of a file, by their type, in place of the standard deviations and `covariance`.",
+    )
+
+    @model_validator(mode="after")
+    def _is_covariance(self) -> Self:
+        for key in ("position_sigma_m", "velocity_sigma_m_s"):
+            if min(getattr(self, key)) < 0.0:
+                raise ValueError(f"{key}: a standard deviation is negative: give 0 or more")
+        stated = [key for key in ("position_sigma_m", "velocity_sigma_m_s") if any(getattr(self, key))]
+        if self.start is not None and (stated or self.covariance is not None):
+            raise ValueError(f"start: stands in place of {(stated or ['covariance'])[0]}: leave that out")
+        if self.covariance is None:
+            return self
+        if any(self.position_sigma_m) or any(self.velocity_sigma_m_s):
+            raise ValueError("covariance: stands in place of position_sigma_m and velocity_sigma_m_s: leave these out")
+        matrix = np.array(self.covariance)
+        scale = np.sqrt(np.abs(np.diag(matrix)))
+        unit = matrix / np.where(np.outer(scale, scale) > 0.0, np.outer(scale, scale), 1.0)
+        if np.abs(unit - unit.T).max() > _ROUNDING:
+            raise ValueError("covariance: is not symmetric: give the same number on both sides of the diagonal")
+        if np.linalg.eigvalsh(unit).min() < -_ROUNDING * 6 or np.abs(matrix[scale == 0.0]).max(initial=0.0) > 0.0:
+            raise ValueError("covariance: is not positive semidefinite, so it is no covariance: correct it")
+        return self
+
+    @property
+    def start_covariance(self) -> np.ndarray:
+        """Covariance (6, 6) of the state at the start [m2, m2/s, m2/s2]."""
+        if self.covariance is not None:
+            return np.array(self.covariance)
+        made: np.ndarray = np.diag(np.square((*self.position_sigma_m, *self.velocity_sigma_m_s)))
+        return made
+
+
+class TargetErrors(StateErrors):
+    """Errors of the target's own state, in its own rtn axes, and of its attitude. The flight of a run does not know them."""
+
+    attitude_sigma_deg: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Standard deviations of a constant rotation about the target's body axes x, y and z [deg].",
+    )
+    rate_sigma_deg_s: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description=(
+            "Standard deviations of a constant drift about the same axes, by which that rotation grows from `start_utc` "
+            "on [deg/s]."
+        ),
+    )
+
+    @model_validator(mode="after")
+    def _are_deviations(self) -> Self:
+        for key in ("attitude_sigma_deg", "rate_sigma_deg_s"):
+            if min(getattr(self, key)) < 0.0:
+                raise ValueError(f"{key}: a standard deviation is negative: give 0 or more")
+        if max(self.attitude_sigma_deg) > MOST_ATTITUDE_DEG:
+            raise ValueError(
+                f"attitude_sigma_deg: {max(self.attitude_sigma_deg):g} is over {MOST_ATTITUDE_DEG:g}, where rotations about "
+                "three axes are no longer independent: give less"
+            )
+        return self
+
+    @property
+    def has_attitude(self) -> bool:
+        """Whether the attitude has errors."""
+        return any(self.attitude_sigma_deg) or any(self.rate_sigma_deg_s)
+
+
+class Dispersion(StateErrors):
+    """Errors of the flights that `disperse` makes: normal, and independent from run to run. A run does not use them.
+
+    Errors of burns and navigation are those of a `flown` motion, unless they are given here.
+    """
+
+    target: TargetErrors | None = Field(
+        default=None,
+        description="Errors of the target's own orbit and attitude, independent of those of the follower; none if omitted.",
     )
     thrusters: Thrusters | None = Field(
         default=None, description="Errors of burns. If omitted, those of the `flown` motion, else none."
@@ -63,29 +163,3 @@ class Dispersion(Part):
             "that origin that holds the target's model."
         ),
     )
-
-    @model_validator(mode="after")
-    def _is_covariance(self) -> Self:
-        for key in ("position_sigma_m", "velocity_sigma_m_s"):
-            if min(getattr(self, key)) < 0.0:
-                raise ValueError(f"{key}: a standard deviation is negative: give 0 or more")
-        if self.covariance is None:
-            return self
-        if any(self.position_sigma_m) or any(self.velocity_sigma_m_s):
-            raise ValueError("covariance: stands in place of position_sigma_m and velocity_sigma_m_s: leave these out")
-        matrix = np.array(self.covariance)
-        scale = np.sqrt(np.abs(np.diag(matrix)))
-        unit = matrix / np.where(np.outer(scale, scale) > 0.0, np.outer(scale, scale), 1.0)
-        if np.abs(unit - unit.T).max() > _ROUNDING:
-            raise ValueError("covariance: is not symmetric: give the same number on both sides of the diagonal")
-        if np.linalg.eigvalsh(unit).min() < -_ROUNDING * 6 or np.abs(matrix[scale == 0.0]).max(initial=0.0) > 0.0:
-            raise ValueError("covariance: is not positive semidefinite, so it is no covariance: correct it")
-        return self
-
-    @property
-    def start_covariance(self) -> np.ndarray:
-        """Covariance (6, 6) of the state at the start [m2, m2/s, m2/s2]."""
-        if self.covariance is not None:
-            return np.array(self.covariance)
-        made: np.ndarray = np.diag(np.square((*self.position_sigma_m, *self.velocity_sigma_m_s)))
-        return made

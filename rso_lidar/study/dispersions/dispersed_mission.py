@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.motion.motions.motion import chief_of, has_orbit
 from rso_lidar.picture.studies.dispersion import dispersion_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.processes import Processes
-from rso_lidar.rpo.dispersed.linear_dispersion import SOURCES
+from rso_lidar.rpo.dispersed.linear_dispersion import SOURCES, TARGET
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.study.dispersions.kept_runs import identify, read_blocks, write_blocks
 from rso_lidar.study.dispersions.mission_disperser import BLOCK, Block, MissionDisperser
@@ -44,6 +46,7 @@ class DispersedMission:
         standard deviations of its error by runs, by linear covariance and as it states them, and its mean NEES
     hard_body_radius_m, keep_out_m : distances that count as a collision and as a violation [m]
     omits : what the runs leave out, in sentences
+    sources : names of the sources of errors, of which `tubes` has the shares
     """
 
     title: str
@@ -53,6 +56,7 @@ class DispersedMission:
     hard_body_radius_m: float
     keep_out_m: float
     omits: tuple[str, ...] = ()
+    sources: tuple[str, ...] = SOURCES
 
     @property
     def n_runs(self) -> int:
@@ -90,13 +94,19 @@ class DispersedMission:
         lines.append("  nearest approach  " + " / ".join(f"{one:,.1f}" for one in nearest) + " m (2.5, 50, 97.5 %)")
         spent = np.percentile(self.table["delta_v_m_s"], PERCENTILES)
         lines.append("  delta-v of burns  " + " / ".join(f"{one:,.4f}" for one in spent) + " m/s (2.5, 50, 97.5 %)")
-        lines.append("  at the end            runs    linear  " + "".join(f"{name:>12}" for name in SOURCES))
+        lines.append("  at the end            runs    linear  " + "".join(f"{name:>12}" for name in self.sources))
         for axis in _AXES:
-            shares = "".join(f"{100.0 * last[f'{axis}_{name}_share']:10.1f} %" for name in SOURCES)
+            shares = "".join(f"{100.0 * last[f'{axis}_{name}_share']:10.1f} %" for name in self.sources)
             lines.append(
                 f"    {axis:6} sigma {last[f'{axis}_sigma_m']:11.3f} {last[f'{axis}_linear_sigma_m']:9.3f} m{shares}"
             )
         lines += self._describe_filter(last) if "nees" in last else []
+        if "body_x_sigma_m" in last:
+            lines.append("  in the target's axes  runs    linear")
+            lines += [
+                f"    {axis:6} sigma {last[f'body_{axis}_sigma_m']:11.3f} {last[f'body_{axis}_linear_sigma_m']:9.3f} m"
+                for axis in "xyz"
+            ]
         return "\n".join([*lines, *(f"  {line}" for line in self.omits)])
 
     def _describe_filter(self, last: dict[str, float]) -> list[str]:
@@ -177,9 +187,7 @@ def nees_bounds(runs: int, share: float = _CONFIDENCE) -> tuple[float, float]:
     return low, high
 
 
-_OMITS = (
-    "left out: errors of the target's own orbit and attitude, and the change of drag, sunlight and tides over a deviation",
-)
+_OMITS = "the change of drag, sunlight and tides over a deviation"
 
 
 def disperse(
@@ -188,6 +196,7 @@ def disperse(
     *,
     target: str | None = None,
     workers: int | None = None,
+    executor: Executor | None = None,
     working: str | Path | None = None,
     on_runs: Callable[[int, int], None] | None = None,
 ) -> DispersedMission:
@@ -202,6 +211,8 @@ def disperse(
     runs : number of runs, from 2
     target : name of the target (None: the body that the follower approaches, else the first target)
     workers : number of processes (None: this one alone)
+    executor : in the manner of `concurrent.futures`, which flies blocks of runs in place of `workers`: a pool of threads or
+        processes, or ``client.get_executor()`` of dask. It changes no result.
     working : file in which finished runs are kept; an interrupted study, or one of fewer runs, continues from it. Its name
         is extended by eight hex digits that identify the scenario.
     on_runs : called with the number of finished runs and that of all, at the start and after each block
@@ -221,13 +232,19 @@ def disperse(
         raise ScenarioError(f"runs: needs a whole number from 2 to {_MOST_RUNS:,}, not {runs!r}")
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
+    if executor is not None and (workers is not None or not callable(getattr(executor, "submit", None))):
+        raise ScenarioError(
+            "executor: needs an Executor of concurrent.futures, or client.get_executor() of dask, and no workers"
+        )
     made = MissionDisperser(scenario, _find_target(scenario, target))
     kept = None if working is None else Path(f"{working}.{identify(scenario, made.target)}.npz")
     blocks = read_blocks(kept) if kept is not None else {}
     tell = on_runs or (lambda done, count: None)
     wanted = list(range(0, runs, BLOCK))
     tell(min(BLOCK * sum(begin in blocks for begin in wanted), runs), runs)
-    for begin, block in _fly_blocks(made, [one for one in wanted if one not in blocks], workers):
+    left = [one for one in wanted if one not in blocks]
+    flown = _fly_blocks(made, left, workers) if executor is None else _submit_blocks(made, left, executor)
+    for begin, block in flown:
         blocks[begin] = block
         if kept is not None:
             write_blocks(kept, blocks)
@@ -266,6 +283,26 @@ def _fly_blocks(made: MissionDisperser, begins: list[int], workers: int | None) 
         yield from processes.map_unordered(begins)
 
 
+def _submit_blocks(made: MissionDisperser, begins: list[int], executor: Executor) -> Iterator[tuple[int, Block]]:
+    """Fly blocks of runs by an executor, and yield each with its first run when it is finished.
+
+    Parameters
+    ----------
+    made, begins : as for `_fly_blocks`
+    executor : whose workers may be other processes or machines; each block makes its flight anew there
+    """
+    waiting = [executor.submit(_fly_block, copy.copy(made), begin) for begin in begins]
+    try:
+        for future in as_completed(waiting):
+            try:
+                yield future.result()
+            except BrokenExecutor as error:
+                raise RunError("disperse: a worker of the executor ended; start it again with fewer workers") from error
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
 def _fly_block(made: MissionDisperser, begin: int) -> tuple[int, Block]:
     return begin, made.fly(range(begin, begin + BLOCK))
 
@@ -281,7 +318,7 @@ def _join(made: MissionDisperser, block: Block) -> DispersedMission:
     position = made.nominal_m + block.pop("deviation_m")
     missed = block.pop("missed")
     error, stated, nees = (block.pop(name, None) for name in ("knowledge_error_m", "filter_sigma_m", "nees"))
-    linear = made.disperser.find_linear()
+    linear, attitude = made.disperser.find_linear(), made.attitude
     range_m = np.sqrt(np.sum(position**2, axis=2))
     tubes: dict[str, np.ndarray] = {"time_s": made.sample_s}
     sigma = np.sqrt(np.diagonal(linear.covariance, axis1=1, axis2=2))
@@ -290,7 +327,7 @@ def _join(made: MissionDisperser, block: Block) -> DispersedMission:
         tubes[f"{axis}_m"] = made.nominal_m[:, k]
         tubes[f"{axis}_sigma_m"] = position[:, :, k].std(axis=0, ddof=1)
         tubes[f"{axis}_linear_sigma_m"] = sigma[:, k]
-        for name in SOURCES:
+        for name in made.disperser.sources:
             tubes[f"{axis}_{name}_share"] = linear.shares[name][:, k] / total[:, k]
         for level, row in zip(PERCENTILES, np.percentile(position[:, :, k], PERCENTILES, axis=0), strict=True):
             tubes[f"{axis}_p{level:g}_m"] = row
@@ -302,7 +339,30 @@ def _join(made: MissionDisperser, block: Block) -> DispersedMission:
             columns = error[:, :, k].std(axis=0, ddof=1), known[:, k], np.sqrt(np.mean(stated[:, :, k] ** 2, axis=0))
             tubes |= {f"{axis}_{word}_m": column for word, column in zip(KNOWLEDGE, columns, strict=True)}
         tubes["nees"] = nees.mean(axis=0)
+    if attitude is not None:
+        in_body, planned = block.pop("in_body_m"), attitude.place(made.nominal_m)
+        linear_m = attitude.find_linear_sigma_m(made.nominal_m, linear.covariance[:, :3, :3])
+        for k, axis in enumerate("xyz"):
+            tubes[f"body_{axis}_m"] = planned[:, k]
+            tubes[f"body_{axis}_sigma_m"] = in_body[:, :, k].std(axis=0, ddof=1)
+            tubes[f"body_{axis}_linear_sigma_m"] = linear_m[:, k]
     tubes["detected_probability"] = 1.0 - missed.mean(axis=0)
     return DispersedMission(
-        made.scenario.name, made.target, block, tubes, made.hard_body_radius_m, made.keep_out.radius_m, _OMITS
+        made.scenario.name,
+        made.target,
+        block,
+        tubes,
+        made.hard_body_radius_m,
+        made.keep_out.radius_m,
+        (_describe_omissions(made),),
+        made.disperser.sources,
     )
+
+
+def _describe_omissions(made: MissionDisperser) -> str:
+    """Describe what the runs leave out."""
+    missing = [
+        word for word, has in (("orbit", TARGET in made.disperser.sources), ("attitude", made.attitude)) if not has
+    ]
+    own = f"errors of the target's own {' and '.join(missing)}, and " if missing else ""
+    return f"left out: {own}{_OMITS}"

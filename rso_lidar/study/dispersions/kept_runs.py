@@ -14,10 +14,13 @@ import numpy as np
 from rso_lidar.files import write_atomically
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.mission_disperser import Block
+from rso_lidar.study.dispersions.target_errors import resolve_element_sets
 
 
 def identify(scenario: Scenario, target: str) -> str:
     """Return eight hex digits that identify the runs of a scenario: SHA-256 of it, of the target and of the version.
+
+    Covariances that element sets state are part of it, because the file of the sets may change.
 
     Parameters
     ----------
@@ -25,7 +28,9 @@ def identify(scenario: Scenario, target: str) -> str:
     target : name of the target
     """
     version = importlib.metadata.version("rso-lidar"), scenario.source.versions["arithmetic"]
-    return hashlib.sha256("\0".join((scenario.source.scenario, target, *version)).encode()).hexdigest()[:8]
+    resolved = resolve_element_sets(scenario, target)
+    stated = () if resolved is scenario.dispersion else (repr(resolved),)
+    return hashlib.sha256("\0".join((scenario.source.scenario, target, *version, *stated)).encode()).hexdigest()[:8]
 
 
 def read_blocks(path: Path) -> dict[int, Block]:

@@ -12,12 +12,13 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import suppress_warnings
 from rso_lidar.motion import proximity
-from rso_lidar.motion.truth import Chief
+from rso_lidar.motion.truth import Chief, truth
 from rso_lidar.orbit import Epochs
 from rso_lidar.rpo.dispersed.dispersed_paths import Disperser
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere
-from rso_lidar.scenario import Dispersion, Scenario
+from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.outcomes import find_nearest_m, find_off_axis_rad, make_detection
+from rso_lidar.study.dispersions.target_errors import TargetAttitude, resolve_element_sets
 
 BLOCK = 250  # runs that are flown together
 _MOST_SAMPLES = 600
@@ -36,7 +37,7 @@ class MissionDisperser:
 
     def __init__(self, scenario: Scenario, target: str) -> None:
         self.scenario, self.target = scenario, target
-        self.dispersion = scenario.dispersion or Dispersion()
+        self.dispersion = resolve_element_sets(scenario, target)
 
     def __getstate__(self) -> dict[str, Any]:
         return {"scenario": self.scenario, "target": self.target, "dispersion": self.dispersion}
@@ -67,7 +68,20 @@ class MissionDisperser:
                 thrusters=self.dispersion.thrusters or found.thrusters,
                 navigation=self.dispersion.navigation or found.navigation,
             )
-            return Disperser(found, self.sample_s, self.dispersion.start_covariance)
+            errors = self.dispersion.target
+            beside = errors.start_covariance if errors is not None and np.any(errors.start_covariance) else None
+            return Disperser(found, self.sample_s, self.dispersion.start_covariance, beside)
+
+    @cached_property
+    def attitude(self) -> TargetAttitude | None:
+        """Errors of the target's attitude; None for none."""
+        errors, scenario = self.dispersion.target, self.scenario
+        if errors is None or not errors.has_attitude:
+            return None
+        with scenario.locate_errors(), suppress_warnings():
+            poses = truth(scenario.bodies, Epochs(scenario.time.start_utc, self.sample_s)).poses
+        turn = poses.link(self.target, f"{self.target}.rtn").matrix
+        return TargetAttitude(errors, np.broadcast_to(turn, (len(self.sample_s), 3, 3)), self.sample_s)
 
     @cached_property
     def nominal_m(self) -> np.ndarray:
@@ -95,8 +109,8 @@ class MissionDisperser:
         return next(one.radius_m for one in self.scenario.surfaces if one.body == self.target)
 
     def draw(self, runs: range) -> np.ndarray:
-        """Return standard normal numbers (run, number): three of the instrument, then those of the flight."""
-        count = 3 + self.disperser.n_numbers
+        """Return standard normal numbers (run, number): three of the instrument, those of the flight, those of attitude."""
+        count = 3 + self.disperser.n_numbers + (0 if self.attitude is None else self.attitude.n_numbers)
         return np.stack(
             [
                 np.random.Generator(
@@ -109,8 +123,9 @@ class MissionDisperser:
     def fly(self, runs: range) -> Block:
         """Fly some runs, and return columns (run, …) by name."""
         numbers = self.draw(runs)
-        paths = self.disperser.fly(numbers[:, 3:])
-        drifts = self.disperser.fly(numbers[:, 3:], without_burns=True)
+        flight = numbers[:, 3 : 3 + self.disperser.n_numbers]
+        paths = self.disperser.fly(flight)
+        drifts = self.disperser.fly(flight, without_burns=True)
         position = self.nominal_m + paths.deviation_m
         nearest, place = find_nearest_m(position)
         drifting, _ = find_nearest_m(self.nominal_m + drifts.deviation_m)
@@ -131,6 +146,10 @@ class MissionDisperser:
             chance = np.where(held[:, k], self.detect(k, range_m[:, k], energy), 0.0)
             left = left * (1.0 - chance) ** flashes
             missed[:, k] = left
+        in_body = {}
+        if self.attitude is not None:
+            placed = self.attitude.place_runs(position, numbers[:, 3 + self.disperser.n_numbers :])
+            in_body = {f"body_{axis}_m": placed[:, -1, k] for k, axis in enumerate("xyz")} | {"in_body_m": placed}
         block = {
             "run": np.arange(runs.start, runs.stop),
             "nearest_m": nearest,
@@ -145,6 +164,7 @@ class MissionDisperser:
             "delta_v_m_s": paths.delta_v_m_s,
             "deviation_m": paths.deviation_m,
             "missed": missed,
+            **in_body,
         }
         if (known := paths.knowledge) is not None:
             block |= {"knowledge_error_m": known.error_m, "filter_sigma_m": known.sigma_m, "nees": known.nees}

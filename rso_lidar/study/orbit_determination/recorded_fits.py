@@ -16,6 +16,7 @@ from rso_lidar.errors import RecordingError
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.records import Frame, GnssSamples
 from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 from rso_lidar.sensors import Gnss
 from rso_lidar.study.orbit_determination.attitude_history import AttitudeHistory
 from rso_lidar.study.orbit_determination.recorded_measurements import (
@@ -264,6 +265,10 @@ def _check_frames(frames: Sequence[Frame], folder: Path | None) -> Scenario:
     scenario = load_scenario(frames[0].source, folder)
     if scenario.is_local:
         raise RecordingError("fit: the scenario is in a local world, without orbits; record one in orbit")
+    if lunar := list_lunar_bodies(scenario.bodies):
+        raise RecordingError(
+            f"fit: '{lunar[0]}' orbits about the Moon, but fits have the Earth's gravity; record bodies about the Earth"
+        )
     ends = np.array([frames[0].time_s, frames[-1].time_s])
     burns = list_known_burns(scenario, ends) if ends[1] > ends[0] else []
     if burns:

@@ -9,6 +9,7 @@ from rso_lidar.motion.truth import Chief
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.records import BodyState
 from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 
 
 class BodyTrajectory:
@@ -32,6 +33,11 @@ class BodyTrajectory:
         if scenario.is_local or not bodies[name].orbits:
             raise ScenarioError(
                 f"{scenario.name}: {name} is not in orbit about the Earth; take a scenario with bodies in orbit"
+            )
+        if name in list_lunar_bodies(scenario.bodies):
+            raise ScenarioError(
+                f"{scenario.name}: {name} orbits about the Moon, and encounters are searched about the Earth; take a body "
+                "about the Earth"
             )
         self._scenario, self._name, self._start_utc = scenario, name, scenario.time.start_utc
         self._chief = Chief(scenario.bodies, name)

@@ -153,7 +153,8 @@ class Encounters:
         if self.rejected:
             first = "; ".join(f"{label}: {why}" for label, why in self.rejected[:3])
             more = f"; and {len(self.rejected) - 3} more" if len(self.rejected) > 3 else ""
-            lines.append(f"{len(self.rejected)} not flown, or not to the end: {first}{more}")
+            several = format_count(len({label for label, _ in self.rejected}), "object")
+            lines.append(f"{several} not flown, or not to the end: {first}{more}")
         return lines
 
     @property
@@ -246,7 +247,7 @@ class Encounters:
         writer = csv.writer(text, lineterminator="\n")
         names = Encounter.columns()
         writer.writerow(names)
-        writer.writerows([_format_cell(getattr(row, name)) for name in names] for row in self.rows)
+        writer.writerows([_format_cell(name, getattr(row, name)) for name in names] for row in self.rows)
         return write_text(path, text.getvalue(), overwrite=overwrite)
 
 
@@ -268,7 +269,9 @@ def _format_degrees(angle: float) -> str:
     return "-" if math.isnan(angle) else str(round(angle))
 
 
-def _format_cell(value: Any) -> Any:
+def _format_cell(name: str, value: Any) -> Any:
+    if name.endswith("norad_id") and not value:
+        return ""  # a trajectory has no catalogue number
     if isinstance(value, bool):
         return str(value).lower()
     return f"{value:.9g}" if isinstance(value, float) else value

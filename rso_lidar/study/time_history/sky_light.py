@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from rso_lidar import optics, scene
+from rso_lidar.motion.bodies.orbital_axes import find_moon_m
 from rso_lidar.optics.stray.glare import veil_on_axis
 from rso_lidar.optics.stray.sources import BODIES
-from rso_lidar.orbit import moon_position_m
 from rso_lidar.orbit.sky.geometry import angle_rad, earth_limb_angle_rad
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.records import Truth
@@ -80,5 +80,7 @@ def _tabulate_angles(scenario: Scenario, truth: Truth, frames: np.ndarray) -> di
     boresight = np.broadcast_to(ahead, position_m.shape)
     return {
         "earth_limb_off_boresight_rad": earth_limb_angle_rad(boresight, position_m),
-        "moon_off_boresight_rad": angle_rad(boresight, moon_position_m(scenario.epochs(frames)) - position_m),
+        "moon_off_boresight_rad": angle_rad(
+            boresight, find_moon_m(scenario.bodies, scenario.epochs(frames)) - position_m
+        ),
     }

@@ -21,6 +21,7 @@ from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.pose import ROOT, cross, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
 from rso_lidar.study.recorded_runs.flown_scenario import find_target, load_scenario, load_surfaces
 from rso_lidar.study.track_quality.burns import list_known_burns
 from rso_lidar.study.track_quality.lidar_mount import find_measured_mount, find_pointing_error_rad
@@ -151,7 +152,9 @@ def tracking(
     burns = list_known_burns(scenario, time_s)
     table = _tabulate(rows, model)
     tracks = {}
-    for kind, mean_motion in _choose_filters(frames[0], local=scenario.is_local).items():
+    for kind, mean_motion in _choose_filters(
+        frames[0], local=scenario.is_local or bool(list_lunar_bodies(scenario.bodies))
+    ).items():
         made = tracks[kind] = filter_positions(
             time_s,
             np.array([row.place_m(kind) for row in rows]),

@@ -142,3 +142,47 @@ def test_a_run_has_the_same_bits_alone_and_among_others():
     alone = disperser.fly(numbers[17:18])
     assert together.deviation_m[17].tobytes() == alone.deviation_m[0].tobytes()
     assert together.delta_v_m_s[17] == alone.delta_v_m_s[0]
+
+
+def test_errors_of_the_target_move_it_and_are_seen_with_the_opposite_sign():
+    """The same error of both craft, as two independent ones, doubles the variance of their difference."""
+    sample_s = np.linspace(0.0, 6000.0, 5)
+    sigmas = covariance(r=2.0, t=5.0, n=3.0, vr=0.004, vt=0.002, vn=0.003)
+    chief = lambda time_s: CHIEF.states(Epochs(START, time_s)).position_m  # noqa: E731
+    alone = Disperser(flight(), sample_s, sigmas).find_linear()
+    both = Disperser(flight(chief_m=chief), sample_s, sigmas, sigmas).find_linear()
+    np.testing.assert_allclose(both.covariance, 2.0 * alone.covariance, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(both.shares["target"], both.shares["start"], rtol=1e-9)
+    only = Disperser(flight(chief_m=chief), sample_s, covariance(), sigmas)
+    numbers = np.zeros((1, only.n_numbers))
+    numbers[0, -6:] = [1.0, -0.5, 0.3, 0.2, 0.7, -1.0]
+    opposite = np.zeros((1, 6))
+    opposite[0] = -numbers[0, -6:]
+    moved = Disperser(flight(), sample_s, sigmas).fly(opposite).deviation_m
+    # the second order of gravity has one sign for both: 3 GM d^2 / r^4 over 6000 s, for deviations of 60 m
+    assert np.abs(only.fly(numbers).deviation_m - moved).max() < 0.1
+    with_none = Disperser(flight(), sample_s, sigmas)
+    assert with_none.n_numbers == 6 and with_none.sources == ("start", "burns", "navigation")
+
+
+def test_runs_and_linear_covariance_agree_with_errors_of_the_target_in_the_closed_loop():
+    """2000 runs, as above; corrections take out what navigation sees of the target's errors, too."""
+    sample_s = np.linspace(0.0, 7200.0, 9)
+    sigmas = covariance(r=2.0, t=5.0, n=3.0, vr=0.004, vt=0.002, vn=0.003)
+    more = {
+        "chief_m": lambda time_s: CHIEF.states(Epochs(START, time_s)).position_m,
+        "updates": (GuidanceInstant(1500.0, 2900.0), GuidanceInstant(5000.0, 6000.0)),
+        "navigation": NavigationErrors(position_sigma_m=0.5, velocity_sigma_m_s=0.001),
+        "thrusters": Thrusters(magnitude_sigma_fraction=0.02, pointing_sigma_deg=1.0),
+    }
+    disperser = Disperser(flight(forces=Forces(), **more), sample_s, sigmas, 4.0 * sigmas)
+    linear = disperser.find_linear()
+    numbers = np.random.default_rng(5).standard_normal((2000, disperser.n_numbers))
+    paths = disperser.fly(numbers)
+    found = np.array([np.cov(paths.deviation_m[:, k].T) for k in range(9)])
+    spread = np.diagonal(found, axis1=1, axis2=2) / np.diagonal(linear.covariance[:, :3, :3], axis1=1, axis2=2)
+    assert np.abs(spread - 1.0).max() < 5.0 * math.sqrt(2.0 / 2000.0)
+    total = sum(linear.shares.values())
+    np.testing.assert_allclose(total, np.diagonal(linear.covariance[:, :3, :3], axis1=1, axis2=2), rtol=1e-9)
+    loose = Disperser(flight(forces=Forces(), chief_m=more["chief_m"]), sample_s, sigmas, 4.0 * sigmas).find_linear()
+    assert linear.shares["target"][-1].sum() < 0.1 * loose.shares["target"][-1].sum()

@@ -1,16 +1,25 @@
 """Dispersed missions: repeatable, resumable, equal on workers, against Foster's probability, and refused in one line."""
 
 import datetime
+import json
+import math
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar import rpo
+from rso_lidar import rpo, units
+from rso_lidar.dask_cluster import open_dask_client
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.collision.foster import disc_probability
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.study.dispersions import dispersed_mission
 from rso_lidar.study.dispersions.dispersed_mission import nees_bounds
+from rso_lidar.study.dispersions.kept_runs import identify
+from rso_lidar.study.dispersions.target_errors import resolve_element_sets
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 CHIEF = rl.Kepler(
@@ -240,3 +249,165 @@ def test_what_cannot_be_dispersed_is_refused_in_one_line():
         rl.study.disperse(local)
     with pytest.raises(ScenarioError, match="disperse: needs a Scenario"):
         rl.study.disperse("a.toml")
+
+
+BESIDE = {"position_sigma_m": (6, 20, 8), "velocity_sigma_m_s": (0.01, 0.005, 0.01)}
+
+
+def test_errors_of_the_target_add_to_those_of_the_follower_and_leave_its_numbers_alone():
+    alone = make_scenario(dispersion=rl.Dispersion(position_sigma_m=(5, 10, 5)))
+    both = alone.replace(dispersion=alone.dispersion.replace(target=BESIDE))
+    first, second = rl.study.disperse(alone, 500), rl.study.disperse(both, 500)
+    assert first.sources == ("start", "burns", "navigation") and second.sources[-1] == "target"
+    assert "errors of the target's own orbit and attitude" in first.describe()
+    assert "errors of the target's own attitude, and" in second.describe()
+    for axis in ("radial", "along", "cross"):
+        grown = second.tubes[f"{axis}_linear_sigma_m"] ** 2 - first.tubes[f"{axis}_linear_sigma_m"] ** 2
+        share = second.tubes[f"{axis}_target_share"] * second.tubes[f"{axis}_linear_sigma_m"] ** 2
+        np.testing.assert_allclose(share, grown, rtol=1e-6, atol=1e-9)
+        spread = second.tubes[f"{axis}_sigma_m"] / second.tubes[f"{axis}_linear_sigma_m"]
+        assert np.abs(spread - 1.0).max() < 5.0 / math.sqrt(2.0 * 500.0)
+    # the noise of runs is that of before: with errors of a micrometre the runs are the same
+    tiny = alone.replace(dispersion=alone.dispersion.replace(target={"position_sigma_m": (1e-6, 0, 0)}))
+    np.testing.assert_allclose(
+        rl.study.disperse(tiny, 300).table["nearest_m"], first.table["nearest_m"][:300], atol=1e-3
+    )
+
+
+def test_errors_of_attitude_turn_the_path_in_the_axes_of_the_target():
+    """A constant error about body y moves what is at z by z sigma along x; a drift lets it grow with time."""
+    still = make_scenario(
+        rpo.StationKeeping(relative_to="plate", position_m=(0.0, 0.0, 200.0)),
+        rl.Dispersion(target={"attitude_sigma_deg": (0, 2.0, 0), "rate_sigma_deg_s": (0, 1e-3, 0)}),
+    )
+    tilted = still.target[0].replace(attitude=rl.Rtn(euler_zyx_deg=(0, 20, 0)))  # about y: a plate is not seen edge-on
+    found = rl.study.disperse(still.replace(target=(tilted,)), 750)
+    time_s = found.tubes["time_s"]
+    expected = 200.0 * math.cos(math.radians(20.0)) * np.radians(np.hypot(2.0, 1e-3 * time_s))
+    np.testing.assert_allclose(found.tubes["body_x_linear_sigma_m"], expected, rtol=1e-6)
+    np.testing.assert_allclose(found.tubes["body_x_sigma_m"], expected, rtol=5.0 / math.sqrt(2.0 * 750.0))
+    np.testing.assert_allclose(np.hypot(found.tubes["body_x_m"], found.tubes["body_z_m"]), 200.0, atol=1e-6)
+    assert found.tubes["body_y_linear_sigma_m"].max() < 1e-3
+    assert "in the target's axes" in found.describe() and "own orbit, and" in found.describe()
+    assert found.table["body_x_m"].std() == pytest.approx(found.tubes["body_x_sigma_m"][-1], rel=2e-3)
+    assert found.tubes["along_sigma_m"].max() < 1e-9
+
+
+@pytest.fixture
+def sets(tmp_path):
+    """Write a file of element sets of one object whose mean anomaly has errors of 0.01 degree: 1.2 km along the track."""
+    rng, lines = np.random.default_rng(2), []
+    for k in range(40):
+        elements = ElementSet(
+            name="KNOWN", norad_id=7, epoch_utc=START - datetime.timedelta(days=0.4 * k), mean_motion_rev_day=15.0,
+            eccentricity=1e-6, inclination_deg=90.0, raan_deg=40.0, bstar_per_earth_radius=0.0, argument_of_perigee_deg=0.0,
+            mean_anomaly_deg=float((-0.4 * k * 15.0 * 360.0 + 0.01 * rng.normal()) % 360.0),
+        )  # fmt: skip
+        lines.append(elements)
+    place = tmp_path / "known.json"
+    place.write_text(write_json(lines), encoding="utf-8")
+    return place
+
+
+def write_json(sets):
+    place = {}
+    for number, one in enumerate(sets):
+        place[number] = {
+            "OBJECT_NAME": one.name, "OBJECT_ID": "2026-001A", "NORAD_CAT_ID": one.norad_id,
+            "EPOCH": one.epoch_utc.strftime("%Y-%m-%dT%H:%M:%S.%f"), "MEAN_MOTION": one.mean_motion_rev_day,
+            "ECCENTRICITY": one.eccentricity, "INCLINATION": one.inclination_deg, "RA_OF_ASC_NODE": one.raan_deg,
+            "ARG_OF_PERICENTER": one.argument_of_perigee_deg, "MEAN_ANOMALY": one.mean_anomaly_deg, "EPHEMERIS_TYPE": 0,
+            "CLASSIFICATION_TYPE": "U", "ELEMENT_SET_NO": 999, "REV_AT_EPOCH": 1, "BSTAR": 0.0, "MEAN_MOTION_DOT": 0.0,
+            "MEAN_MOTION_DDOT": 0.0,
+        }  # fmt: skip
+    return json.dumps(list(place.values()))
+
+
+def test_element_sets_state_a_covariance_by_name(sets):
+    errors = {"type": "element_sets", "file": str(sets), "age_days": 1.0}
+    scenario = make_scenario(dispersion=rl.Dispersion(target={"start": errors}))
+    found = rl.study.disperse(scenario, 300)
+    expected = rl.study.estimate_set_errors(list(Catalog.from_file(sets))).covariance_at(1.0)
+    for k, axis in enumerate(("radial", "along", "cross")):
+        assert found.tubes[f"{axis}_linear_sigma_m"][0] == pytest.approx(math.sqrt(expected[k, k]), rel=1e-9, abs=1e-6)
+    # velocities are those of the sets less omega x r, so that the inertial ones are what the sets say
+    resolved = resolve_element_sets(scenario, "plate").target
+    n = math.sqrt(units.EARTH_GM_M3_S2 / 6928.137e3**3)
+    turn = np.eye(6)
+    turn[3:, :3] = [[0.0, -n, 0.0], [n, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    off = (turn @ resolved.start_covariance @ turn.T - expected) / scale
+    assert np.abs(off).max() < 1e-6
+    own = make_scenario(dispersion=rl.Dispersion(start=errors))
+    assert rl.study.disperse(own, 2).tubes["along_linear_sigma_m"][0] == found.tubes["along_linear_sigma_m"][0]
+
+
+def test_kept_runs_are_not_those_of_other_element_sets(sets):
+    scenario = make_scenario(dispersion=rl.Dispersion(start={"type": "element_sets", "file": str(sets)}))
+    first = identify(scenario, "plate")
+    records = json.loads(sets.read_text(encoding="utf-8"))
+    sets.write_text(json.dumps(records[:20]), encoding="utf-8")
+    assert identify(scenario, "plate") != first
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        ({"start": {"type": "element_sets"}}, "file"),
+        ({"start": {"type": "tle", "file": "a.tle"}}, "type"),
+        ({"start": {"type": "element_sets", "file": "a.tle", "age": 1}}, "unknown key 'age'"),
+        ({"start": {"type": "element_sets", "file": "a.tle", "age_days": -1}}, "age_days"),
+        ({"start": {"type": "element_sets", "file": "a.tle", "name": "A", "norad_id": 5}}, "both choose the object"),
+        ({"start": {"type": "element_sets", "file": "a.tle"}, "position_sigma_m": (1, 0, 0)}, "place of position_sigma_m"),
+        ({"start": {"type": "element_sets", "file": "a.tle"}, "covariance": np.eye(6).tolist()}, "in place of covariance"),
+        ({"target": {"position_sigma_m": (-1, 0, 0)}}, "target.*a standard deviation is negative"),
+        ({"target": {"attitude_sigma_deg": (-1, 0, 0)}}, "attitude_sigma_deg: a standard deviation is negative"),
+        ({"target": {"attitude_sigma_deg": (0, 0, 90)}}, "attitude_sigma_deg: 90 is over 30"),
+        ({"target": {"attitude_deg": (0, 0, 9)}}, "unknown key 'attitude_deg'"),
+        ({"target": {"thrusters": {}}}, "unknown key 'thrusters'"),
+    ],
+)  # fmt: skip
+def test_what_are_no_errors_of_a_target_is_refused_in_one_line(fields, problem):
+    with pytest.raises(ScenarioError, match=problem) as error:
+        rl.Dispersion(**fields)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"file": "none.tle"}, r"dispersion\.target\.start: no file 'none\.tle'"),
+        ({"norad_id": 8}, r"dispersion\.target\.start: .*no object with norad_id 8"),
+        ({"name": "OTHER"}, r"dispersion\.target\.start: .*OTHER"),
+        ({"age_days": 30.0}, r"dispersion\.target\.start: .*age_days: 30 is beyond the known ages"),
+    ],
+)
+def test_element_sets_that_state_nothing_are_refused_in_one_line(sets, changes, problem):
+    errors = {"type": "element_sets", "file": str(sets)} | changes
+    with pytest.raises(rl.RsoLidarError, match=problem) as error:
+        rl.study.disperse(make_scenario(dispersion=rl.Dispersion(target={"start": errors})), 2)
+    assert "\n" not in str(error.value)
+
+
+def check_equal(first, second):
+    for name, column in first.table.items():
+        assert column.tobytes() == second.table[name].tobytes(), name
+    for name, column in first.tubes.items():
+        assert column.tobytes() == second.tubes[name].tobytes(), name
+
+
+def test_an_executor_changes_no_bit(mission):
+    with ThreadPoolExecutor(2) as threads:
+        check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=threads))
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as processes:
+        check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=processes))
+        with pytest.raises(ScenarioError, match=r"executor: needs an Executor of .* and no workers"):
+            rl.study.disperse(make_scenario(), 500, executor=processes, workers=2)
+    with pytest.raises(ScenarioError, match="executor: needs an Executor"):
+        rl.study.disperse(make_scenario(), 500, executor=4)
+
+
+def test_dask_changes_no_bit(mission):
+    pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
+    with open_dask_client("local", 2) as client:
+        check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=client.get_executor()))

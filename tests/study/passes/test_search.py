@@ -1,6 +1,7 @@
 """The encounter table: geometry against the scenario's own truth, reach, order, filters, files, and bad input."""
 
 import csv
+import dataclasses
 import datetime
 import math
 
@@ -422,3 +423,24 @@ def test_an_object_is_drawn_as_its_name_suggests(name, model):
     from rso_lidar.study.passes.scenario_lines import guess_model
 
     assert guess_model(name)[0] == model
+
+
+def test_trajectories_have_no_number_in_the_table_and_gaps_are_counted_by_object(tmp_path):
+    chief, other = (
+        rl.Kepler(
+            epoch_utc=START, semi_major_axis_km=7000.0, eccentricity=0.0, inclination_deg=50.0, raan_deg=10.0,
+            argument_of_perigee_deg=0.0, true_anomaly_deg=anomaly_deg,
+        )
+        for anomaly_deg in (0.0, 0.01)
+    )  # fmt: skip
+    table = encounters({"other": other}, chief, within_m=50e3, start_utc=START, days=0.1)
+    assert table.rows[0].minima == 1
+    heads, first = (
+        line.split(",") for line in table.csv(tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[:2]
+    )
+    cells = dict(zip(heads, first, strict=True))
+    assert cells["norad_id"] == cells["follower_norad_id"] == ""
+    gaps = dataclasses.replace(
+        table, rejected=(("x", "no state before 1 s"), ("x", "no state after 9 s"), ("y", "decayed"))
+    )
+    assert any(line.startswith("2 objects not flown, or not to the end: x: no state before") for line in gaps.notes())

@@ -1,0 +1,101 @@
+"""The rtn axes at a body's origin, from its inertial state or its motion relative to a chief, and where they jump."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.motion.bodies.body import Body
+from rso_lidar.motion.motions.motion import chief_of
+from rso_lidar.motion.motions.placement import Place
+from rso_lidar.orbit.central_body import CentralBody, find_center, find_center_states, subtract_center
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.sky.moon import moon_position_m
+from rso_lidar.orbit.trajectory import Trajectory, find_breaks_s, state_rates, two_body_rates
+from rso_lidar.pose import Link, cross, rotate_vectors
+from rso_lidar.records import BodyState
+from rso_lidar.rpo.relative.relative_motion import RtnMotion
+from rso_lidar.rpo.relative.rtn import inertial_acceleration, rtn_matrix
+
+
+def link_orbit(motion: Any, epochs: Epochs, place: Place, center: BodyState | None, *, turns: bool) -> Link:
+    """Return the link from the root to the rtn axes of a body.
+
+    Parameters
+    ----------
+    motion : of the body.
+    epochs : instants.
+    place : position and velocity of the body's origin in root axes.
+    center : state of the centre about which it orbits; None for the Earth, which is the origin.
+    turns : whether the rotation of the orbital plane is needed.
+    """
+    state = BodyState(place.position_m, place.velocity_m_s)
+    if center is not None:  # two-body motion about the Moon: the derivatives are exact
+        about = subtract_center(state, center)
+        rates = two_body_rates(about, find_center(motion).gm_m3_s2)
+        matrix, turning = rtn_matrix(about.position_m, about.velocity_m_s, rates)
+        return Link((state.position_m, matrix), state.velocity_m_s, turning)
+    rates = place.rates or (state_rates(motion, epochs, state) if turns else two_body_rates(state))
+    matrix, turning = rtn_matrix(state.position_m, state.velocity_m_s, rates)
+    return Link((state.position_m, matrix), rates[0], turning)
+
+
+def find_turning_rad_s(
+    state: BodyState, place: Place, there: Link, chief: BodyState, center: BodyState | None, central_body: CentralBody
+) -> np.ndarray:
+    """Return the angular velocity (time, 3) [rad/s] of the rtn axes of a body whose relative acceleration is known.
+
+    Parameters
+    ----------
+    state, chief : states of the body and of its chief about the centre of their central body.
+    place : motion in the chief's rtn axes, with its rates.
+    there : link from the root to these axes.
+    center, central_body : state of that centre, None for the Earth, and the body itself.
+    """
+    assert place.rates is not None
+    rho, (moved_m_s, faster) = place.position_m, place.rates
+    around = there.angular_velocity_rad_s
+    acceleration = inertial_acceleration(chief, there.matrix, around, (rho, moved_m_s, faster), central_body.gm_m3_s2)
+    change = there.velocity_m_s + rotate_vectors(there.matrix, moved_m_s + cross(around, rho))
+    if center is not None:
+        change = change - center.velocity_m_s
+    turning: np.ndarray = rtn_matrix(state.position_m, state.velocity_m_s, (change, acceleration))[1]
+    return turning
+
+
+def list_breaks_s(
+    bodies: Sequence[Body], epochs: Epochs, make_chief: Callable[[Sequence[Body], str], Trajectory]
+) -> np.ndarray:
+    """Return the instants [s] at which the states of some bodies in orbit have a jump or a corner.
+
+    Parameters
+    ----------
+    bodies : the bodies, with the chiefs relative to which they move.
+    epochs : instants that matter.
+    make_chief : returns the trajectory of one of them, by its name.
+    """
+    breaks = [np.empty(0)]
+    for motion in (body.motion for body in bodies):
+        if isinstance(motion, RtnMotion):
+            breaks.append(motion.breaks_s(epochs, make_chief(bodies, str(chief_of(motion)))))
+        else:
+            breaks.append(find_breaks_s(motion, epochs))
+    return np.concatenate(breaks)
+
+
+def find_moon_m(bodies: Sequence[Body], epochs: Epochs) -> np.ndarray:
+    """Return the position (time, 3) [m] of the Moon in root axes.
+
+    It is that of the kernel by which bodies orbit about the Moon, and else the built-in series, which is up to 32 km off.
+
+    Parameters
+    ----------
+    bodies : all bodies.
+    epochs : instants.
+    """
+    for body in bodies:
+        if (center := find_center_states(body.motion, epochs)) is not None:
+            return center.position_m
+    return moon_position_m(epochs)

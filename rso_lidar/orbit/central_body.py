@@ -1,0 +1,91 @@
+"""The body about which an orbit goes: the Earth, or the Moon where a user's kernel gives its position.
+
+States are always in GCRS axes from the Earth's centre. A trajectory about another body has two more members:
+`central_body`, and `center_states(epochs)` with the state of that body's centre in the same axes. Their difference,
+`states_about_center`, is what orbital axes, elements and relative motions need.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.records import BodyState
+
+
+@dataclass(frozen=True)
+class CentralBody:
+    """A body with point-mass gravity, about which others orbit.
+
+    Parameters
+    ----------
+    name : with its article, as within a sentence
+    gm_m3_s2 : gravitational parameter [m3/s2]
+    radius_m : radius of its surface [m]
+    j2 : second zonal harmonic, for estimates of what a two-body model leaves out
+    """
+
+    name: str
+    gm_m3_s2: float
+    radius_m: float
+    j2: float
+
+
+EARTH = CentralBody("the Earth", units.EARTH_GM_M3_S2, units.EARTH_RADIUS_M, units.EARTH_J2)
+MOON = CentralBody("the Moon", units.MOON_GM_M3_S2, units.MOON_RADIUS_M, units.MOON_J2)
+
+
+def find_center(trajectory: Any) -> CentralBody:
+    """Return the body about which a trajectory goes: the Earth, unless it states another."""
+    found = getattr(trajectory, "central_body", None)
+    return found if isinstance(found, CentralBody) else EARTH
+
+
+def find_center_states(trajectory: Any, epochs: Epochs) -> BodyState | None:
+    """Return the states (time, 3) of the centre of a trajectory's central body in GCRS axes.
+
+    Parameters
+    ----------
+    trajectory : anything that answers `states`
+    epochs : instants
+
+    Returns
+    -------
+    BodyState or None
+        None for the Earth, which is the origin
+    """
+    if find_center(trajectory) is EARTH:
+        return None
+    found: BodyState = trajectory.center_states(epochs)
+    return found
+
+
+def states_about_center(trajectory: Any, epochs: Epochs) -> BodyState:
+    """Return the states (time, 3) of a trajectory relative to the centre of its central body, in GCRS axes.
+
+    Parameters
+    ----------
+    trajectory : anything that answers `states`
+    epochs : instants
+    """
+    states: BodyState = trajectory.states(epochs)
+    return subtract_center(states, find_center_states(trajectory, epochs))
+
+
+def subtract_center(states: BodyState, center: BodyState | None) -> BodyState:
+    """Return states relative to the centre of their central body.
+
+    Parameters
+    ----------
+    states : in GCRS axes from the Earth's centre
+    center : of that body, in the same axes; None for the Earth
+    """
+    if center is None:
+        return states
+    return BodyState(
+        np.subtract(states.position_m, center.position_m), np.subtract(states.velocity_m_s, center.velocity_m_s)
+    )
