@@ -40,7 +40,7 @@ def axes_of(time_s):
     return rtn_matrix(state.position_m, state.velocity_m_s)
 
 
-def fly(navigation, n_runs=300, **changed):
+def fly(navigation, n_runs=300, target=None, **changed):
     """Return the disperser of a flight with burns, corrections and a held leg, and its runs."""
     flight = NominalFlight(
         START, place(CRAFT), axes_of,
@@ -51,22 +51,26 @@ def fly(navigation, n_runs=300, **changed):
         navigation=navigation, chief_m=place(CHIEF),
         **{"forces": Forces(zonal_degree=0), "thrusters": THRUSTERS} | changed,
     )  # fmt: skip
-    disperser = Disperser(flight, SAMPLE_S, SIGMAS)
+    disperser = Disperser(flight, SAMPLE_S, SIGMAS, target)
     numbers = np.random.default_rng(4).standard_normal((n_runs, disperser.n_numbers))
     return disperser, numbers, disperser.fly(numbers)
 
 
-@pytest.fixture(scope="module")
-def flown():
-    return fly(FILTER)
+@pytest.fixture(scope="module", params=[None, 0.25 * SIGMAS], ids=["", "target with errors"])
+def flown(request):
+    return fly(FILTER, target=request.param)
 
 
 def test_errors_are_as_large_as_the_filters_say(flown):
-    """At each of 17 instants the sum of 300 NEES is chi-square: within 99.9 %, shared by the instants."""
+    """At each of 17 instants the sum of 300 NEES is chi-square: within 99.9 %, shared by the instants.
+
+    A filter propagates the relative state as if the target were on its own path. Where it is not, gravity differs by a part
+    in 3000 of the target's deviation, which the filter does not know: up to 1.5 times the bound.
+    """
     nees = flown[2].knowledge.nees
     low, high = chi2.ppf([0.0005 / 17, 1.0 - 0.0005 / 17], 6 * 300)
     assert low < nees.sum(axis=0).min()
-    assert nees.sum(axis=0).max() < high
+    assert nees.sum(axis=0).max() < high * (1.5 if "target" in flown[0].sources else 1.0)
 
 
 def test_linear_covariance_and_runs_agree(flown):
@@ -88,7 +92,8 @@ def test_without_burns_the_filter_changes_nothing(flown):
     disperser, numbers, _ = flown
     drifting = disperser.fly(numbers[:20], without_burns=True)
     assert drifting.knowledge is None
-    blind, _, _ = fly(FILTER.replace(sensors=(LIDAR.replace(most_range_m=1.0),)), 2)
+    target = 0.25 * SIGMAS if "target" in disperser.sources else None
+    blind, _, _ = fly(FILTER.replace(sensors=(LIDAR.replace(most_range_m=1.0),)), 2, target)
     again = blind.fly(numbers[:20], without_burns=True)
     assert drifting.deviation_m.tobytes() == again.deviation_m.tobytes()
 
