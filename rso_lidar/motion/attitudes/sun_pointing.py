@@ -87,7 +87,7 @@ class SunPointing(Part):
 
 
 class Nadir(Part):
-    """Attitude with body +z to the Earth's centre (geocentric nadir) and +x forward, then rotated by `euler_zyx_deg`.
+    """Attitude with body +z to the centre of the body that it orbits (nadir) and +x forward, rotated by `euler_zyx_deg`.
 
     With `yaw_steering` the body turns about nadir. Its +x is then on the Sun's side, and +y, the hinge of a solar
     array, is perpendicular to the Sun. The yaw from the velocity's side is psi = atan2(-tan beta, sin mu), with mu

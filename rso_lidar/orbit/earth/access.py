@@ -10,6 +10,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.central_body import EARTH, find_center
 from rso_lidar.orbit.earth.ground import GroundStation
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.eclipse import shadow_margins_rad
@@ -79,8 +80,14 @@ def find_access(
     Raises
     ------
     ScenarioError
-        if a limit makes no sense
+        if a limit makes no sense, or a body orbits about the Moon
     """
+    for name, body in (("observer", observer), ("target", target)):
+        if find_center(body) is not EARTH:
+            raise ScenarioError(
+                f"{name}: orbits about {find_center(body).name}, and access counts the Earth alone as what hides it: give a "
+                "body about the Earth"
+            )
     conditions = [_make_clear(observer, grazing_height_m)]
     if max_range_m is not None:
         _check_limit("max_range_m", max_range_m, math.inf)

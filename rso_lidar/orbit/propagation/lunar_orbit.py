@@ -22,8 +22,8 @@ from rso_lidar.orbit.two_body.kepler import ClassicalElements, check_start, prop
 from rso_lidar.part import Instant, Part, Text, Vector
 from rso_lidar.records import BodyState
 
-# Laplace's sphere of influence, a (m / M)^(2/5) (Vallado 4th ed. sec. 12.2), at the Moon's mean distance of 384,400 km.
-SPHERE_OF_INFLUENCE_M = 384.4e6 * (units.MOON_GM_M3_S2 / units.EARTH_GM_M3_S2) ** 0.4
+_MOON_DISTANCE_M = 384.4e6  # mean
+_MOST_TIDE = 0.01  # share of the Moon's attraction, reached at 15,200 km, above which two-body motion is questioned
 
 
 class MoonCentered(Part):
@@ -102,7 +102,7 @@ class MoonCentered(Part):
         return BodyState(about.position_m + moon.position_m, about.velocity_m_s + moon.velocity_m_s)
 
     def validity(self, epochs: Epochs) -> list[str]:
-        """Return a sentence if the orbit leaves the Moon's sphere of influence.
+        """Return a sentence if the Earth's tide, which is left out, is more than 1 % of the Moon's attraction.
 
         Parameters
         ----------
@@ -110,11 +110,12 @@ class MoonCentered(Part):
         """
         position = self.states_about_moon(epochs).position_m
         farthest_m = float(np.sqrt(np.sum(position * position, axis=-1)).max(initial=0.0))
-        if farthest_m <= SPHERE_OF_INFLUENCE_M:
+        tide = 2.0 * units.EARTH_GM_M3_S2 / units.MOON_GM_M3_S2 * (farthest_m / _MOON_DISTANCE_M) ** 3
+        if tide <= _MOST_TIDE:
             return []
         return [
-            f"it reaches {farthest_m / units.KM:.0f} km from the Moon; beyond {SPHERE_OF_INFLUENCE_M / units.KM:.0f} km "
-            "the Earth's attraction, which is left out, is greater than the Moon's: use an ephemeris of another tool"
+            f"it reaches {farthest_m / units.KM:.0f} km from the Moon, where the Earth's tide, which is left out, is "
+            f"{tide:.0%} of the Moon's attraction: use an ephemeris of another tool"
         ]
 
 

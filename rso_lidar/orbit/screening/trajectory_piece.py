@@ -21,6 +21,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError, suppress_warnings
+from rso_lidar.orbit.central_body import EARTH, find_center
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.orbit.trajectory import Trajectory, find_breaks_s
@@ -179,8 +180,17 @@ def find_pieces(
     Returns
     -------
     pieces in the order of time, and a line for each part of the span without a state
+
+    Raises
+    ------
+    ScenarioError
+        if it orbits about the Moon
     """
     label = str(getattr(entry, "label", "") or f"object {number + 1}")
+    if find_center(entry) is not EARTH:
+        raise ScenarioError(
+            f"{label}: orbits about {find_center(entry).name}, and encounters are searched about the Earth; leave it out"
+        )
     named = label, str(getattr(entry, "name", "") or label), int(getattr(entry, "norad_id", 0) or 0)
     with suppress_warnings():
         breaks = np.unique(find_breaks_s(entry, Epochs(start_utc, np.array([0.0, duration_s]))))

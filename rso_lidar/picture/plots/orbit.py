@@ -48,6 +48,7 @@ COLOURS = (RED, BLUE, GREEN, PINK, ORANGE)
 DISC = 240  # pixels across the Earth
 STEP = 2.0 * DEG  # between two points drawn
 WIDEST = 1.2  # greatest turn about the Earth between two instants [rad] that is interpolated
+_MOST_OF_GRAVITY = 2.0  # acceleration over the Earth's gravity, beyond which another body holds the orbit
 NORTH = 25.0 * DEG  # declination of the eye
 
 
@@ -155,6 +156,22 @@ def osculating_orbit_m(position_m: np.ndarray, velocity_m_s: np.ndarray, points:
     return orbit
 
 
+def is_about_earth(time_s: np.ndarray, position_m: np.ndarray, velocity_m_s: np.ndarray) -> bool:
+    """Return whether a body is accelerated as the Earth's gravity does, apart from burns, rather than by the Moon's.
+
+    Parameters
+    ----------
+    time_s : instants (time,) [s].
+    position_m, velocity_m_s : states there (time, 3), inertial, about the Earth's centre.
+    """
+    step_s = np.diff(time_s)
+    if not step_s.size:
+        return True
+    made = np.linalg.norm(np.diff(velocity_m_s, axis=0), axis=-1) / step_s
+    expected = EARTH_GM_M3_S2 / np.sum(position_m[1:] ** 2, axis=-1)
+    return bool(np.median(made / expected) < _MOST_OF_GRAVITY)
+
+
 def _orbits(state: BodyState) -> bool:
     distance = np.linalg.norm(np.atleast_2d(state.position_m), axis=-1)
     speed = np.linalg.norm(np.atleast_2d(state.velocity_m_s), axis=-1)
@@ -215,7 +232,9 @@ def _collect_paths(name: str, truth: Truth, state: BodyState, spans_s: Spans | N
     spans_s = list(spans_s)
     chosen = even_indices(time_s.size, DRAWN)
     time_s, position_m, velocity_m_s = time_s[chosen], position_m[chosen], velocity_m_s[chosen]
-    whole = osculating_orbit_m(position_m[0], velocity_m_s[0])
+    whole = position_m  # of an orbit about the Moon, what was flown
+    if is_about_earth(time_s, position_m, velocity_m_s):
+        whole = osculating_orbit_m(position_m[0], velocity_m_s[0])
     turn = np.linalg.norm(velocity_m_s, axis=-1) / np.linalg.norm(position_m, axis=-1)  # at most [rad/s]
     swept = np.maximum(turn[1:], turn[:-1]) * np.diff(time_s)
     pieces = np.where(swept <= WIDEST, np.maximum(np.ceil(swept / STEP), 1.0), 1.0).astype(int)

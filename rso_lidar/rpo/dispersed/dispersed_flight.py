@@ -16,7 +16,7 @@ TIE_S = 1e-6  # instants nearer than this are one
 
 
 class DispersedFlight:
-    """A flight that is dispersed, from the errors of its start on.
+    """Nodes of a flight: its transitions, axes, gains of guidance, held thrust, and the instants of its filter.
 
     Parameters
     ----------

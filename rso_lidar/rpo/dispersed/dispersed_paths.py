@@ -53,7 +53,7 @@ class DispersedPaths:
 
 
 class Disperser:
-    """A flight that is dispersed, from the errors of its start on.
+    """Runs of a flight with errors, and their linear covariance.
 
     Parameters
     ----------

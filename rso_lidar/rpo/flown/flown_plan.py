@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.central_body import find_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.numerical import ForceModel, Initial
@@ -175,6 +176,7 @@ class Flown(RtnMotion):
                 f"guidance: {name_object(self.guidance)} has no hash, by which its flight is kept: make it a frozen "
                 "dataclass"
             ) from None
+        self.check_center(find_center(chief))
         model: ForceModel | None = getattr(chief, "force_model", None)
         if model is not None and self.chief_forces is not None:
             raise ScenarioError(
@@ -224,7 +226,9 @@ class Flown(RtnMotion):
                 "apart as nothing real does: give both the same"
             )
         if isinstance(self.navigation, RelativeFilter) and self.guidance is None:
-            lines.append("flown: without guidance nobody asks the filter of navigation: add guidance, or leave it out")
+            lines.append(
+                "flown: without guidance the navigation filter has no effect: add guidance, or leave the filter out"
+            )
         if isinstance(self.guidance, TwoImpulseGuidance):
             lines += self.guidance.list_limits(flight.plan.mean_motion_rad_s)
         try:

@@ -1,1 +1,5 @@
-"""Relative navigation on the way: sensors with limits, and the Kalman filter that guidance takes its estimate from."""
+"""Relative navigation for guidance: sensors with limits, and Kalman filters of many flights at once.
+
+`rso_lidar.track.navigation` estimates absolute states from recorded samples of sensors; this room lies below it and cannot
+use it.
+"""

@@ -1,7 +1,7 @@
 """Relative navigation filters of many flights at once: an iterated extended Kalman filter, the flights along the last axis.
 
 A measurement is linearised again at the estimate that includes it (Bell and Cathey, IEEE Trans. Automat. Contr. 38 (1993)
-294). A direction is otherwise linearised about a range that is some per cent off, and the filter becomes too sure. Updates
+294). A direction is otherwise linearised about a range that is some per cent off, and the filter is overconfident. Updates
 have Joseph's form, which keeps covariances positive.
 
 Estimates are deviations from a reference path in inertial axes: position, velocity, and the errors of held thrust.

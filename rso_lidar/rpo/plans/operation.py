@@ -101,6 +101,7 @@ class ProximityOperation(RelativeMotion):
         ScenarioError
             if the plan cannot be carried out, exceeds a limit, or enters the keep-out sphere
         """
+        self.check_center(find_center(chief))
         return _make_checked_plan(self, hill.find_mean_motion_rad_s(chief, start_utc), find_center(chief))
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:

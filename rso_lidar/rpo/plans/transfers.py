@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, add_place
+from rso_lidar.orbit.central_body import find_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body import kepler
@@ -282,6 +283,7 @@ class Lambert(ProximityOperation):
         ScenarioError
             if there is no such transfer, or it meets the Earth, exceeds a limit, or enters the keep-out sphere
         """
+        self.check_center(find_center(chief))
         hill.find_mean_motion_rad_s(chief, start_utc)  # raises an error if the orbit is open
         return self.make_plan_about(BodyState(*hill.find_start_state(chief, start_utc)))
 

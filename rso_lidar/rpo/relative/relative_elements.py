@@ -23,6 +23,7 @@ from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.central_body import find_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.j2 import (
     mean_from_osculating,
@@ -97,6 +98,7 @@ class RelativeElements(RelativeMotion):
         epochs : instants
         chief : trajectory of the chief
         """
+        self.check_center(find_center(chief))
         rows = self._rows(epochs, chief)
         if self.j2:
             of, body = (_MeanElementOrbit(row) for row in rows)

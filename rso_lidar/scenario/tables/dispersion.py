@@ -94,7 +94,7 @@ class StateErrors(Part):
 
 
 class TargetErrors(StateErrors):
-    """Errors of the target's own state, in its own rtn axes, and of its attitude. The flight of a run does not know them."""
+    """Errors of the target's own state, in its own rtn axes, and of its attitude. `run` does not use them."""
 
     attitude_sigma_deg: Vector = Field(
         default=(0.0, 0.0, 0.0),

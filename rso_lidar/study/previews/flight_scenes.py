@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from rso_lidar.picture import LIGHT
-from rso_lidar.picture.plots.orbit import osculating_orbit_m
+from rso_lidar.picture.plots.orbit import is_about_earth, osculating_orbit_m
 from rso_lidar.picture.style.palette import DAY, OTHER_PART, Scheme
 from rso_lidar.picture.viewers.space_scene import SpaceScene
 from rso_lidar.pose import ROOT, rotate_vectors
@@ -41,9 +41,12 @@ def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
         state = truth.states[name]
         if np.linalg.norm(state.position_m) < 0.9 * EARTH_RADIUS_M:
             continue  # a body of local axes, near their origin
-        orbit = osculating_orbit_m(state.position_m, state.velocity_m_s) * _MM
-        scene.path(orbit, colour, opacity=0.6)
-        flown = np.stack([at.truth.states[name].position_m for at in flight.moments]) * _MM
+        states = [at.truth.states[name] for at in flight.moments]
+        flown_m, flown_m_s = np.stack([at.position_m for at in states]), np.stack([at.velocity_m_s for at in states])
+        orbit = flown = flown_m * _MM
+        if is_about_earth(np.array([at.truth.time_s for at in flight.moments]), flown_m, flown_m_s):
+            orbit = osculating_orbit_m(state.position_m, state.velocity_m_s) * _MM
+            scene.path(orbit, colour, opacity=0.6)
         scene.path(flown, colour)
         scene.add("points", [state.position_m * _MM], colour, size=9)
         entries.append((colour, name))

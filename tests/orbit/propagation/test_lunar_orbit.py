@@ -14,11 +14,13 @@ from scipy.integrate import solve_ivp
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.orbit import JplEphemeris, LunarKepler, LunarState, find_eclipses
+from rso_lidar.orbit import JplEphemeris, Kepler, LunarKepler, LunarState, find_access, find_eclipses, screen
 from rso_lidar.orbit.central_body import MOON, find_center, states_about_center
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
+from rso_lidar.picture.plots.orbit import is_about_earth
+from rso_lidar.rpo import Flown, Hop, Lambert
 
 KERNEL = Path(skyfield.__file__).parent / "tests" / "data" / "de430-2015-03-02.bsp"
 START = datetime.datetime(2015, 3, 2, 1, tzinfo=datetime.UTC)
@@ -120,7 +122,10 @@ def test_eclipses_are_those_of_the_cylinder_behind_the_moon():
 def test_an_orbit_far_from_the_moon_is_reported():
     assert orbiter().validity(EPOCHS) == []
     far = orbiter(semi_major_axis_km=80_000.0).validity(EPOCHS)
-    assert len(far) == 1 and "it reaches 80000 km from the Moon; beyond 66" in far[0]
+    assert (
+        len(far) == 1
+        and "it reaches 80000 km from the Moon, where the Earth's tide, which is left out, is 147%" in far[0]
+    )
 
 
 def test_bad_input_is_told(tmp_path):
@@ -139,3 +144,24 @@ def test_bad_input_is_told(tmp_path):
     with pytest.raises(PropagationError, match=r"kernel_file: .*it spans 2015-02-26 to 2015-03-06") as caught:
         orbiter().states(Epochs(START, np.array([0.0, 1e8])))
     assert caught.value.bad.tolist() == [False, True]
+
+
+def test_what_knows_the_earth_alone_refuses_an_orbit_about_the_moon():
+    craft = orbiter()
+    earthly = Kepler(
+        epoch_utc=START, semi_major_axis_km=6978.137, eccentricity=0.0, inclination_deg=10.0, raan_deg=0.0,
+        argument_of_perigee_deg=0.0, true_anomaly_deg=0.0,
+    )  # fmt: skip
+    with pytest.raises(ScenarioError, match="target: orbits about the Moon, and access counts the Earth alone"):
+        find_access(earthly, craft, EPOCHS)
+    with pytest.raises(ScenarioError, match="orbits about the Moon, and encounters are searched about the Earth"):
+        screen(earthly, [craft], START, 3000.0, 1e4)
+    ends = {"relative_to": "chief", "from_m": (0, -1000, 0), "to_m": (0, -100, 0), "duration_s": 1000}
+    for refused in (Lambert(**ends).plan, Flown(plan=Hop(**ends)).fly):
+        with pytest.raises(ScenarioError, match="has the Earth's gravity"):
+            refused(START, craft)
+
+
+def test_orbits_about_the_moon_are_drawn_as_flown():
+    states = orbiter().states(EPOCHS)
+    assert not is_about_earth(EPOCHS.time_s, states.position_m, states.velocity_m_s)

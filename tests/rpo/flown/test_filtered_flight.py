@@ -248,4 +248,4 @@ def test_too_many_measurements_are_refused():
 def test_a_filter_without_guidance_is_said():
     motion = Flown(plan=HOP, navigation=FILTER, forces=Forces())
     lines = motion.validity(Epochs(START, np.linspace(0.0, 100.0, 3)), CHIEF)
-    assert any("without guidance nobody asks the filter" in line for line in lines)
+    assert any("without guidance the navigation filter has no effect" in line for line in lines)

@@ -1,11 +1,15 @@
 """The filter of relative states: consistency, limits of sensors, exact sensors, and its bits."""
 
+import datetime
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from rso_lidar.orbit import Epochs, sun_position_m
 from rso_lidar.rpo import NavigationCamera, NavigationLidar, RelativeFilter
 from rso_lidar.rpo.navigation.filter_bank import FilterBank, find_axes_across, find_nees
+from rso_lidar.rpo.navigation.navigation_sensors import find_clear_views
 
 LIDAR = NavigationLidar(bearing_sigma_deg=0.02, range_sigma_m=0.1)
 CAMERA = NavigationCamera(bearing_sigma_deg=0.01)
@@ -120,3 +124,20 @@ def test_process_noise_is_that_of_white_acceleration():
     half = np.kron([[1.0, 30.0], [0.0, 1.0]], np.eye(3))
     twice = half @ PART.find_noise(30.0) @ half.T + PART.find_noise(30.0)
     np.testing.assert_allclose(twice, PART.find_noise(60.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("angle_deg", "is_clear"), [(20.0, False), (40.0, True), (160.0, True)])
+def test_the_sun_blinds_a_camera_that_looks_towards_it(angle_deg, is_clear):
+    """A target on the Sun's side of the Earth, seen at an angle from the Sun; the camera's limit is 30 degrees."""
+    epochs = Epochs(datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC), np.zeros(1))
+    sun = sun_position_m(epochs)[0]
+    ahead = sun / np.linalg.norm(sun)
+    across = np.cross(ahead, [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across)
+    target_m = 4.2e7 * ahead
+    sight = np.cos(np.radians(angle_deg)) * ahead + np.sin(np.radians(angle_deg)) * across
+    camera = NavigationCamera(bearing_sigma_deg=0.01, sun_exclusion_deg=30.0)
+    seen = find_clear_views((camera,), epochs, target_m[None], (target_m - 1000.0 * sight)[None])
+    assert seen.tolist() == [[is_clear]]
+    dark = find_clear_views((camera,), epochs, -target_m[None], (-target_m - 1000.0 * across)[None])
+    assert dark.tolist() == [[False]]  # in the Earth's shadow

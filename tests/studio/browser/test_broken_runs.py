@@ -131,7 +131,7 @@ def edit_on_a_full_disk(page):
     energy = find_input(page, "lidar.laser.energy_mj")
     energy.fill("40")
     energy.press("Tab")
-    page.get_by_text("no draft was kept: ").wait_for()
+    page.get_by_text(".bench.toml.draft: ").wait_for()
     find(page, "save").click()
     page.get_by_text("not saved: ").wait_for()
     page.get_by_text("bench.toml (edited)").wait_for()
