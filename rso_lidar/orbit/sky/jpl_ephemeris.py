@@ -6,6 +6,7 @@ kernel such as de421.bsp or de440s.bsp is good to milliarcseconds, and knows the
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -143,6 +144,8 @@ class JplEphemeris:
                 "another kernel",
                 bad,
             ) from None
+        except (TypeError, ValueError, OSError):
+            raise ScenarioError(f"{self.path}: is cut short: fetch it again") from None
 
     @contextmanager
     def _open(self) -> Iterator[Any]:
@@ -150,7 +153,7 @@ class JplEphemeris:
 
         try:
             kernel = SpiceKernel(str(self.path))
-        except (OSError, ValueError, EOFError) as error:
+        except (OSError, ValueError, EOFError, struct.error) as error:
             what = getattr(error, "strerror", None) or "is not a kernel (SPK, .bsp)"
             raise ScenarioError(f"{self.path}: {what}: give a kernel of the JPL, such as de440s.bsp") from None
         try:

@@ -34,15 +34,17 @@ class DispersedFlight:
         target_covariance: np.ndarray | None = None,
     ) -> None:
         self.flight, self.sample_s = flight, sample_s
-        node_s = flight.list_nodes_s(float(sample_s[-1]), sample_s)
+        # A correction aims at an instant that may lie behind the last sample; the runs end there all the same.
+        last_s = float(sample_s[-1])
+        due = [one for one in flight.updates if one.time_s <= last_s + TIE_S]
+        node_s = flight.list_nodes_s(max([last_s, *(one.aim_s for one in due)]), sample_s)
         self.node_s = node_s[np.append(True, np.diff(node_s) > TIE_S)]
         self.flow = DeviationFlow(self.node_s, flight.craft_m, flight.forces, flight.start_utc)
         self.axes, self.turn_rad_s = flight.chief_axes(self.node_s)
         self.sample = np.array([self.find_node(at_s) for at_s in sample_s])
         self.burns = [self._sum_burns(node) for node in range(len(self.node_s))]
-        self.updates = {
-            self.find_node(one.time_s): self.find_node(one.aim_s) for one in flight.updates if self._holds(one.aim_s)
-        }
+        self.last = int(self.sample[-1])
+        self.updates = {self.find_node(one.time_s): self.find_node(one.aim_s) for one in due}
         self.root = _find_root(covariance)
         self.target_root: np.ndarray | None = None
         if target_covariance is not None:
@@ -51,9 +53,9 @@ class DispersedFlight:
             self.target_flow = DeviationFlow(self.node_s, flight.chief_m, flight.forces, flight.start_utc)
         self.transition = [self.flow.transition(node) for node in range(len(self.node_s) - 1)]
         self.gains = {now: self._find_gain(now, aim) for now, aim in self.updates.items()}
-        due = set(self.updates.values())
+        ends = set(self.updates.values())
         self.burning = [
-            k for k in range(len(self.node_s)) if self.burns[k] is not None or k in self.updates or k in due
+            k for k in range(len(self.node_s)) if self.burns[k] is not None or k in self.updates or k in ends
         ]
         self.legs = [k for k, span in enumerate(flight.held_s) if span[0] < self.node_s[-1]]
         self.thrust: HeldThrustErrors | None = None
@@ -129,9 +131,6 @@ class DispersedFlight:
     def find_node(self, at_s: float) -> int:
         """Return the index of the node at an instant [s]."""
         return min(int(np.searchsorted(self.node_s, at_s - TIE_S)), len(self.node_s) - 1)
-
-    def _holds(self, at_s: float) -> bool:
-        return bool(at_s <= self.node_s[-1] + TIE_S)
 
     def _sum_burns(self, node: int) -> np.ndarray | None:
         at_s = self.node_s[node]

@@ -110,7 +110,7 @@ class Disperser:
         notes = _KnowledgeNotes(at, n_runs) if bank is not None else None
         pending, aim, spent = np.zeros((3, n_runs)), -1, np.zeros(n_runs)
         deviations = np.empty((len(self.sample_s), 3, n_runs))
-        for node in range(len(at.node_s)):
+        for node in range(at.last + 1):
             axes, change = at.axes[node], np.zeros((3, n_runs))
             if at.filter is not None and node in at.filter:
                 measured = next(drawn)
@@ -143,7 +143,7 @@ class Disperser:
                 deviations[k] = apply_matrix(axes.T, state[:3] - beside[:3])
                 if notes is not None and bank is not None:
                     notes.write(k, node, state - beside, bank)
-            if node + 1 < len(at.node_s):
+            if node < at.last:
                 state = self._advance(node, state, bank, self._find_push(node, held, without_burns=without_burns))
                 beside = at.carry_target(node, beside)
         paths = np.ascontiguousarray(deviations.transpose(2, 0, 1))

@@ -123,7 +123,7 @@ def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
         columns.widen(ORBIT, "navigation")
         columns.estimate[:ORBIT, -ORBIT:] = flight.to_inertial(0, np.diag(flight.filter.part.start_sigma))
     aim, kept, known_at = -1, {}, {}
-    for node in range(len(flight.node_s)):
+    for node in range(flight.last + 1):
         if bank is not None:
             _observe(flight, bank, node, columns)
         axes, change = flight.axes[node], np.zeros_like(columns.pending)
@@ -147,7 +147,7 @@ def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
         kept[node] = flight.to_rotating(node, columns.relative), labels
         if bank is not None:
             known_at[node] = flight.to_rotating(node, columns.estimate[:ORBIT] - columns.relative)
-        if node + 1 < len(flight.node_s):
+        if node < flight.last:
             _carry(flight, bank, node, columns)
     rows = [kept[node] for node in flight.sample]
     made = np.stack([one @ one.T for one, _ in rows])

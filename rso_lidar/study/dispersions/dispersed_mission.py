@@ -127,7 +127,7 @@ class DispersedMission:
         )
         if max(ratios.max(), 1.0 / ratios.min()) > _APART + 5.0 / np.sqrt(2.0 * self.n_runs):
             lines.append(
-                f"    the linear covariance does not hold on the way, with {ratios.min():.2f} to {ratios.max():.2f} times "
+                f"    the linear covariance does not hold on the way, with {ratios.min():.2g} to {ratios.max():.2g} times "
                 "the sigma of the runs: range from directions alone, and limits of sensors, are not linear"
             )
         return [

@@ -411,3 +411,17 @@ def test_dask_changes_no_bit(mission):
     pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
     with open_dask_client("local", 2) as client:
         check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=client.get_executor()))
+
+
+def test_corrections_that_arrive_after_the_last_frame_are_made():
+    """A run that ends before its plan has, up to there, the dispersions of a longer one."""
+    short, long = (
+        rl.study.disperse(rl.Scenario.load("examples/dispersed_hop.toml", (f"time.duration_s={duration_s}",)), runs=40)
+        for duration_s in (5400, 7200)
+    )
+    ends = int(np.searchsorted(long.tubes["time_s"], short.tubes["time_s"][-1]))
+    assert short.tubes["time_s"][-1] == long.tubes["time_s"][ends] < 5400.0
+    assert np.ptp(short.table["delta_v_m_s"]) > 0.1
+    for axis in ("radial", "along", "cross"):
+        name = f"{axis}_linear_sigma_m"
+        assert short.tubes[name][-1] == pytest.approx(long.tubes[name][ends], rel=1e-6)
