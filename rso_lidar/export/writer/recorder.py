@@ -28,6 +28,7 @@ from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.export.writer.chunks import ChunkWriter
 from rso_lidar.export.writer.continuation import copy_frames, copy_lenses, get_capacities
 from rso_lidar.export.writer.frame_stream import match_entries, pad_entries
+from rso_lidar.export.writer.header_times import clear_header_times
 from rso_lidar.export.writer.lens_tables import LensTables, is_same_memory
 from rso_lidar.export.writer.temporary_file import InterferenceError, TemporaryFile
 from rso_lidar.files import advise_on_write, check_writable, hold_lock
@@ -306,6 +307,7 @@ class Recorder:
         """Read the file back, synchronise it to disk, and give it its final name."""
         if self.path.exists() and not self._overwrite:
             raise RecordingError(f"{self.path}: appeared while this ran; the frames are in {self.temporary}: rename it")
+        clear_header_times(self.temporary)
         try:
             with Recording(self.temporary) as written:
                 count, last = len(written), written[-1]
