@@ -610,6 +610,8 @@ def test_geo_servicer_comes_to_12_m_in_its_corridor():
     scenario = load("geo_servicer")
     flight = scenario.follower.motion.fly(scenario.time.start_utc, Chief(scenario.bodies, "client"))
     place = flight.relative(np.array([50_000.0, 83_000.0, 89_000.0]))[0]
-    np.testing.assert_allclose(place, [(0, -3000, 0), (0, -50, 0), (0, -12, 0)], atol=4.0)
+    # At the perch a camera leads, which knows the range within 31 m (docs of the study); near by, the lidar does.
+    np.testing.assert_array_less(np.abs(place[0] - (0, -3000, 0)), (4.0, 3 * 31.0, 4.0))
+    np.testing.assert_allclose(place[1:], [(0, -50, 0), (0, -12, 0)], atol=4.0)
     for frame in fly(scenario, 335, 359):
         assert (frame.valid & on_target(frame)).sum() > 300
