@@ -1,7 +1,11 @@
-"""A pool of worker processes that call one function; the data shared by all calls is sent to each process once."""
+"""Worker processes: a pool that calls one function, and clients of dask, whose cluster may be of other machines.
+
+The pool sends the data that all calls share to each process once.
+"""
 
 from __future__ import annotations
 
+import importlib
 import os
 import pickle
 import signal
@@ -15,9 +19,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
 from rso_lidar.interruption import defer_signals, make_temporary_folder, remove_on_signal
 
+LOCAL = "local"  # a scheduler of dask that is started here
+_LOST_WORKERS = 16  # workers that may be killed under one task, before the task is taken for their cause
+_CONNECT_S = "20s"
 _WARNINGS = "PYTHONWARNINGS"
 
 _work: Callable[..., Any]  # in a worker process: the function that it calls
@@ -208,3 +215,35 @@ def _call(*given: Any, **chosen: Any) -> Any:
             what = f"{type(error).__name__}: {error}"
             raise RunError(f"workers: a call raised {what}; leave out workers to see where") from None
         raise
+
+
+@contextmanager
+def open_dask_client(scheduler: str, workers: int, error: type[RsoLidarError] = ScenarioError) -> Iterator[Any]:
+    """Yield a client of dask.
+
+    Parameters
+    ----------
+    scheduler : address of a running scheduler, such as ``tcp://10.0.0.1:8786``, or ``local``
+    workers : number of processes of a local cluster
+    error : raised if dask is not installed, or no scheduler answers
+    """
+    try:
+        dask: Any = importlib.import_module("dask")
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise error('--engine dask: needs dask; install the extra: pip install "rso-lidar[dask]"') from None
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": _LOST_WORKERS}))
+        try:
+            if scheduler == LOCAL:
+                options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
+                cluster = stack.enter_context(distributed.LocalCluster(n_workers=workers, **options))
+                client = stack.enter_context(distributed.Client(cluster))
+            else:
+                client = stack.enter_context(distributed.Client(scheduler, timeout=_CONNECT_S))
+        except (OSError, ValueError) as problem:
+            said = " ".join(str(problem).split())
+            raise error(
+                f"--scheduler {scheduler}: no scheduler answers ({said:.120}); start one, or take local"
+            ) from None
+        yield client

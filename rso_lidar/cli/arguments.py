@@ -11,8 +11,9 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
-from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
+from rso_lidar.errors import RecordingError, RsoLidarError, ScenarioError, did_you_mean
 from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
+from rso_lidar.processes import LOCAL
 from rso_lidar.scenario import Constraints, Lidar, Scenario
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scenario.tables.world import parse_frames
@@ -128,3 +129,18 @@ def load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
         f"--lidar {text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
         "or a scenario file)"
     )
+
+
+def choose_scheduler(engine: str, scheduler: str | None, error: type[RsoLidarError] = ScenarioError) -> str | None:
+    """Return the scheduler that the options of a command choose; None for a pool of processes without dask.
+
+    Parameters
+    ----------
+    engine, scheduler : values of --engine and --scheduler
+    error : raised for values that do not fit
+    """
+    if engine not in ("pool", "dask"):
+        raise error(f"--engine {engine}: is not an engine{did_you_mean(engine, ('pool', 'dask'))}; take pool or dask")
+    if scheduler is not None and engine != "dask":
+        raise error(f"--scheduler {scheduler}: is for --engine dask; add it, or leave out --scheduler")
+    return (scheduler or LOCAL) if engine == "dask" else None

@@ -7,10 +7,9 @@ from typing import Annotated
 import typer
 
 from rso_lidar import dataset
-from rso_lidar.cli.arguments import NoCode, TrustFmu
+from rso_lidar.cli.arguments import NoCode, TrustFmu, choose_scheduler
 from rso_lidar.cli.progress import Bar, announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
-from rso_lidar.dask_cluster import choose_scheduler
 from rso_lidar.errors import DatasetError
 from rso_lidar.interruption import set_advice
 

@@ -7,13 +7,23 @@ from typing import Annotated, Any
 
 import typer
 
-from rso_lidar.cli.arguments import Dark, NoCode, Overwrite, ScenarioFile, Seed, Settings, choose_scheme, join_settings
+from rso_lidar.cli.arguments import (
+    Dark,
+    NoCode,
+    Overwrite,
+    ScenarioFile,
+    Seed,
+    Settings,
+    choose_scheduler,
+    choose_scheme,
+    join_settings,
+)
 from rso_lidar.cli.progress import show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
-from rso_lidar.dask_cluster import choose_scheduler, open_dask_client
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import set_advice
 from rso_lidar.picture.style.output import RESULT_SUFFIXES
+from rso_lidar.processes import open_dask_client
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.dispersed_mission import disperse as disperse_mission
 from rso_lidar.study.dispersions.kept_runs import identify

@@ -11,11 +11,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.dask_cluster import open_dask_client
 from rso_lidar.dataset.drawing.plan import DatasetPlan
 from rso_lidar.dataset.making.shard_making import make_shard
 from rso_lidar.dataset.shards.manifest import ShardRecord
 from rso_lidar.errors import DatasetError, RsoLidarError, RunError
+from rso_lidar.processes import open_dask_client
 
 _WAITING = 4  # tasks for each worker that are known to the scheduler: memory stays flat for any number of shards
 

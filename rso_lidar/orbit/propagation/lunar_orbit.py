@@ -8,6 +8,7 @@ high orbits.
 from __future__ import annotations
 
 import datetime
+from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 import numpy as np
@@ -82,9 +83,9 @@ class MoonCentered(Part):
         with add_place("kernel_file"):
             return kernel.states("moon", epochs)
 
+    @abstractmethod
     def start_about_moon(self) -> BodyState:
         """Return the state (3,) about the Moon's centre at `epoch_utc`, in GCRS axes."""
-        raise NotImplementedError
 
     def states_about_moon(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) about the Moon's centre, in GCRS axes.

@@ -12,7 +12,6 @@ from rso_lidar import units
 from rso_lidar.rpo.dispersed.dispersed_flight import DispersedFlight
 from rso_lidar.rpo.dispersed.filter_nodes import find_burn_covariance
 from rso_lidar.rpo.dispersed.linear_dispersion import LinearDispersion, find_linear_dispersion, list_sources
-from rso_lidar.rpo.dispersed.nominal_flight import NominalFlight
 from rso_lidar.rpo.flown.thrusters import NavigationErrors
 from rso_lidar.rpo.navigation.filter_bank import FilterBank, apply_matrix, find_nees
 from rso_lidar.rpo.relative.deviation_flow import Push
@@ -57,23 +56,13 @@ class Disperser:
 
     Parameters
     ----------
-    flight : the flight without random errors
-    sample_s : (time,) ascending instants at which deviations are wanted [s]
-    covariance : (6, 6) of the state at the start in the rotating rtn axes [m2, m2/s, m2/s2]
-    target_covariance : the same of the body approached, whose path then deviates too; None for none
+    nodes : of the flight, with the errors of its start
     """
 
-    def __init__(
-        self,
-        flight: NominalFlight,
-        sample_s: np.ndarray,
-        covariance: np.ndarray,
-        target_covariance: np.ndarray | None = None,
-    ) -> None:
-        self.flight, self.sample_s = flight, sample_s
-        self._at = DispersedFlight(flight, sample_s, covariance, target_covariance)
+    def __init__(self, nodes: DispersedFlight) -> None:
+        self.nodes, self.flight, self.sample_s = nodes, nodes.flight, nodes.sample_s
         self._wanted: dict[int, list[int]] = {}
-        for k, node in enumerate(self._at.sample.tolist()):
+        for k, node in enumerate(self.nodes.sample.tolist()):
             self._wanted.setdefault(node, []).append(k)
 
     @property
@@ -84,11 +73,11 @@ class Disperser:
     @property
     def sources(self) -> tuple[str, ...]:
         """Names of the sources of errors."""
-        return list_sources(self._at)
+        return list_sources(self.nodes)
 
     def find_linear(self) -> LinearDispersion:
         """Return the linear covariance at the samples."""
-        return find_linear_dispersion(self._at)
+        return find_linear_dispersion(self.nodes)
 
     def fly(self, numbers: np.ndarray, *, without_burns: bool = False) -> DispersedPaths:
         """Fly many runs.
@@ -98,7 +87,7 @@ class Disperser:
         numbers : (run, number) standard normal numbers, `n_numbers` for each run
         without_burns : whether all burns, corrections and held thrust are missing; a filter then has no effect
         """
-        at, n_runs = self._at, len(numbers)
+        at, n_runs = self.nodes, len(numbers)
         pieces = np.split(numbers.T, np.cumsum(self._list_counts())[:-1])
         drawn = iter(pieces)
         state = at.to_inertial(0, apply_matrix(at.root, next(drawn)))
@@ -165,7 +154,7 @@ class Disperser:
         if not isinstance(errors, NavigationErrors):
             return state if bank is None else bank.orbit
         noise = apply_matrix(np.diag(errors.sigma), next(drawn))
-        known: np.ndarray = state + self._at.to_inertial(node, noise)
+        known: np.ndarray = state + self.nodes.to_inertial(node, noise)
         return known
 
     def _find_push(self, node: int, held: np.ndarray, *, without_burns: bool) -> Push | None:
@@ -177,7 +166,7 @@ class Disperser:
         held : (4 x leg, run) standard normal numbers
         without_burns : whether held thrust is missing
         """
-        leg, thrust = self._at.find_leg(node), self._at.thrust
+        leg, thrust = self.nodes.find_leg(node), self.nodes.thrust
         if leg is None or thrust is None:
             return None
         return thrust.stop() if without_burns else thrust.make_push(held[_PER_LEG * leg : _PER_LEG * (leg + 1)])
@@ -193,14 +182,14 @@ class Disperser:
         push : error of held thrust, which acts on the truth alone
         """
         if bank is None:
-            return self._at.flow.advance(node, state, push)
+            return self.nodes.flow.advance(node, state, push)
         n_runs = state.shape[1]
         both = None
         if push is not None:
             still = np.zeros((3, n_runs))
             both = partial(_push_truth, push, still)
-        moved = self._at.flow.advance(node, np.hstack([state, bank.orbit]), both)
-        self._at.carry_filters(bank, node, moved[:, n_runs:])
+        moved = self.nodes.flow.advance(node, np.hstack([state, bank.orbit]), both)
+        self.nodes.carry_filters(bank, node, moved[:, n_runs:])
         true: np.ndarray = moved[:, :n_runs]
         return true
 
@@ -232,7 +221,7 @@ class Disperser:
 
     def _list_counts(self) -> list[int]:
         """Return how numbers are divided: start, held legs, filter, by node measurements, update, burn; last the target."""
-        at = self._at
+        at = self.nodes
         counts = [_INITIAL, _PER_LEG * len(at.legs)] + [_INITIAL] * (at.filter is not None)
         states_errors = isinstance(self.flight.navigation, NavigationErrors)
         for node in range(len(at.node_s)):
@@ -263,7 +252,7 @@ class _KnowledgeNotes:
     """
 
     def __init__(self, at: DispersedFlight, n_runs: int) -> None:
-        self._at = at
+        self.nodes = at
         shape = n_runs, len(at.sample_s)
         self.paths = KnowledgePaths(np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape))
 
@@ -276,8 +265,8 @@ class _KnowledgeNotes:
         state : (6, run) true deviations, inertial axes
         bank : the filters
         """
-        error = self._at.to_rotating(node, bank.orbit - state)
-        covariance = bank.find_orbit_covariance(self._at.axes[node], self._at.turn_rad_s[node])
+        error = self.nodes.to_rotating(node, bank.orbit - state)
+        covariance = bank.find_orbit_covariance(self.nodes.axes[node], self.nodes.turn_rad_s[node])
         self.paths.error_m[:, sample] = error[:3].T
         self.paths.sigma_m[:, sample] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, :3])
         self.paths.nees[:, sample] = find_nees(error, covariance)

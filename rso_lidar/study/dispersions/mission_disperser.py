@@ -14,6 +14,7 @@ from rso_lidar.errors import suppress_warnings
 from rso_lidar.motion import proximity
 from rso_lidar.motion.truth import Chief, truth
 from rso_lidar.orbit import Epochs
+from rso_lidar.rpo.dispersed.dispersed_flight import DispersedFlight
 from rso_lidar.rpo.dispersed.dispersed_paths import Disperser
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere
 from rso_lidar.scenario import Scenario
@@ -70,7 +71,7 @@ class MissionDisperser:
             )
             errors = self.dispersion.target
             beside = errors.start_covariance if errors is not None and np.any(errors.start_covariance) else None
-            return Disperser(found, self.sample_s, self.dispersion.start_covariance, beside)
+            return Disperser(DispersedFlight(found, self.sample_s, self.dispersion.start_covariance, beside))
 
     @cached_property
     def attitude(self) -> TargetAttitude | None:

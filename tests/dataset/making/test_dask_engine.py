@@ -8,7 +8,7 @@ import time
 import pytest
 
 import rso_lidar as rl
-from rso_lidar import dask_cluster
+from rso_lidar import processes
 from tests.dataset.making.test_make import hashes
 
 
@@ -38,7 +38,7 @@ def test_killed_workers_lose_nothing(made, tmp_path):
 
 def test_a_scheduler_that_does_not_answer(made, tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
-    monkeypatch.setattr(dask_cluster, "_CONNECT_S", "0.2s")
+    monkeypatch.setattr(processes, "_CONNECT_S", "0.2s")
     with pytest.raises(rl.DatasetError, match="no scheduler answers"):
         rl.dataset.make(made[1], tmp_path / "made", scheduler="tcp://127.0.0.1:9")
 

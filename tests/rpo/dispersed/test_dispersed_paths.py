@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rso_lidar.orbit import Epochs, Forces, Kepler
+from rso_lidar.rpo.dispersed.dispersed_flight import DispersedFlight
 from rso_lidar.rpo.dispersed.dispersed_paths import Disperser
 from rso_lidar.rpo.dispersed.nominal_flight import GuidanceInstant, NominalFlight
 from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
@@ -48,10 +49,14 @@ def test_an_error_of_velocity_along_the_track_grows_as_clohessy_and_wiltshire_sa
     """After whole revolutions an along-track error v has grown to -3 v t along the track (Vallado 4th ed. eq. 6-65)."""
     period_s = 2.0 * math.pi / N
     sample_s = np.array([0.0, period_s, 2.0 * period_s])
-    made = Disperser(flight(), sample_s, covariance(vt=1e-3)).find_linear().covariance
+    made = Disperser(DispersedFlight(flight(), sample_s, covariance(vt=1e-3))).find_linear().covariance
     np.testing.assert_allclose(np.sqrt(made[:, 1, 1]), 3.0 * 1e-3 * sample_s, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(np.sqrt(made[:, 0, 0]), 0.0, atol=2e-6)
-    half = Disperser(flight(), np.array([0.5 * period_s]), covariance(vt=1e-3)).find_linear().covariance[0]
+    half = (
+        Disperser(DispersedFlight(flight(), np.array([0.5 * period_s]), covariance(vt=1e-3)))
+        .find_linear()
+        .covariance[0]
+    )
     assert math.sqrt(half[0, 0]) == pytest.approx(4.0 * 1e-3 / N, rel=1e-6)  # 2 (1 - cos nt) v / n
 
 
@@ -70,7 +75,7 @@ def test_runs_and_linear_covariance_agree_where_errors_are_small():
         "held_s": ((6000.0, 7000.0),),
         "control_m_s2": lambda time_s: np.outer((time_s >= 6000.0) & (time_s < 7000.0), [2e-4, -1e-4, 3e-4]),
     }
-    disperser = Disperser(flight(forces=Forces(), **more), sample_s, sigmas)
+    disperser = Disperser(DispersedFlight(flight(forces=Forces(), **more), sample_s, sigmas))
     linear = disperser.find_linear()
     numbers = np.random.default_rng(3).standard_normal((2000, disperser.n_numbers))
     paths = disperser.fly(numbers)
@@ -99,13 +104,17 @@ def test_deviations_of_kilometres_follow_an_independent_integrator():
 def test_corrections_bring_the_path_back_but_for_navigation():
     sample_s = np.array([3000.0])
     sigmas = covariance(r=20.0, t=50.0, n=30.0, vr=0.04, vt=0.02, vn=0.03)
-    blind = Disperser(flight(), sample_s, sigmas).find_linear().covariance[0]
-    exact = Disperser(flight(updates=(GuidanceInstant(1000.0, 3000.0),)), sample_s, sigmas).find_linear().covariance[0]
+    blind = Disperser(DispersedFlight(flight(), sample_s, sigmas)).find_linear().covariance[0]
+    exact = (
+        Disperser(DispersedFlight(flight(updates=(GuidanceInstant(1000.0, 3000.0),)), sample_s, sigmas))
+        .find_linear()
+        .covariance[0]
+    )
     assert np.sqrt(np.trace(blind[:3, :3])) > 100.0
     assert np.sqrt(np.trace(exact)) < 1e-3  # position and, by the arrival, velocity
     noise = NavigationErrors(position_sigma_m=1.0, velocity_sigma_m_s=1e-3)
     left = Disperser(
-        flight(updates=(GuidanceInstant(1000.0, 3000.0),), navigation=noise), sample_s, sigmas
+        DispersedFlight(flight(updates=(GuidanceInstant(1000.0, 3000.0),), navigation=noise), sample_s, sigmas)
     ).find_linear()
     assert left.shares["navigation"][0].sum() == pytest.approx(np.trace(left.covariance[0, :3, :3]), rel=1e-6)
 
@@ -124,7 +133,9 @@ def test_without_burns_the_craft_goes_where_it_would_drift():
         before = CHIEF.states(Epochs(START, time_s)).position_m
         return np.where((time_s < 100.0)[:, None], before, after(np.maximum(time_s, 100.0))[:3].T)
 
-    disperser = Disperser(NominalFlight(START, craft, axes_of, POINT, burns=(burn,)), later, covariance())
+    disperser = Disperser(
+        DispersedFlight(NominalFlight(START, craft, axes_of, POINT, burns=(burn,)), later, covariance())
+    )
     drifting = disperser.fly(np.zeros((1, disperser.n_numbers)), without_burns=True).deviation_m[0]
     nominal = craft(later) - CHIEF.states(Epochs(START, later)).position_m
     axes, _ = axes_of(later)
@@ -133,10 +144,10 @@ def test_without_burns_the_craft_goes_where_it_would_drift():
 
 
 def test_a_run_has_the_same_bits_alone_and_among_others():
-    disperser = Disperser(
+    disperser = Disperser(DispersedFlight(
         flight(updates=(GuidanceInstant(1000.0, 2000.0),), thrusters=Thrusters(magnitude_sigma_fraction=0.01)),
         np.array([500.0, 3000.0]), covariance(r=5.0, vt=0.01),
-    )  # fmt: skip
+    ))  # fmt: skip
     numbers = np.random.default_rng(1).standard_normal((50, disperser.n_numbers))
     together = disperser.fly(numbers)
     alone = disperser.fly(numbers[17:18])
@@ -149,19 +160,19 @@ def test_errors_of_the_target_move_it_and_are_seen_with_the_opposite_sign():
     sample_s = np.linspace(0.0, 6000.0, 5)
     sigmas = covariance(r=2.0, t=5.0, n=3.0, vr=0.004, vt=0.002, vn=0.003)
     chief = lambda time_s: CHIEF.states(Epochs(START, time_s)).position_m  # noqa: E731
-    alone = Disperser(flight(), sample_s, sigmas).find_linear()
-    both = Disperser(flight(chief_m=chief), sample_s, sigmas, sigmas).find_linear()
+    alone = Disperser(DispersedFlight(flight(), sample_s, sigmas)).find_linear()
+    both = Disperser(DispersedFlight(flight(chief_m=chief), sample_s, sigmas, sigmas)).find_linear()
     np.testing.assert_allclose(both.covariance, 2.0 * alone.covariance, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(both.shares["target"], both.shares["start"], rtol=1e-9)
-    only = Disperser(flight(chief_m=chief), sample_s, covariance(), sigmas)
+    only = Disperser(DispersedFlight(flight(chief_m=chief), sample_s, covariance(), sigmas))
     numbers = np.zeros((1, only.n_numbers))
     numbers[0, -6:] = [1.0, -0.5, 0.3, 0.2, 0.7, -1.0]
     opposite = np.zeros((1, 6))
     opposite[0] = -numbers[0, -6:]
-    moved = Disperser(flight(), sample_s, sigmas).fly(opposite).deviation_m
+    moved = Disperser(DispersedFlight(flight(), sample_s, sigmas)).fly(opposite).deviation_m
     # the second order of gravity has one sign for both: 3 GM d^2 / r^4 over 6000 s, for deviations of 60 m
     assert np.abs(only.fly(numbers).deviation_m - moved).max() < 0.1
-    with_none = Disperser(flight(), sample_s, sigmas)
+    with_none = Disperser(DispersedFlight(flight(), sample_s, sigmas))
     assert with_none.n_numbers == 6 and with_none.sources == ("start", "burns", "navigation")
 
 
@@ -175,7 +186,7 @@ def test_runs_and_linear_covariance_agree_with_errors_of_the_target_in_the_close
         "navigation": NavigationErrors(position_sigma_m=0.5, velocity_sigma_m_s=0.001),
         "thrusters": Thrusters(magnitude_sigma_fraction=0.02, pointing_sigma_deg=1.0),
     }
-    disperser = Disperser(flight(forces=Forces(), **more), sample_s, sigmas, 4.0 * sigmas)
+    disperser = Disperser(DispersedFlight(flight(forces=Forces(), **more), sample_s, sigmas, 4.0 * sigmas))
     linear = disperser.find_linear()
     numbers = np.random.default_rng(5).standard_normal((2000, disperser.n_numbers))
     paths = disperser.fly(numbers)
@@ -184,5 +195,7 @@ def test_runs_and_linear_covariance_agree_with_errors_of_the_target_in_the_close
     assert np.abs(spread - 1.0).max() < 5.0 * math.sqrt(2.0 / 2000.0)
     total = sum(linear.shares.values())
     np.testing.assert_allclose(total, np.diagonal(linear.covariance[:, :3, :3], axis1=1, axis2=2), rtol=1e-9)
-    loose = Disperser(flight(forces=Forces(), chief_m=more["chief_m"]), sample_s, sigmas, 4.0 * sigmas).find_linear()
+    loose = Disperser(
+        DispersedFlight(flight(forces=Forces(), chief_m=more["chief_m"]), sample_s, sigmas, 4.0 * sigmas)
+    ).find_linear()
     assert linear.shares["target"][-1].sum() < 0.1 * loose.shares["target"][-1].sum()

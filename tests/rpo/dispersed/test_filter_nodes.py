@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from rso_lidar.orbit import Epochs, Forces, Kepler
 from rso_lidar.rpo import NavigationCamera, NavigationLidar, RelativeFilter
+from rso_lidar.rpo.dispersed.dispersed_flight import DispersedFlight
 from rso_lidar.rpo.dispersed.dispersed_paths import Disperser
 from rso_lidar.rpo.dispersed.nominal_flight import GuidanceInstant, NominalFlight
 from rso_lidar.rpo.flown.thrusters import Thrusters
@@ -51,7 +52,7 @@ def fly(navigation, n_runs=300, target=None, **changed):
         navigation=navigation, chief_m=place(CHIEF),
         **{"forces": Forces(zonal_degree=0), "thrusters": THRUSTERS} | changed,
     )  # fmt: skip
-    disperser = Disperser(flight, SAMPLE_S, SIGMAS, target)
+    disperser = Disperser(DispersedFlight(flight, SAMPLE_S, SIGMAS, target))
     numbers = np.random.default_rng(4).standard_normal((n_runs, disperser.n_numbers))
     return disperser, numbers, disperser.fly(numbers)
 
@@ -102,7 +103,7 @@ def test_in_an_outage_the_covariance_grows_as_the_linear_one_without_measurement
     """A camera that the Sun's exclusion blinds always: the error is the first one, propagated."""
     camera = NavigationCamera(bearing_sigma_deg=0.01, sun_exclusion_deg=180.0)
     disperser, _, paths = fly(FILTER.replace(sensors=(camera,)), 2)
-    at = disperser._at
+    at = disperser.nodes
     rows = at.to_inertial(0, np.diag(FILTER.start_sigma))
     for node in range(int(at.sample[2])):  # up to the first burn
         rows = at.transition[node] @ rows
@@ -126,6 +127,6 @@ def test_a_run_has_the_same_bits_alone_and_among_others(flown):
 
 def test_thrust_without_errors_is_no_state_of_the_filter():
     disperser, _, paths = fly(FILTER, 50, thrusters=Thrusters())
-    assert not disperser._at.filter_is_held
+    assert not disperser.nodes.filter_is_held
     low, high = chi2.ppf([0.0005 / 17, 1.0 - 0.0005 / 17], 6 * 50)
     assert low < paths.knowledge.nees.sum(axis=0).min() < paths.knowledge.nees.sum(axis=0).max() < high

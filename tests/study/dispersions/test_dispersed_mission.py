@@ -11,11 +11,11 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import rpo, units
-from rso_lidar.dask_cluster import open_dask_client
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.collision.foster import disc_probability
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.processes import open_dask_client
 from rso_lidar.study.dispersions import dispersed_mission
 from rso_lidar.study.dispersions.dispersed_mission import nees_bounds
 from rso_lidar.study.dispersions.kept_runs import identify
