@@ -208,6 +208,7 @@ def pixel_shares(
     field_rad: float = 0.0,
     azimuth_rad: float = 0.0,
     reach: int,
+    margin: int = 0,
 ) -> np.ndarray:
     """Return the shares of a sub-cell's light that land in the pixels about it.
 
@@ -223,16 +224,19 @@ def pixel_shares(
     field_rad : angle from the axis; only a `FieldDependentPsf` depends on it.
     azimuth_rad : direction of the field point, atan2(y, x) in lidar axes (x right, y down).
     reach : pixels to each side.
+    margin : 1 adds the sub-cells just outside the pixel, for interpolation between sub-cells; 0 does not.
 
     Returns
     -------
     (sub row, sub col, row offset, col offset), read-only, of sum 1 over the last two axes. Offsets run from -reach to reach.
+    With a margin, the first two axes begin and end with a sub-cell of the neighbouring pixel.
 
     Raises
     ------
     ScenarioError : if the kernel's file is wrong, or less than half of its light lands within reach.
     """
-    return _shares(psf, _stamps(psf), pitch_m, sub, wavelength_m, f_number, float(field_rad), float(azimuth_rad), reach)
+    angles = float(field_rad), float(azimuth_rad)
+    return _shares(psf, _stamps(psf), pitch_m, sub, wavelength_m, f_number, *angles, reach, margin)
 
 
 def find_reach(
@@ -289,12 +293,13 @@ def _shares(
     field_rad: float,
     azimuth_rad: float,
     reach: int,
+    margin: int,
 ) -> np.ndarray:
     """Compute what `pixel_shares` returns, cached until a file of the kernel changes.
 
     Parameters
     ----------
-    psf, pitch_m, sub, wavelength_m, f_number, field_rad, azimuth_rad, reach : as for `pixel_shares`.
+    psf, pitch_m, sub, wavelength_m, f_number, field_rad, azimuth_rad, reach, margin : as for `pixel_shares`.
     _stamped : path and state of each file of the kernel, the key of the cache.
 
     Returns
@@ -307,7 +312,9 @@ def _shares(
     hats = _hats(psf, at, field_rad, azimuth_rad)
     offsets = 2 * reach + 1
     # A sub-cell at i moved by m steps is in the pixel (i + m) // sub: sum the steps that lead to each pixel.
-    low = sub * np.arange(1, offsets + 1) - np.arange(sub)[:, None]  # (cell, offset), the first step's place in hats
+    low = (
+        sub * np.arange(1, offsets + 1) - np.arange(-margin, sub + margin)[:, None]
+    )  # (cell, offset), the first step's place in hats
     high = low + sub
     total = np.zeros((hats.shape[0] + 1, hats.shape[1] + 1))
     total[1:, 1:] = hats.cumsum(axis=0).cumsum(axis=1)

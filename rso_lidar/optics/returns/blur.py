@@ -1,10 +1,10 @@
 """The point spread function at work: light of one direction spread over pixels.
 
 It acts on the light of single rays, before that is summed to pixels. It acts in narrow bins of delay, so that two
-depths that meet in a pixel stay two returns. No light is lost but what falls beside the focal plane.
+depths that meet in a pixel stay two returns. No light is lost but what falls beside the focal plane. Twice the light in is
+twice the light out, however faint.
 """
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,9 +15,10 @@ from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.lens.psf import FieldDependentPsf, find_reach, pixel_shares
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.spread import (
-    find_subcells,
     gather_returns,
     group_by_delay,
+    locate_rays,
+    place_light,
     spread_groups,
     spread_steady_light,
 )
@@ -26,14 +27,13 @@ from rso_lidar.ties import find_first_greatest
 
 BIN_FWHM = 0.1  # of the pulse: light of one pixel within so short a delay is spread as one group
 SLAB_FWHM = 0.25  # of the pulse: resolution in delay of light that lands far from its pixel
-LEAST_PHOTONS = 0.3  # a fainter return is not made: its light is shared among the others
 ZONES = 8  # along each side of the focal plane; a PSF that changes over the field is constant within one
 _MISSED = 1e-3  # share of the light beyond the reach of a kernel; it is shared among the pixels within
 _MISSED_OF_HALO = 1e-6  # a halo is faint and wide, and it matters beside a bright glint
-_MOST_SUBCELLS = 8  # along each side of a pixel: how well the place of a ray in its pixel is resolved
-_CORE = (
-    2  # pixels to each side within which the position of a ray counts; farther away, the pixel's middle represents it
-)
+_MOST_SUBCELLS = 8  # along each side of a pixel; between their middles the kernel is interpolated
+_CORE, _MOST_CORE = 2, 6  # pixels to each side that get each ray's own kernel; others share one kernel by a transform
+_MOST_MISPLACED = 0.01  # share of a ray's light for which the one kernel may differ from the ray's own
+_ROUNDING = 1e-12  # of all light in a slab: a transform rounds to 1e-16, and less is no light
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +73,10 @@ def blur_light(hits: Hits, light: Light, receiver: Receiver, wavelength_m: float
     order, starts = group_by_delay(packed(light.pixel), packed(light.delay_s), BIN_FWHM * pulse_fwhm_s)
     zones, zone_of_pixel = _zones(receiver)
     used = np.unique(zone_of_pixel[light.pixel]) if zones > 1 else np.zeros(1, np.int64)
-    cores, fars = _cores_and_fars(receiver, wavelength_m, side, tuple(used.tolist()))
-    place = np.zeros(zones * zones, np.int64)  # index of each zone among those used
-    place[used] = np.arange(len(used))
-    at, brightest, width_s, away, near = spread_groups(
+    cores, beyond, fars = _build_kernels(receiver, wavelength_m, side, tuple(used.tolist()))
+    zone = np.zeros(zones * zones, np.int64)  # index of each zone among those used
+    zone[used] = np.arange(len(used))
+    at, brightest, width_s, (away, down, across), near = spread_groups(
         packed(light.pixel),
         packed(light.delay_s),
         packed(light.photons),
@@ -85,23 +85,20 @@ def blur_light(hits: Hits, light: Light, receiver: Receiver, wavelength_m: float
         packed(light.hit),
         order,
         starts,
-        _subcells(hits, receiver, side),
-        place,
+        _place_in_pixel(hits, receiver),
+        zone,
         zones,
         cores,
+        beyond,
         *shape,
-        LEAST_PHOTONS,
     )
-    photons, mean_s, _ = (values[:, near[0].shape[1] // 2] for values in near)
-    far_light = [Light(*(np.zeros(0, values.dtype) for values in (at, mean_s, photons, width_s, away, brightest)))]
-    for zone, far in zip(used, fars, strict=True):
-        if far is None:
-            continue
-        of = np.flatnonzero(zone_of_pixel[at] == zone)
-        sources = Light(at[of], mean_s[of], away[of], width_s[of], np.zeros(len(of)), brightest[of])
-        parts, kept = spread_far_light(sources, far, receiver, SLAB_FWHM * pulse_fwhm_s)
-        photons[of] += kept
-        far_light += parts
+    mean_s = near[1][:, near[1].shape[1] // 2]
+    far_light = [Light(*(np.zeros(0, values.dtype) for values in (at, mean_s, away, width_s, away, brightest)))]
+    for number, far in zip(used, fars, strict=True):
+        if far is not None:
+            of = np.flatnonzero((zone_of_pixel[at] == number) & (away > 0.0))
+            sources = Light(at[of], mean_s[of], away[of], width_s[of], np.zeros(len(of)), brightest[of])
+            far_light += spread_far_light(sources, (down[of], across[of]), far, receiver, SLAB_FWHM * pulse_fwhm_s)
     from_far = tuple(
         np.concatenate([getattr(part, name) for part in far_light]).astype(getattr(far_light[0], name).dtype)
         for name in Light.__dataclass_fields__
@@ -125,18 +122,24 @@ def blur_sunlight(hits: Hits, rate_per_s: np.ndarray, receiver: Receiver, wavele
     """
     if not len(rate_per_s):
         return np.zeros(receiver.shape)
-    side = count_subcells(hits)
-    return blur_steady_light(hits.pixel, rate_per_s, _subcells(hits, receiver, side), side, receiver, wavelength_m)
+    place = _place_in_pixel(hits, receiver)
+    return blur_steady_light(hits.pixel, rate_per_s, place, count_subcells(hits), receiver, wavelength_m)
 
 
 def blur_steady_light(
-    pixel: np.ndarray, rate_per_s: np.ndarray, cell: np.ndarray, side: int, receiver: Receiver, wavelength_m: float
+    pixel: np.ndarray,
+    rate_per_s: np.ndarray,
+    place: tuple[np.ndarray, np.ndarray],
+    side: int,
+    receiver: Receiver,
+    wavelength_m: float,
 ) -> np.ndarray:
     """Spread light without a delay over pixels by the receiver's point spread function.
 
     Parameters
     ----------
-    pixel, rate_per_s, cell : (source) pixel, photons per second, and sub-cell of the pixel.
+    pixel, rate_per_s : (source) pixel, and photons per second.
+    place : (source) where in its pixel each source is, from the upper edge and from the left one [pixels].
     side : sub-cells along each side of a pixel.
     receiver : a receiver with a PSF.
     wavelength_m : of the light.
@@ -149,15 +152,13 @@ def blur_steady_light(
 
     zones, zone_of_pixel = _zones(receiver)
     used = np.unique(zone_of_pixel[pixel]) if zones > 1 else np.zeros(1, np.int64)
-    cores, fars = _cores_and_fars(receiver, wavelength_m, side, tuple(used.tolist()))
-    place = np.zeros(zones * zones, np.int64)  # index of each zone among those used
-    place[used] = np.arange(len(used))
-    given = packed(pixel.astype(np.int32)), packed(rate_per_s.astype(float)), packed(cell.astype(np.int64))
-    image, away = spread_steady_light(*given, place, zones, cores, *receiver.shape)
-    spread: np.ndarray = image.reshape(receiver.shape)
-    for zone, far in zip(used, fars, strict=True):
+    cores, beyond, fars = _build_kernels(receiver, wavelength_m, side, tuple(used.tolist()))
+    zone = np.zeros(zones * zones, np.int64)  # index of each zone among those used
+    zone[used] = np.arange(len(used))
+    given = packed(pixel.astype(np.int32)), packed(rate_per_s.astype(float)), (packed(place[0]), packed(place[1]))
+    spread, away = spread_steady_light(*given, zone, zones, cores, beyond, *receiver.shape)
+    for leaving, far in zip(away, fars, strict=True):
         if far is not None:
-            leaving = np.where(zone_of_pixel == zone, away, 0.0).reshape(receiver.shape)
             spread = spread + np.maximum(fftconvolve(leaving, far, mode="same"), 0.0)
     return spread
 
@@ -177,9 +178,8 @@ def blur_variance(variance: np.ndarray | None, receiver: Receiver, wavelength_m:
 
     # The middle of the field stands for all of it.
     zone = ZONES // 2 * (ZONES + 1) if isinstance(receiver.psf, FieldDependentPsf) else 0
-    share = _cores_and_fars(receiver, wavelength_m, 1, (zone,))[0][0, 0]
-    side = math.isqrt(len(share))
-    spread: np.ndarray = np.maximum(fftconvolve(variance, share.reshape(side, side) ** 2, mode="same"), 0.0)
+    share = zone_shares(receiver, wavelength_m, 1, zone)[1, 1]
+    spread: np.ndarray = np.maximum(fftconvolve(variance, share**2, mode="same"), 0.0)
     return spread
 
 
@@ -188,23 +188,15 @@ def count_subcells(hits: Hits) -> int:
     return int(np.clip(np.rint(hits.weight.min() ** -0.5), 1, _MOST_SUBCELLS))
 
 
-def _subcells(hits: Hits, receiver: Receiver, side: int) -> np.ndarray:
-    """Return the sub-cell of its pixel (hit) that each ray goes through, row * side + col.
-
-    Parameters
-    ----------
-    hits : the hits.
-    receiver : the lens and the focal plane.
-    side : sub-cells along each side of a pixel.
-    """
+def _place_in_pixel(hits: Hits, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
+    """Locate where in its pixel each ray goes through (hit), from the upper edge and from the left one [pixels]."""
     if receiver.distortion is None:
         direction = packed(hits.rays.direction.T)
-        return find_subcells(packed(hits.ray), direction, receiver.pixel_tangent, *receiver.shape, side)
+        down, across = locate_rays(packed(hits.ray), direction, receiver.pixel_tangent, *receiver.shape)
+        return packed(down), packed(across)
     toward = hits.rays.direction[hits.ray]
     col, row = receiver.image_of(toward[:, 0] / toward[:, 2], toward[:, 1] / toward[:, 2])
-    down, across = (np.clip(((at - np.floor(at)) * side).astype(np.int64), 0, side - 1) for at in (row, col))
-    cell: np.ndarray = down * side + across
-    return cell
+    return packed(row - np.floor(row)), packed(col - np.floor(col))
 
 
 def _zones(receiver: Receiver) -> tuple[int, np.ndarray]:
@@ -215,10 +207,10 @@ def _zones(receiver: Receiver) -> tuple[int, np.ndarray]:
 
 
 @lru_cache(maxsize=64)
-def _cores_and_fars(
+def _build_kernels(
     receiver: Receiver, wavelength_m: float, side: int, zones: tuple[int, ...]
-) -> tuple[np.ndarray, tuple[np.ndarray | None, ...]]:
-    """Return the shares of light near its pixel and far from it, for some zones of the field.
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray | None, ...]]:
+    """Build the kernels of light near its pixel and far from it, for some zones of the field.
 
     Cores that reach differently far become equally wide: what one does not reach gets nothing.
 
@@ -231,76 +223,92 @@ def _cores_and_fars(
 
     Returns
     -------
-    Shares near a ray's pixel (zone, sub-cell, offset), and the far kernel (row, col) of each zone, None for none.
+    Shares near a ray's pixel (zone, sub-cell, offset), `beyond` of `split_core_and_far` (zone, sub-cell, 3), and the far
+    kernel (row, col) of each zone, None for none.
     """
-    pairs = [split_core_and_far(zone_shares(receiver, wavelength_m, side, zone)) for zone in zones]
-    widest = max(core.shape[-1] for core, _ in pairs)
-    cores = np.zeros((len(pairs), side * side, widest, widest))
-    for zone, (core, _) in enumerate(pairs):
+    parts = [split_core_and_far(zone_shares(receiver, wavelength_m, side, zone)) for zone in zones]
+    widest, cells = max(core.shape[-1] for core, _, _ in parts), (side + 2) ** 2
+    cores = np.zeros((len(parts), cells, widest, widest))
+    for zone, (core, _, _) in enumerate(parts):
         edge = (widest - core.shape[-1]) // 2
-        cores[zone, :, edge : widest - edge, edge : widest - edge] = core.reshape(side * side, *core.shape[2:])
-    return packed(cores.reshape(len(pairs), side * side, -1)), tuple(far for _, far in pairs)
+        cores[zone, :, edge : widest - edge, edge : widest - edge] = core.reshape(cells, *core.shape[2:])
+    beyond = np.stack([beyond.reshape(cells, 3) for _, beyond, _ in parts])
+    return packed(cores.reshape(len(parts), cells, -1)), packed(beyond), tuple(far for _, _, far in parts)
 
 
-def split_core_and_far(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the shares near a ray's pixel, and the kernel of what lands farther (None: nothing does)."""
-    reach = shares.shape[-1] // 2
-    if reach <= _CORE:
-        return shares, None
-    middle = slice(reach - _CORE, reach + _CORE + 1)
-    far = shares.mean(axis=(0, 1))
-    far[middle, middle] = 0.0
-    return shares[:, :, middle, middle], far / far.sum()
+def split_core_and_far(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Split the shares of sub-cells into those near the pixel and one kernel for all that lands farther.
+
+    Parameters
+    ----------
+    shares : (sub row, sub col, row offset, col offset).
+
+    Returns
+    -------
+    The shares near the pixel. What lands farther (sub row, sub col, 3): its share, and that share times the place, down and
+    across from the pixel's middle [pixels], where the far kernel puts its centroid right. The far kernel (row, col) of sum
+    1; None if nothing lands farther.
+    """
+    reach, mean = shares.shape[-1] // 2, shares.mean(axis=(0, 1))
+    offset = np.arange(-reach, reach + 1)
+    ring = np.maximum(np.abs(offset)[:, None], np.abs(offset))
+    misplaced = np.abs(shares - mean)
+    core = _CORE
+    while core < min(reach, _MOST_CORE) and misplaced[:, :, ring > core].sum(axis=2).max() > _MOST_MISPLACED:
+        core += 1
+    if reach <= core:
+        return shares, np.zeros((*shares.shape[:2], 3)), None
+    far, middle = np.where(ring > core, mean, 0.0), slice(reach - core, reach + core + 1)
+    far /= far.sum()
+    outside = np.where(ring > core, shares, 0.0)
+    share = outside.sum(axis=(2, 3))
+    down = np.einsum("ijkl,k->ij", outside, offset) - share * (far.sum(axis=1) @ offset)
+    across = np.einsum("ijkl,l->ij", outside, offset) - share * (far.sum(axis=0) @ offset)
+    return shares[:, :, middle, middle], np.stack([share, down, across], axis=-1), far
 
 
 def spread_far_light(
-    sources: Light, far: np.ndarray, receiver: Receiver, slab_s: float
-) -> tuple[list[Light], np.ndarray]:
+    sources: Light, place: tuple[np.ndarray, np.ndarray], far: np.ndarray, receiver: Receiver, slab_s: float
+) -> list[Light]:
     """Spread light that lands far from its pixel, one slab of delay after another, by a Fourier transform.
-
-    A slab that would give no pixel a return stays in its own pixels. Otherwise what is too faint for a return is shared
-    among the others.
 
     Parameters
     ----------
     sources : light that leaves its pixels.
+    place : (source) where it is to be placed, down and across from the middle of its pixel [pixels].
     far : (row, col) kernel, of sum 1.
     receiver : gives the shape of the focal plane.
     slab_s : width of a slab of delay [s].
 
     Returns
     -------
-    The light that lands, by slab, and what of each source (source) stays in its pixel.
+    The light that lands, by slab.
     """
     from scipy.signal import fftconvolve
 
-    kept = np.zeros(len(sources.pixel))
+    if not len(sources.pixel):
+        return []
     slab = ((sources.delay_s - sources.delay_s.min()) / slab_s).astype(np.int64)
     landed = []
     for number in np.unique(slab):
         of = np.flatnonzero(slab == number)
         total = float(sources.photons[of].sum())
-        if total * float(far.max()) < LEAST_PHOTONS:
-            kept[of] = sources.photons[of]
-            continue
-        image = np.bincount(sources.pixel[of], sources.photons[of], receiver.n_rows * receiver.n_cols)
-        blurred = np.maximum(fftconvolve(image.reshape(receiver.shape), far, mode="same").ravel(), 0.0)
-        pixel = np.flatnonzero(blurred >= LEAST_PHOTONS)
-        if not len(pixel):
-            kept[of] = sources.photons[of]
-            continue
-        photons = blurred[pixel] * (float(blurred.sum()) / float(blurred[pixel].sum()))
+        image = place_light(
+            *(packed(values[of]) for values in (sources.pixel, *place, sources.photons)), *receiver.shape
+        )
+        blurred = fftconvolve(image, far, mode="same").ravel()
+        pixel = np.flatnonzero(blurred > _ROUNDING * total)
         delay_s = float((sources.photons[of] * sources.delay_s[of]).sum()) / total
         same = np.ones(len(pixel))
         brightest = of[find_first_greatest(sources.photons[of])]
         coherence_cells = np.full(len(pixel), 1e3)  # light from many pixels: its speckle averages out
         hit = np.full(len(pixel), sources.hit[brightest])
-        landed.append(Light(pixel, delay_s * same, photons, slab_s * same, coherence_cells, hit))
-    return landed, kept
+        landed.append(Light(pixel, delay_s * same, blurred[pixel], slab_s * same, coherence_cells, hit))
+    return landed
 
 
 def zone_shares(receiver: Receiver, wavelength_m: float, side: int, zone: int) -> np.ndarray:
-    """Return the shares of a ray's light in the middle of a zone of the field, or in all of it.
+    """Return the shares of a ray's light in the middle of a zone of the field, or in all of it, by sub-cell with a margin.
 
     Parameters
     ----------
@@ -329,7 +337,8 @@ def _shares(receiver: Receiver, wavelength_m: float, side: int, field_rad: float
 
     Returns
     -------
-    (sub row, sub col, row offset, col offset).
+    (sub row, sub col, row offset, col offset), with a margin of one sub-cell. A share that is too small to matter is left in
+    the middle: all of these together are less than what lies beyond the reach.
     """
     assert receiver.psf is not None
     optics = {
@@ -343,8 +352,13 @@ def _shares(receiver: Receiver, wavelength_m: float, side: int, field_rad: float
         [entry.psf for entry in receiver.psf.fields] if isinstance(receiver.psf, FieldDependentPsf) else [receiver.psf]
     )
     has_halo = any(kernel.halo_fraction > 0.0 for kernel in kernels)
-    reach = find_reach(receiver.psf, missed=_MISSED_OF_HALO if has_halo else _MISSED, **optics)
-    return pixel_shares(receiver.psf, sub=side, reach=reach, **optics)
+    missed = _MISSED_OF_HALO if has_halo else _MISSED
+    reach = find_reach(receiver.psf, missed=missed, **optics)
+    shares = pixel_shares(receiver.psf, sub=side, reach=reach, margin=1, **optics).copy()
+    small = shares < missed / (2 * reach + 1) ** 2
+    shares[:, :, reach, reach] += np.where(small, shares, 0.0).sum(axis=(2, 3))
+    shares[small] = 0.0
+    return shares
 
 
 def read_files(laser: Laser, receiver: Receiver) -> None:

@@ -10,10 +10,10 @@ from rso_lidar.ties import EQUAL
 
 
 @kernel
-def find_subcells(
-    ray: np.ndarray, direction: np.ndarray, pixel_tangent: float, n_rows: int, n_cols: int, side: int
-) -> np.ndarray:
-    """Find the sub-cell of its pixel that each hit's ray goes through, behind a lens without distortion.
+def locate_rays(
+    ray: np.ndarray, direction: np.ndarray, pixel_tangent: float, n_rows: int, n_cols: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Locate where in its pixel each hit's ray goes through, behind a lens without distortion.
 
     Parameters
     ----------
@@ -21,19 +21,76 @@ def find_subcells(
     direction : (xyz, ray) unit vectors of all rays.
     pixel_tangent : side of a pixel in the tangent plane.
     n_rows, n_cols : pixels of the focal plane.
-    side : sub-cells along each side of a pixel.
 
     Returns
     -------
-    (hit) i8, row * side + col.
+    (hit) distance from the pixel's upper edge, and from its left one [pixels], 0 to 1.
     """
-    cell = np.empty(len(ray), np.int64)
+    down, across = np.empty(len(ray)), np.empty(len(ray))
     for k in range(len(ray)):
         x, y, z = direction[0, ray[k]], direction[1, ray[k]], direction[2, ray[k]]
         col, row = x / z / pixel_tangent + 0.5 * n_cols, y / z / pixel_tangent + 0.5 * n_rows
-        down, across = int((row - math.floor(row)) * side), int((col - math.floor(col)) * side)
-        cell[k] = min(down, side - 1) * side + min(across, side - 1)
-    return cell
+        down[k], across[k] = row - math.floor(row), col - math.floor(col)
+    return down, across
+
+
+@kernel
+def interpolate_shares(table: np.ndarray, down: float, across: float, found: np.ndarray) -> None:
+    """Interpolate shares linearly between the middles of sub-cells, so that the centroid of the light is exact.
+
+    Parameters
+    ----------
+    table : (sub-cell, column), sub-cells by row and column, with one more on each side of the pixel.
+    down, across : place in the pixel, from its upper and left edges [pixels].
+    found : (column), written.
+    """
+    wide = int(math.sqrt(len(table)) + 0.5)
+    y, x = down * (wide - 2) + 0.5, across * (wide - 2) + 0.5  # in sub-cells from the middle of the first
+    row, col = min(int(y), wide - 2), min(int(x), wide - 2)
+    y, x, at = y - row, x - col, row * wide + col
+    for j in range(len(found)):
+        upper = (1.0 - x) * table[at, j] + x * table[at + 1, j]
+        lower = (1.0 - x) * table[at + wide, j] + x * table[at + wide + 1, j]
+        found[j] = (1.0 - y) * upper + y * lower
+
+
+@kernel
+def add_between_pixels(image: np.ndarray, row: int, col: int, down: float, across: float, value: float) -> None:
+    """Add light to the four pixels about a place, so that its centroid is there. Light beside the image is lost.
+
+    Parameters
+    ----------
+    image : (row, col), added to.
+    row, col : a pixel.
+    down, across : the place, from the middle of that pixel [pixels].
+    value : the light.
+    """
+    top, left = math.floor(down), math.floor(across)
+    y, x = down - top, across - left
+    for i in range(2):
+        for j in range(2):
+            r, c = row + int(top) + i, col + int(left) + j
+            if 0 <= r < image.shape[0] and 0 <= c < image.shape[1]:
+                image[r, c] += value * (y if i else 1.0 - y) * (x if j else 1.0 - x)
+
+
+@kernel
+def place_light(
+    pixel: np.ndarray, down: np.ndarray, across: np.ndarray, photons: np.ndarray, n_rows: int, n_cols: int
+) -> np.ndarray:
+    """Return an image (row, col) of sources, each divided among the four pixels about its place.
+
+    Parameters
+    ----------
+    pixel : (source).
+    down, across : (source) place, from the middle of the pixel [pixels].
+    photons : (source).
+    n_rows, n_cols : pixels of the focal plane.
+    """
+    image = np.zeros((n_rows, n_cols))
+    for k in range(len(pixel)):
+        add_between_pixels(image, pixel[k] // n_cols, pixel[k] % n_cols, down[k], across[k], photons[k])
+    return image
 
 
 @kernel
@@ -83,94 +140,96 @@ def spread_groups(
     hit: np.ndarray,
     order: np.ndarray,
     starts: np.ndarray,
-    place: np.ndarray,
+    place: tuple[np.ndarray, np.ndarray],
     zone: np.ndarray,
     zones: int,
     shares: np.ndarray,
+    beyond: np.ndarray,
     n_rows: int,
     n_cols: int,
-    least: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+) -> tuple[
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    tuple[np.ndarray, np.ndarray, np.ndarray],
+    tuple[np.ndarray, np.ndarray, np.ndarray],
+]:
     """Spread the light of groups of returns over the pixels near their own.
-
-    A return of fewer photons than `least` is not made: its light stays in the group's own pixel, the middle offset.
 
     Parameters
     ----------
     pixel, delay_s, photons, spread_s, coherence_cells, hit : (return) light before the lens.
     order, starts : groups, as `group_by_delay` returns them.
-    place : (hit) sub-cell of its pixel that each hit's ray goes through.
+    place : (hit) where in its pixel each hit's ray goes through, from the upper edge and from the left one.
     zone : (zone) index in `shares` of each zone of the field.
     zones : zones along each side of the focal plane.
     shares : (index, sub-cell, offset) of a ray's light, by where it lands.
+    beyond : (index, sub-cell, 3) what lands beyond the offsets: its share, and where it is to be placed times that share.
     n_rows, n_cols : pixels of the focal plane.
-    least : fewest photons of a return.
 
     Returns
     -------
-    Pixel, brightest hit, depth spread and far light of each group. Then photons, mean delay and cells of coherence of the
-    light that lands near (group, offset).
+    Pixel, brightest hit and depth spread of each group. Then its light that lands far: photons, and place from the middle of
+    the pixel, down and across. Then photons, mean delay and cells of coherence of the light that lands near (group, offset).
     """
     n_groups, n_offsets = len(starts) - 1, shares.shape[2]
-    side = int(math.sqrt(n_offsets) + 0.5)
-    reach, middle = side // 2, n_offsets // 2
+    middle = n_offsets // 2
     at, brightest = np.empty(n_groups, np.int32), np.empty(n_groups, np.int32)
-    width_s, away = np.empty(n_groups), np.empty(n_groups)
+    width_s = np.empty(n_groups)
+    away, away_down, away_across = np.zeros(n_groups), np.zeros(n_groups), np.zeros(n_groups)
+    cell, outside = np.empty(n_offsets), np.empty(3)
     near = np.zeros((n_groups, n_offsets)), np.zeros((n_groups, n_offsets)), np.zeros((n_groups, n_offsets))
     for g in range(n_groups):
         first = order[starts[g]]
         row, col = pixel[first] // n_cols, pixel[first] % n_cols
-        share = shares[zone[row * zones // n_rows * zones + col * zones // n_cols]]
+        index = zone[row * zones // n_rows * zones + col * zones // n_cols]
         sent, sent_s, sent_cells = near[0][g], near[1][g], near[2][g]
         # Moments of delay about the first return, weighted by light; for the mean of a dark group by rays.
-        light, light_s, total, early, square, dark_s, gone, most = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        total, early, square, dark_s, most = 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(starts[g], starts[g + 1]):
             r = order[k]
             n, apart = photons[r], delay_s[r] - delay_s[first]
-            cell = share[place[hit[r]]]
-            caught = 0.0
+            interpolate_shares(shares[index], place[0][hit[r]], place[1][hit[r]], cell)
+            interpolate_shares(beyond[index], place[0][hit[r]], place[1][hit[r]], outside)
             for j in range(n_offsets):
                 sent[j] += n * cell[j]
                 sent_s[j] += n * cell[j] * apart
                 sent_cells[j] += coherence_cells[r] * cell[j]
-            for j in range(n_offsets):
-                caught += cell[j]
-            gone += n * max(1.0 - caught, 0.0)
+            away[g] += n * outside[0]
+            away_down[g] += n * outside[1]
+            away_across[g] += n * outside[2]
             weight = max(n, 1e-30)
             total += weight
             early += weight * apart
             square += weight * (apart * apart + spread_s[r] * spread_s[r] / 12.0)
-            light += n
-            light_s += n * apart
             dark_s += apart
             most = max(most, n)
         k = starts[g]
         while photons[order[k]] < most * (1.0 - EQUAL):
             k += 1
         best = order[k]
-        j = 0
-        for down in range(row - reach, row + reach + 1):
-            for across in range(col - reach, col + reach + 1):
-                if sent[j] >= least:
-                    sent_s[j] = delay_s[first] + sent_s[j] / sent[j]
-                elif j != middle and 0 <= down < n_rows and 0 <= across < n_cols:
-                    sent[middle] += sent[j]
-                    sent[j] = 0.0
-                j += 1
-        sent_s[middle] = delay_s[first] + (light_s / light if light > 0.0 else dark_s / (starts[g + 1] - starts[g]))
+        for j in range(n_offsets):
+            if sent[j] > 0.0:
+                sent_s[j] = delay_s[first] + sent_s[j] / sent[j]
+        if sent[middle] <= 0.0:  # a dark group keeps its return, without light
+            sent_s[middle] = delay_s[first] + dark_s / (starts[g + 1] - starts[g])
+        if away[g] > 0.0:
+            away_down[g] /= away[g]
+            away_across[g] /= away[g]
         width_s[g] = math.sqrt(max(12.0 * (square / total - (early / total) * (early / total)), 0.0))
-        at[g], brightest[g], away[g] = pixel[first], hit[best], gone
-    return at, brightest, width_s, away, near
+        at[g], brightest[g] = pixel[first], hit[best]
+    return at, brightest, width_s, (away, away_down, away_across), near
 
 
 @kernel
 def spread_steady_light(
     pixel: np.ndarray,
     rate_per_s: np.ndarray,
-    cell: np.ndarray,
-    place: np.ndarray,
+    place: tuple[np.ndarray, np.ndarray],
+    zone: np.ndarray,
     zones: int,
     shares: np.ndarray,
+    beyond: np.ndarray,
     n_rows: int,
     n_cols: int,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -178,30 +237,32 @@ def spread_steady_light(
 
     Parameters
     ----------
-    pixel, rate_per_s, cell : (source) pixel, photons per second, and sub-cell of the pixel.
-    place : (zone) index in `shares` of each zone of the field.
-    zones : zones along each side of the focal plane.
-    shares : (index, sub-cell, offset) of a sub-cell's light, by where it lands.
-    n_rows, n_cols : pixels of the focal plane.
+    pixel, rate_per_s : (source) pixel, and photons per second.
+    place : (source) where in its pixel each source is, from the upper edge and from the left one.
+    zone, zones, shares, beyond, n_rows, n_cols : as for `spread_groups`.
 
     Returns
     -------
-    Photons per second that land near (pixel), and those that leave for pixels farther away (pixel), by their source.
+    Photons per second that land near (row, col). Those that land farther away, at the places from which the far kernel of
+    their zone spreads them (index, row, col).
     """
     side = int(math.sqrt(shares.shape[2]) + 0.5)
     reach = side // 2
-    image, away = np.zeros(n_rows * n_cols), np.zeros(n_rows * n_cols)
+    image, away = np.zeros((n_rows, n_cols)), np.zeros((len(shares), n_rows, n_cols))
+    share, outside = np.empty(shares.shape[2]), np.empty(3)
     for k in range(len(pixel)):
         row, col, rate = pixel[k] // n_cols, pixel[k] % n_cols, rate_per_s[k]
-        share = shares[place[row * zones // n_rows * zones + col * zones // n_cols], cell[k]]
-        caught, j = 0.0, 0
+        index, j = zone[row * zones // n_rows * zones + col * zones // n_cols], 0
+        interpolate_shares(shares[index], place[0][k], place[1][k], share)
+        interpolate_shares(beyond[index], place[0][k], place[1][k], outside)
         for down in range(row - reach, row + reach + 1):
             for across in range(col - reach, col + reach + 1):
                 if 0 <= down < n_rows and 0 <= across < n_cols:
-                    image[down * n_cols + across] += rate * share[j]
-                caught += share[j]
+                    image[down, across] += rate * share[j]
                 j += 1
-        away[pixel[k]] += rate * max(1.0 - caught, 0.0)
+        if outside[0] > 0.0:
+            down, across = outside[1] / outside[0], outside[2] / outside[0]
+            add_between_pixels(away[index], row, col, down, across, rate * outside[0])
     return image, away
 
 

@@ -225,7 +225,8 @@ def _image_with_targets(sky: Sky, hits: Hits, laser: Laser, receiver: Receiver) 
     lit = np.flatnonzero(image)
     if receiver.psf is None or not len(lit):
         return image.reshape(receiver.shape)
-    return blur_steady_light(lit, image[lit], np.zeros(len(lit), np.int64), 1, receiver, laser.wavelength_m)
+    middle = np.full(len(lit), 0.5)  # the kernel of a whole pixel, evenly lit
+    return blur_steady_light(lit, image[lit], (middle, middle), 1, receiver, laser.wavelength_m)
 
 
 def _image_sky(bodies: SkyBodies, wanted: tuple[int, ...], receiver: Receiver) -> np.ndarray:

@@ -59,11 +59,18 @@ def agree(hits, lens):
     ours = collect(hits, PAPER_LASER, lens)
     for name in ("pixel", "hit", "cluster", "cluster_pixel"):
         assert np.array_equal(getattr(ours, name), getattr(reference, name)), name
-    brightest = reference.photons.max(initial=0.0)
-    np.testing.assert_allclose(ours.photons, reference.photons, rtol=1e-12, atol=1e-15 * brightest)
     np.testing.assert_allclose(ours.delay_s, reference.delay_s, rtol=1e-14, atol=0.0)
-    np.testing.assert_allclose(ours.depth_spread_s, reference.depth_spread_s, rtol=1e-9, atol=1e-20)
-    np.testing.assert_allclose(ours.coherence_cells, reference.coherence_cells, rtol=1e-12, atol=1e-14)
+    # Far light of a single group has the delay of its near light, but for rounding: in which order they come is chance.
+    apart = (np.diff(ours.delay_s, prepend=-1.0) > 1e-18) | (np.diff(ours.pixel, prepend=-1) > 0)
+    tied = np.flatnonzero(apart) if len(apart) else np.zeros(0, np.int64)
+
+    def summed(light, name):
+        return np.add.reduceat(getattr(light, name), tied) if len(tied) else np.zeros(0)
+
+    brightest = reference.photons.max(initial=0.0)
+    limits = {"photons": (1e-12, 1e-15 * brightest), "depth_spread_s": (1e-9, 1e-20), "coherence_cells": (1e-12, 1e-14)}
+    for name, (rtol, atol) in limits.items():
+        np.testing.assert_allclose(summed(ours, name), summed(reference, name), rtol=rtol, atol=atol, err_msg=name)
     return len(ours.pixel)
 
 
@@ -113,5 +120,5 @@ def test_each_kernel_is_compiled_for_one_combination_of_types():
     for changes in ({}, {"psf": FIELD}, {"distortion": BrownConrady(k1=20.0)}, {"filter_width_nm": 1.0}):
         lens = LENS.replace(**{"psf": KERNELS["gaussian"], **changes})
         agree(hits_of(LENS), lens)
-    kernels = spread.find_subcells, spread.group_by_delay, spread.spread_groups, spread.gather_returns
+    kernels = spread.locate_rays, spread.group_by_delay, spread.spread_groups, spread.gather_returns
     assert [len(kernel.dispatcher.signatures) for kernel in kernels] == [1] * 4

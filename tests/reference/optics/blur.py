@@ -10,7 +10,6 @@ import numpy as np
 from rso_lidar.optics import FieldDependentPsf
 from rso_lidar.optics.returns.blur import (
     BIN_FWHM,
-    LEAST_PHOTONS,
     SLAB_FWHM,
     ZONES,
     Light,
@@ -27,7 +26,7 @@ def blur_light(hits, light, receiver, wavelength_m, pulse_fwhm_s):
     if not len(light.pixel):
         return light
     sub = count_subcells(hits)
-    place = _place_in_pixel(hits, receiver, sub)[light.hit]
+    down, across = (values[light.hit] for values in _place_in_pixel(hits, receiver))
     group = _groups(light, BIN_FWHM * pulse_fwhm_s)
     zone = np.zeros(len(light.pixel), np.int64)
     if isinstance(receiver.psf, FieldDependentPsf):
@@ -37,18 +36,26 @@ def blur_light(hits, light, receiver, wavelength_m, pulse_fwhm_s):
     for number in np.unique(zone):
         shares = zone_shares(receiver, wavelength_m, sub, int(number))
         of = np.flatnonzero(zone[group.order] == number)
-        parts += _spread(light, group.only(of), place, shares, receiver, pulse_fwhm_s)
+        parts += _spread(light, group.only(of), (down, across), shares, receiver, pulse_fwhm_s)
     made = Light(*(np.concatenate([getattr(part, name) for part in parts]) for name in Light.__dataclass_fields__))
     order = np.lexsort((made.delay_s, made.pixel))
     return made.only(order)
 
 
-def _place_in_pixel(hits, receiver, sub):
-    """Return the sub-cell of its pixel (hit) that each ray goes through, row * sub + col."""
+def _place_in_pixel(hits, receiver):
+    """Return where in its pixel each hit's ray goes through, from the upper edge and from the left one [pixels]."""
     direction = hits.rays.direction[hits.ray]
     col, row = receiver.image_of(direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2])
-    down, across = (np.clip(((at - np.floor(at)) * sub).astype(np.int64), 0, sub - 1) for at in (row, col))
-    return down * sub + across
+    return row - np.floor(row), col - np.floor(col)
+
+
+def _interpolate(table, down, across):
+    """Return rows of a table (sub row, sub col, ...) at places in the pixel, linearly between middles of sub-cells."""
+    sides = [np.arange(n) - 0.5 for n in table.shape[:2]]
+    cells = [at * (len(side) - 2) for at, side in zip((down, across), sides, strict=True)]
+    # A hat about the middle of each sub-cell, as wide as the distance of its neighbours.
+    hats = [np.maximum(1.0 - np.abs(at[:, None] - side), 0.0) for at, side in zip(cells, sides, strict=True)]
+    return np.einsum("ki,kj,ij...->k...", *hats, table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,55 +80,42 @@ def _groups(light: Light, bin_s: float) -> _Groups:
     return _Groups(order, np.flatnonzero(np.diff(key[order], prepend=-1)))
 
 
-def _spread(
-    light: Light, group: _Groups, place: np.ndarray, shares: np.ndarray, receiver, pulse_fwhm_s: float
-) -> list[Light]:
+def _spread(light, group, place, shares, receiver, pulse_fwhm_s):
     """Return the light of some groups where the lens puts it: near their pixels, and far from them."""
     order, starts = group.order, group.starts
     photons, delay_s, cells = light.photons[order], light.delay_s[order], light.coherence_cells[order]
     pixel = light.pixel[order][starts].astype(np.int64)
     row, col = pixel // receiver.n_cols, pixel % receiver.n_cols
-    core, far = split_core_and_far(shares)
+    core, beyond, far = split_core_and_far(shares)
     reach = core.shape[-1] // 2
-    near = core.reshape(-1, *core.shape[2:])[place[order]]  # (return, row offset, col offset)
+    at = [values[order] for values in place]
+    near, outside = _interpolate(core, *at), _interpolate(beyond, *at)
     hit = light.hit[
         order[find_first_greatest_of_each(photons, starts)]
     ]  # the brightest of a group stands for it in the labels
     spread_s = _together(delay_s, light.depth_spread_s[order], photons, starts)
-    home = np.zeros(len(starts))
-    made = []
+    dark_s = np.add.reduceat(delay_s, starts) / np.diff(starts, append=len(order))
+    home_s, made = dark_s, []
     for down in range(-reach, reach + 1):
         for across in range(-reach, reach + 1):
             share = near[:, down + reach, across + reach]
             sent = np.add.reduceat(photons * share, starts)
-            if (down, across) == (0, 0):
-                home += sent
-                continue
+            is_home = (down, across) == (0, 0)
             on = (row + down >= 0) & (row + down < receiver.n_rows)
             on &= (col + across >= 0) & (col + across < receiver.n_cols)
-            little = sent < LEAST_PHOTONS
-            home += np.where(little & on, sent, 0.0)
-            kept = np.flatnonzero(on & ~little)
-            mean_s = np.add.reduceat(photons * share * delay_s, starts)[kept] / sent[kept]
-            coherence_cells = np.add.reduceat(cells * share, starts)[kept]
-            to = (pixel + down * receiver.n_cols + across)[kept]
-            made.append(Light(to, mean_s, sent[kept], spread_s[kept], coherence_cells, hit[kept]))
-    weight = np.where(np.add.reduceat(photons, starts)[np.cumsum(_marks(starts, len(order))) - 1] > 0.0, photons, 1.0)
-    mean_s = np.add.reduceat(weight * delay_s, starts) / np.add.reduceat(weight, starts)
+            mean_s = np.add.reduceat(photons * share * delay_s, starts) / np.where(sent > 0.0, sent, 1.0)
+            mean_s = np.where(sent > 0.0, mean_s, dark_s)
+            home_s = mean_s if is_home else home_s
+            coherence_cells = np.add.reduceat(cells * share, starts)
+            to = pixel + down * receiver.n_cols + across
+            made.append(Light(to, mean_s, sent, spread_s, coherence_cells, hit).only(is_home | (on & (sent > 0.0))))
     if far is not None:
-        away = np.add.reduceat(photons * np.maximum(1.0 - near.sum(axis=(1, 2)), 0.0), starts)
-        sources = Light(pixel, mean_s, away, spread_s, np.zeros(len(starts)), hit)
-        cast, stays = spread_far_light(sources, far, receiver, SLAB_FWHM * pulse_fwhm_s)
-        home += stays
-        made += cast
-    coherence_cells = np.add.reduceat(cells * near[:, reach, reach], starts)
-    return [Light(pixel, mean_s, home, spread_s, coherence_cells, hit), *made]
-
-
-def _marks(starts: np.ndarray, n: int) -> np.ndarray:
-    marks = np.zeros(n, np.int64)
-    marks[starts] = 1
-    return marks
+        away, *moved = (np.add.reduceat(photons * outside[:, k], starts) for k in range(3))
+        of = np.flatnonzero(away > 0.0)
+        sources = Light(pixel, home_s, away, spread_s, np.zeros(len(starts)), hit).only(of)
+        to = tuple(moment[of] / away[of] for moment in moved)
+        made += spread_far_light(sources, to, far, receiver, SLAB_FWHM * pulse_fwhm_s)
+    return made
 
 
 def _together(delay_s: np.ndarray, spread_s: np.ndarray, photons: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -139,7 +133,7 @@ def _together(delay_s: np.ndarray, spread_s: np.ndarray, photons: np.ndarray, st
 def blur_sunlight(hits, rate_per_s, receiver, wavelength_m):
     """Return the sunlight (row, col) on each pixel: the kernel of each hit added where it lands, without a transform."""
     sub = count_subcells(hits)
-    place = _place_in_pixel(hits, receiver, sub)
+    down, across = _place_in_pixel(hits, receiver)
     rows, cols = receiver.shape
     image = np.zeros(receiver.shape)
     row, col = hits.pixel // cols, hits.pixel % cols
@@ -147,13 +141,17 @@ def blur_sunlight(hits, rate_per_s, receiver, wavelength_m):
     if isinstance(receiver.psf, FieldDependentPsf):
         zone = row * ZONES // rows * ZONES + col * ZONES // cols
     for number in np.unique(zone):
-        core, far = split_core_and_far(zone_shares(receiver, wavelength_m, sub, int(number)))
-        core = core.reshape(-1, *core.shape[2:])
+        core, beyond, far = split_core_and_far(zone_shares(receiver, wavelength_m, sub, int(number)))
         for k in np.flatnonzero((zone == number) & (rate_per_s > 0.0)):
-            near = core[place[k]]
+            near, outside = (_interpolate(table, down[[k]], across[[k]])[0] for table in (core, beyond))
             _add_at(image, row[k], col[k], rate_per_s[k] * near)
-            if far is not None:
-                _add_at(image, row[k], col[k], rate_per_s[k] * max(1.0 - near.sum(), 0.0) * far)
+            if far is not None and outside[0] > 0.0:
+                to = np.floor(outside[1:] / outside[0]).astype(int)
+                y, x = outside[1:] / outside[0] - to
+                for i, j, part in ((0, 0, (1 - y) * (1 - x)), (0, 1, (1 - y) * x), (1, 0, y * (1 - x)), (1, 1, y * x)):
+                    at = row[k] + to[0] + i, col[k] + to[1] + j
+                    if 0 <= at[0] < rows and 0 <= at[1] < cols:
+                        _add_at(image, *at, rate_per_s[k] * outside[0] * part * far)
     return image
 
 
