@@ -224,12 +224,11 @@ def pixel_shares(
     field_rad : angle from the axis; only a `FieldDependentPsf` depends on it.
     azimuth_rad : direction of the field point, atan2(y, x) in lidar axes (x right, y down).
     reach : pixels to each side.
-    margin : 1 adds the sub-cells just outside the pixel, for interpolation between sub-cells; 0 does not.
+    margin : 1 adds a sub-cell of the next pixel at both ends of the first two axes, for interpolation; 0 does not.
 
     Returns
     -------
     (sub row, sub col, row offset, col offset), read-only, of sum 1 over the last two axes. Offsets run from -reach to reach.
-    With a margin, the first two axes begin and end with a sub-cell of the neighbouring pixel.
 
     Raises
     ------
@@ -347,10 +346,7 @@ def _within(
 
     Parameters
     ----------
-    psf, _stamped : the point spread function, and the state of its files.
-    pitch_m : pixel pitch.
-    wavelength_m, f_number : of the light and the lens.
-    field_rad, azimuth_rad : field angle and direction.
+    psf, _stamped, pitch_m, wavelength_m, f_number, field_rad, azimuth_rad : as for `_shares`.
     """
     at = HatGrid(pitch_m, MOST_REACH, wavelength_m * f_number)
     hats = _hats(psf, at, field_rad, azimuth_rad)

@@ -293,9 +293,8 @@ def spread_far_light(
     for number in np.unique(slab):
         of = np.flatnonzero(slab == number)
         total = float(sources.photons[of].sum())
-        image = place_light(
-            *(packed(values[of]) for values in (sources.pixel, *place, sources.photons)), *receiver.shape
-        )
+        pixels, down, across, photons = (packed(values[of]) for values in (sources.pixel, *place, sources.photons))
+        image = place_light(pixels, down, across, photons, *receiver.shape)
         blurred = fftconvolve(image, far, mode="same").ravel()
         pixel = np.flatnonzero(blurred > _ROUNDING * total)
         delay_s = float((sources.photons[of] * sources.delay_s[of]).sum()) / total
