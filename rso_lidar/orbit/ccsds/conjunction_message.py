@@ -14,7 +14,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.ccsds.conjunction_keywords import ConjunctionKeywords, StatedValue, read_conjunction_keywords
 from rso_lidar.orbit.ccsds.message import parse_number
 from rso_lidar.orbit.ccsds.reader import find_table, read_table_text
-from rso_lidar.orbit.ccsds.reference_frames import parse_frame
+from rso_lidar.orbit.ccsds.reference_frames import parse_frame, warn_without_orientation
 from rso_lidar.orbit.earth.axes import convert_states
 from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, parse_epoch_ps
 from rso_lidar.records import BodyState
@@ -65,7 +65,8 @@ class ConjunctionObject:
 class ConjunctionMessage:
     """A conjunction data message: two states at the time of closest approach (TCA), with their covariances.
 
-    States are converted to GCRS axes. Those in ITRF lack polar motion, some 10 m on the ground, which both share.
+    States are converted to GCRS axes. Those in ITRF lack polar motion, some 10 m on the ground, which both
+    share; a warning states it.
 
     Parameters
     ----------
@@ -259,6 +260,9 @@ def _to_gcrs(
     tca_utc : time of the state
     """
     axes = parse_frame(frame.value, f"{where}: line {frame.line}")
+    if axes == "itrs":
+        cure = "both objects share it, and for absolute positions give the message in GCRF or EME2000"
+        warn_without_orientation(where, position_m, cure)
     given = BodyState(position_m[None], velocity_m_s[None])
     there = convert_states(given, Epochs(tca_utc, np.zeros(1)), from_axes=axes)
     return there.position_m[0], there.velocity_m_s[0]

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 
-from rso_lidar.errors import ScenarioError
+import numpy as np
+
+from rso_lidar.errors import ScenarioError, warn_of_input
 from rso_lidar.orbit.earth.axes import EarthAxes
+from rso_lidar.orbit.earth.earth_orientation import UNCERTAINTY_WITHOUT_RAD
 
 # Names without spaces, dashes and underscores, and their axes. GCRF and ICRF are equal axes; the centre is the Earth's here.
 _NAMES: dict[EarthAxes, tuple[str, ...]] = {
@@ -41,3 +44,16 @@ def parse_frame(name: str, where: str) -> EarthAxes:
             return axes
     known = ", ".join(WRITTEN_FRAMES.values())
     raise ScenarioError(f"{where}: reference frame {name} is not supported: write the file in {known}")
+
+
+def warn_without_orientation(where: str, position_m: np.ndarray, cure: str) -> None:
+    """Warn that positions in ITRF are converted without polar motion and UT1 of the IERS.
+
+    Parameters
+    ----------
+    where : file or part, for the message
+    position_m : (…, 3) positions [m]
+    cure : what to do
+    """
+    off_m = UNCERTAINTY_WITHOUT_RAD * float(np.linalg.norm(position_m, axis=-1).max(initial=0.0))
+    warn_of_input(f"{where}: is in ITRF, and without polar motion and UT1 it is off by up to {off_m:.0f} m: {cure}")

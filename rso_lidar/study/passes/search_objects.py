@@ -10,7 +10,8 @@ from typing import Any
 
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import MOST_BYTES, read_text
-from rso_lidar.orbit.ccsds.ephemeris import Ephemeris, list_ephemeris_objects
+from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
+from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
 from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet, quote
