@@ -25,7 +25,7 @@ from rso_lidar.orbit.ccsds.message import (
     usable_span_s,
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
-from rso_lidar.orbit.ccsds.reference_frames import parse_frame
+from rso_lidar.orbit.ccsds.reference_frames import freeze_axes, parse_frame
 from rso_lidar.orbit.earth.axes import EarthAxes
 from rso_lidar.orbit.epochs import parse_epoch_ps
 
@@ -192,10 +192,6 @@ def _read_segment(message: Message, segment: Segment, start_utc: datetime.dateti
         raise ScenarioError(f"{message.where}: line {center.line}: CENTER_NAME {center.value}: only EARTH is supported")
     reference = message.require(segment, "REF_FRAME")
     frame = parse_frame(reference.value, f"{message.where}: line {reference.line}")
-    fixed = segment.meta.get("REF_FRAME_EPOCH")
-    if frame in ("teme", "mod", "tod") and fixed is not None:
-        here = f"{message.where}: line {fixed.line}"
-        raise ScenarioError(f"{here}: {frame.upper()} of a fixed epoch: only {frame.upper()} of date is supported")
     system = message.time_system(segment)
     if len(segment.rows) < 2:
         raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows: it needs at least two")
@@ -211,6 +207,11 @@ def _read_segment(message: Message, segment: Segment, start_utc: datetime.dateti
     start, time_s = elapsed_from_ps(stamps, start_utc)
     begin_s, end_s = usable_span_s(message, segment, system, stamps[0], time_s)
     numbers = np.array(values) * units.KM
+    position_m, velocity_m_s = numbers[:, :3], numbers[:, 3:]
+    fixed = segment.meta.get("REF_FRAME_EPOCH")
+    if fixed is not None and frame in ("mod", "tod", "teme"):
+        position_m, velocity_m_s = freeze_axes(position_m, velocity_m_s, frame, message.stamp(fixed, system))
+        frame = "gcrs"
     method = segment.meta.get("INTERPOLATION")
     degree = segment.meta.get("INTERPOLATION_DEGREE")
     order = None
@@ -223,4 +224,4 @@ def _read_segment(message: Message, segment: Segment, start_utc: datetime.dateti
     word = method.value.lower() if method is not None else None
     if word == "linear":
         word, order = "lagrange", 1
-    return EphemerisArc(at, start, begin_s, end_s, time_s, numbers[:, :3], numbers[:, 3:], frame, word, order)
+    return EphemerisArc(at, start, begin_s, end_s, time_s, position_m, velocity_m_s, frame, word, order)

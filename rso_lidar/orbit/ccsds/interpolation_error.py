@@ -231,7 +231,8 @@ def _integrate(
 
         def derivative(_: float, x: np.ndarray, h: np.ndarray = h, shape: tuple[int, ...] = shape) -> np.ndarray:
             place, speed = x.reshape(shape)
-            return (np.stack([speed, _gravity(place, j2)]) * h).ravel()
+            rates: np.ndarray = np.stack([speed, _gravity(place, j2)]) * h
+            return rates.ravel()
 
         x = np.stack([position_m[rows], velocity_m_s[rows]])
         close = np.broadcast_to(np.array([1e-4, 1e-7])[:, None, None], shape).ravel()  # [m], [m/s]
