@@ -26,6 +26,7 @@ from rso_lidar.orbit.earth.axes import convert_states
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.part import Part, Text, Whole
+from rso_lidar.pose import length
 from rso_lidar.records import BodyState
 
 
@@ -148,20 +149,19 @@ class Ephemeris(Part):
 
     def _arcs(self) -> tuple[EphemerisArc, ...]:
         """Return the segments, and warn where interpolation or a missing Earth orientation puts states off."""
-        arcs, remark = _open(*find_table(self.file), self.object, self.interpolation, self.degree)
+        arcs, remark, fixed_m = _open(*find_table(self.file), self.object, self.interpolation, self.degree)
         if remark:
             warn_of_input(f"ephemeris {self.file}: {remark}")
-        fixed = [arc.position_m for arc in arcs if arc.frame == "itrs"]
-        if fixed and self.earth_orientation_file is None:
+        if len(fixed_m) and self.earth_orientation_file is None:
             cure = "name finals2000A.all of the IERS as earth_orientation_file"
-            warn_without_orientation(f"ephemeris {self.file}", np.concatenate(fixed), cure)
+            warn_without_orientation(f"ephemeris {self.file}", fixed_m, cure)
         return arcs
 
 
 @functools.lru_cache(maxsize=16)
 def _open(
     path: Path, modified_ns: int, size: int, wanted: str | None, interpolation: str | None, degree: int | None
-) -> tuple[tuple[EphemerisArc, ...], str]:
+) -> tuple[tuple[EphemerisArc, ...], str, np.ndarray]:
     """Read an ephemeris and compare its interpolation with orbital motion, cached until the file changes.
 
     Parameters
@@ -172,7 +172,7 @@ def _open(
 
     Returns
     -------
-    segments in the order of time, and what to warn of
+    segments in the order of time, what to warn of, and the farthest position (arc, 3) of each segment in ITRF [m]
 
     Raises
     ------
@@ -180,4 +180,6 @@ def _open(
         if the file is invalid, or its interpolation is no orbit
     """
     arcs = read_arcs(path, modified_ns, size, wanted)
-    return arcs, check_row_spacing(arcs, interpolation, degree)
+    fixed = [arc.position_m for arc in arcs if arc.frame == "itrs"]
+    farthest_m = np.array([rows[int(np.argmax(length(rows)))] for rows in fixed]).reshape(-1, 3)
+    return arcs, check_row_spacing(arcs, interpolation, degree), farthest_m

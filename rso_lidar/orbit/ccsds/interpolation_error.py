@@ -129,7 +129,14 @@ def estimate_errors(arc: EphemerisArc, method: str, degree: int) -> IntervalErro
 
 
 def _are_far_apart(arc: EphemerisArc, chosen: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Return where rows are more than a revolution apart; without velocities, a quarter of a circular one."""
+    """Return where rows are more than a revolution apart; without velocities, a quarter of a circular one.
+
+    Parameters
+    ----------
+    arc : the segment
+    chosen : (interval,) number of the row before
+    angle : (interval,) of a circular orbit at the height of the rows [rad]
+    """
     if arc.velocity_m_s is None:
         return np.asarray(angle > 0.5 * np.pi)
     position_m, velocity_m_s = arc.position_m[chosen], arc.velocity_m_s[chosen]
@@ -141,7 +148,13 @@ def _are_far_apart(arc: EphemerisArc, chosen: np.ndarray, angle: np.ndarray) -> 
 
 
 def _make_inertial(arc: EphemerisArc, method: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows in axes that do not turn; missing velocities are those of the interpolation."""
+    """Return the rows in axes that do not turn; missing velocities are those of the interpolation.
+
+    Parameters
+    ----------
+    arc : the segment
+    method, degree : of the interpolation
+    """
     position_m = arc.position_m
     velocity_m_s = arc.velocity_m_s
     if velocity_m_s is None:
@@ -188,7 +201,10 @@ def _follow_positions(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the place in the middle of intervals (interval, 3) [m], and its doubt (interval,) [m].
 
-    The parameters are those of `_follow_states`; the velocities are only where the search for a path begins.
+    Parameters
+    ----------
+    first, span_s, position_m, j2 : as for `_follow_states`
+    velocity_m_s : (row, 3) where the search for a path begins
     """
     # The next interval, or the one before for the last, shows the kink.
     rows = len(span_s)
@@ -215,6 +231,12 @@ def _integrate(
     position_m: np.ndarray, velocity_m_s: np.ndarray, span_s: np.ndarray, j2: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Integrate states (interval, 3) with the Earth's gravity, of a mass and `j2`, over spans (interval,).
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (interval, 3) states at the begin
+    span_s : (interval,) [s]
+    j2 : of the Earth's gravity
 
     Returns
     -------
@@ -257,7 +279,14 @@ def _gravity(position_m: np.ndarray, j2: float) -> np.ndarray:
 
 
 def _describe(arc: EphemerisArc, errors: IntervalErrors, k: int) -> str:
-    """Describe the error in one interval, which lies between two rows."""
+    """Describe the error in one interval, which lies between two rows.
+
+    Parameters
+    ----------
+    arc : the segment
+    errors : of its intervals
+    k : number of the interval in `errors`
+    """
     first = int(errors.first[k])
     begin_s, gap_s = float(arc.time_s[first]), float(arc.time_s[first + 1] - arc.time_s[first])
     since = f"time_s = {begin_s:g}" if arc.start_utc is None else format_utc(arc.start_utc, begin_s)
@@ -268,7 +297,13 @@ def _describe(arc: EphemerisArc, errors: IntervalErrors, k: int) -> str:
 
 
 def _advise(arc: EphemerisArc, method: str, degree: int, errors: IntervalErrors, k: int) -> str:
-    """Return what to do about the error in one interval: another degree where that helps, else other rows."""
+    """Return what to do about the error in one interval: another degree where that helps, else other rows.
+
+    Parameters
+    ----------
+    arc, errors, k : as for `_describe`
+    method, degree : of the interpolation
+    """
     natural = "lagrange" if arc.velocity_m_s is None else "hermite"
     for other in dict.fromkeys((method, natural)):
         choice, order = arc.choose(other, DEGREE)

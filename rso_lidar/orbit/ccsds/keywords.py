@@ -51,6 +51,12 @@ def read_keywords(text: str, kind: str, where: str) -> tuple[str, list[tuple[str
 
 
 def _read_text(text: str, kind: str, where: str) -> tuple[str, list[tuple[str, StatedValue]]]:
+    """Read keyword = value notation.
+
+    Parameters
+    ----------
+    text, kind, where : as for `read_keywords`
+    """
     version = ""
     entries: list[tuple[str, StatedValue]] = []
     for number, raw in enumerate(text.splitlines(), start=1):
@@ -179,7 +185,13 @@ class KeywordBlock:
         return self._parse(key, self.require(key), unit, most)
 
     def _parse(self, key: str, entry: StatedValue, unit: str, most: float | None = None) -> float:
-        """Parse a number in a unit; `most` as for `require_number`."""
+        """Parse a number in a unit.
+
+        Parameters
+        ----------
+        key, unit, most : as for `require_number`
+        entry : its value
+        """
         at = f"{self.where}: line {entry.line}"
         if entry.unit.lower() not in ("", unit.lower()):
             raise ScenarioError(f"{at}: {key} in {entry.unit}: write it in {unit or 'no unit'}, as the standard does")

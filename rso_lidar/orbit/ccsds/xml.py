@@ -88,6 +88,12 @@ class _Walker:
     """Callbacks of expat. They keep the depth inside the message, and the words and unit of the open leaf."""
 
     def __init__(self, kind: str, where: str, elements: Elements) -> None:
+        """Begin outside the message.
+
+        Parameters
+        ----------
+        kind, where, elements : as for `walk_message`
+        """
         self.tag, self.where, self.elements = kind.lower(), where, elements
         self.parser: Any = None
         self.version = ""
@@ -137,12 +143,12 @@ def read_xml(text: str, kind: str, where: str) -> Message:
     ScenarioError
         if the text does not follow the format; the message names the line
     """
-    rows = _Rows(where)
+    rows = _RowReceiver(where)
     rows.message.version = walk_message(text, kind, where, rows)
     return rows.message
 
 
-class _Rows:
+class _RowReceiver:
     """Receiver that keeps metadata and rows, and the path of open elements."""
 
     def __init__(self, where: str) -> None:
