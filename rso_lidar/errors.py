@@ -107,6 +107,19 @@ def warn(message: str) -> None:
         warnings.warn(message, RsoLidarWarning, stacklevel=3)
 
 
+_warned_inputs: set[str] = set()
+
+
+def warn_of_input(message: str) -> None:
+    """Warn of what an input file holds, where it is used; the first time even if `suppress_warnings` is in effect.
+
+    The place of the warning is always this line, so that Python's default filter prints each message once.
+    """
+    if has_warnings_enabled() or message not in _warned_inputs:
+        _warned_inputs.add(message)
+        warnings.warn(message, RsoLidarWarning, stacklevel=1)
+
+
 class _PlacePrefix(AbstractContextManager[None]):
     """A context that prefixes messages with a place; it costs little, because steps of a run enter it."""
 

@@ -5,7 +5,8 @@ Everything is in GCRS axes from the Earth's centre and in SI units, unless a nam
 **Motions** fill a scenario's `motion` table, and answer `states(epochs)` as every `Trajectory` does:
 
 - `Tle` and `Omm`: SGP4, from element sets of a file or catalogue, or from one message written inline.
-- `Kepler` and `State`: two-body motion from osculating elements, or from a position and a velocity.
+- `Kepler` and `State`: two-body motion from osculating elements, or from a position and a velocity. `read_opm` reads the
+  state of a CCSDS OPM.
 - `J2`: mean elements with the secular and short-period effects of J2.
 - `Numerical`: numerical integration with `Forces` (`Drag`, `RadiationPressure`), `Impulse` and `Burn`.
 - `Ephemeris`: interpolation of a table of states (CCSDS OEM or CSV).
@@ -29,6 +30,7 @@ through the Earth's shadow, `find_access` when one object sees another, and `sol
 
 from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
+from rso_lidar.orbit.ccsds.state_message import read_opm
 from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
 from rso_lidar.orbit.collision.foster import foster_probability
 from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
@@ -141,6 +143,7 @@ __all__ = [
     "phase_angle_rad",
     "propagate_sgp4",
     "propagate_two_body",
+    "read_opm",
     "sample_collisions",
     "screen",
     "screen_pairs",

@@ -1,7 +1,8 @@
 """CCSDS messages that others wrote, and what other packages make of ours.
 
-The samples are from the annexes of CCSDS 502.0-B (OEM) and 504.0-B (AEM); an hour of NASA's public ephemeris of the ISS; and
-eight rows as the `oem` package 0.4.5 writes them again after it has read ours.
+The samples are from the annexes of CCSDS 502.0-B (OEM) and 504.0-B (AEM); NASA's public ephemeris of the ISS; and
+eight rows as the `oem` package 0.4.5 writes them again after it has read ours. Of the station one row is NASA's, and the one
+before it follows from two-body motion, so that the interpolation is one of an orbit.
 """
 
 import datetime
@@ -126,7 +127,7 @@ META_STOP
 COMMENT Source: This file was produced by the TOPO office within FOD at JSC.
 COMMENT MASS=458943.00
 COMMENT
-2022-01-17T12:00:00.000 545.284043961596 4217.457419990610 5288.809933277320 -7.63639664838008 0.16882788525720 0.65634287389035
+2022-01-17T12:59:50.000 4969.400891225 -2751.226477083 -3736.733470666 5.213377867402 3.613144039837 4.286556628497
 2022-01-17T13:00:00.000 5021.218457183220 -2714.921344536780 -3693.631863364480 5.15002544728106 3.64780592200467 4.33367398742523
 """  # noqa: E501
 

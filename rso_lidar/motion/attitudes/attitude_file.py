@@ -19,7 +19,7 @@ from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.files import write_text
 from rso_lidar.motion.attitudes.attitude_hold import rtn_from_lvlh_ccsds
 from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, elapsed_from_ps, read_csv_table
-from rso_lidar.orbit.ccsds.ephemeris import EDGE_S
+from rso_lidar.orbit.ccsds.ephemeris_arc import EDGE_S
 from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
 from rso_lidar.orbit.ccsds.message import (
     Message,

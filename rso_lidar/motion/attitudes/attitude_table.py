@@ -11,7 +11,7 @@ from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.attitudes.attitude_file import read_attitudes
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.orbit.ccsds.csv_table import elapsed_s
-from rso_lidar.orbit.ccsds.ephemeris import EDGE_S
+from rso_lidar.orbit.ccsds.ephemeris_arc import EDGE_S
 from rso_lidar.orbit.epochs import format_utc
 from rso_lidar.part import Part, Text
 

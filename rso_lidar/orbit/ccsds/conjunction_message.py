@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,10 +10,16 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.ccsds.conjunction_keywords import ConjunctionKeywords, StatedValue, read_conjunction_keywords
-from rso_lidar.orbit.ccsds.message import parse_number
+from rso_lidar.orbit.ccsds.keywords import (
+    GREATEST_TERM,
+    RADIUS_COMMENT,
+    KeywordBlock,
+    StatedValue,
+    check_version,
+    read_keywords,
+)
 from rso_lidar.orbit.ccsds.reader import find_table, read_table_text
-from rso_lidar.orbit.ccsds.reference_frames import parse_frame
+from rso_lidar.orbit.ccsds.reference_frames import parse_frame, warn_without_orientation
 from rso_lidar.orbit.earth.axes import convert_states
 from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, parse_epoch_ps
 from rso_lidar.records import BodyState
@@ -36,7 +41,7 @@ class ConjunctionObject:
     position_m, velocity_m_s : (3,) state at the closest approach in GCRS axes [m], [m/s]
     covariance_rtn : (6, 6) covariance in the object's own rtn axes [m2, m2/s, m2/s2]
     has_velocity_covariance : whether the message gives the terms of velocity, which are 0 otherwise
-    area_m2 : AREA_PC, the area of the object; None where it is not given [m2]
+    area_m2 : AREA_PC, the area of the object; None where it is not given, or not as a positive number of m**2 [m2]
     """
 
     name: str
@@ -65,7 +70,8 @@ class ConjunctionObject:
 class ConjunctionMessage:
     """A conjunction data message: two states at the time of closest approach (TCA), with their covariances.
 
-    States are converted to GCRS axes. Those in ITRF lack polar motion, some 10 m on the ground, which both share.
+    States are converted to GCRS axes. Those in ITRF lack polar motion, some 10 m on the ground, which both
+    share; a warning states it.
 
     Parameters
     ----------
@@ -130,13 +136,12 @@ class ConjunctionMessage:
         ScenarioError
             if the text does not follow the format; the message names the line
         """
-        known = read_conjunction_keywords(text, where)
-        fields = _Fields(known, known.common, "the message")
+        fields, parts = _read_parts(text, where)
         tca = fields.require("TCA")
         ps = parse_epoch_ps(tca.value, "UTC", f"{where}: line {tca.line}")
         second, second_ps = floor_to_utc_second(ps)
         tca_utc = second + datetime.timedelta(microseconds=round((ps - second_ps) / (PS_PER_S // 1_000_000)))
-        objects = [_read_object(_Fields(known, one, f"OBJECT{k}"), tca_utc) for k, one in enumerate(known.objects, 1)]
+        objects = [_read_object(part, tca_utc) for part in parts]
         place = [fields.number(f"RELATIVE_POSITION_{axis}", "m") for axis in _RELATIVE]
         return cls(
             where=where,
@@ -154,62 +159,38 @@ class ConjunctionMessage:
         )
 
 
-@dataclass(frozen=True)
-class _Fields:
-    """Keywords of one part of a message, and the name of the part."""
+def _read_parts(text: str, where: str) -> tuple[KeywordBlock, list[KeywordBlock]]:
+    """Read the keywords of the conjunction, and of its two objects, which the keyword OBJECT begins.
 
-    known: ConjunctionKeywords
-    entries: dict[str, StatedValue]
-    part: str
-
-    def require(self, key: str) -> StatedValue:
-        """Return a mandatory entry.
-
-        Raises
-        ------
-        ScenarioError
-            if the part lacks it
-        """
-        if key not in self.entries:
-            raise ScenarioError(f"{self.known.where}: {self.part} lacks {key}, which the standard requires: add it")
-        return self.entries[key]
-
-    def text(self, key: str) -> str:
-        return self.entries[key].value if key in self.entries else ""
-
-    def number(self, key: str, unit: str, low: float = -math.inf, high: float = math.inf) -> float | None:
-        """Return a number, or None where the part lacks it.
-
-        Parameters
-        ----------
-        key, unit : keyword, and the unit that the standard sets for it
-        low, high : limits of the value
-
-        Raises
-        ------
-        ScenarioError
-            if it is not a number within the limits, or in another unit
-        """
-        entry = self.entries.get(key)
-        if entry is None:
-            return None
-        at = f"{self.known.where}: line {entry.line}"
-        if entry.unit.lower() not in ("", unit.lower()):
-            raise ScenarioError(f"{at}: {key} in {entry.unit}: write it in {unit or 'no unit'}, as the standard does")
-        value = parse_number(at, key, entry.value)
-        if not low <= value <= high:
-            raise ScenarioError(f"{at}: {key} is {value:g}: give {low:g} to {high:g}")
-        return value
-
-    def require_number(self, key: str, unit: str) -> float:
-        """Return a mandatory number in a unit; `ScenarioError` without it."""
-        self.require(key)
-        value = self.number(key, unit)
-        assert value is not None
-        return value
+    Raises
+    ------
+    ScenarioError
+        if the text does not follow the format, or does not hold two objects
+    """
+    version, entries = read_keywords(text, "CDM", where)
+    check_version(version, "CDM", where, "12")
+    common = KeywordBlock(where, "the message")
+    objects: list[KeywordBlock] = []
+    for key, entry in entries:
+        if key == "OBJECT":
+            name = f"OBJECT{len(objects) + 1}"
+            if len(objects) == 2:
+                raise ScenarioError(f"{where}: line {entry.line}: a third object: a message has two")
+            if entry.value.upper() != name:
+                raise ScenarioError(
+                    f"{where}: line {entry.line}: OBJECT {entry.value:.20}: a message has OBJECT1 and then OBJECT2"
+                )
+            objects.append(KeywordBlock(where, name))
+        if key != RADIUS_COMMENT:
+            (objects[-1] if objects else common).add(key, entry)
+        elif "HBR" not in common:
+            common.add("HBR", entry)
+    if len(objects) != 2:
+        raise ScenarioError(f"{where}: holds {len(objects)} of the two objects: give OBJECT1 and OBJECT2")
+    return common, objects
 
 
-def _read_object(fields: _Fields, tca_utc: datetime.datetime) -> ConjunctionObject:
+def _read_object(fields: KeywordBlock, tca_utc: datetime.datetime) -> ConjunctionObject:
     """Read one object of a message.
 
     Parameters
@@ -217,8 +198,8 @@ def _read_object(fields: _Fields, tca_utc: datetime.datetime) -> ConjunctionObje
     fields : its keywords
     tca_utc : time of its state
     """
-    where = fields.known.where
-    center = fields.entries.get("ORBIT_CENTER")
+    where = fields.where
+    center = fields.find("ORBIT_CENTER")
     if center is not None and center.value.upper() != "EARTH":
         raise ScenarioError(f"{where}: line {center.line}: ORBIT_CENTER {center.value}: only EARTH is supported")
     frame = fields.require("REF_FRAME")
@@ -242,7 +223,7 @@ def _read_object(fields: _Fields, tca_utc: datetime.datetime) -> ConjunctionObje
         velocity_m_s=velocity,
         covariance_rtn=covariance,
         has_velocity_covariance=has_velocity,
-        area_m2=fields.number("AREA_PC", "m**2", 0.0),
+        area_m2=_read_area_m2(fields),
     )
 
 
@@ -259,18 +240,34 @@ def _to_gcrs(
     tca_utc : time of the state
     """
     axes = parse_frame(frame.value, f"{where}: line {frame.line}")
+    if axes == "itrs":
+        cure = "both objects share it, and for absolute positions give the message in GCRF or EME2000"
+        warn_without_orientation(where, position_m, cure)
     given = BodyState(position_m[None], velocity_m_s[None])
     there = convert_states(given, Epochs(tca_utc, np.zeros(1)), from_axes=axes)
     return there.position_m[0], there.velocity_m_s[0]
 
 
-def _read_covariance(fields: _Fields) -> tuple[np.ndarray, bool]:
+def _read_area_m2(fields: KeywordBlock) -> float | None:
+    """Return AREA_PC, or None where it is no positive number of m**2; only a message without a radius needs it."""
+    try:
+        return fields.number("AREA_PC", "m**2", 1e-12)
+    except ScenarioError:
+        return None
+
+
+def _read_covariance(fields: KeywordBlock) -> tuple[np.ndarray, bool]:
     """Return the covariance (6, 6) in rtn axes, and whether the message gives its terms of velocity."""
     matrix = np.zeros((6, 6))
-    given = [f"C{row}_{column}" in fields.entries for k, row in enumerate(_AXES) if k > 2 for column in _AXES[: k + 1]]
+    given = [
+        fields.text(f"C{row}_{column}").lower() not in ("", "nan")
+        for k, row in enumerate(_AXES)
+        if k > 2
+        for column in _AXES[: k + 1]
+    ]
     for row in range(6 if any(given) else 3):
         for column in range(row + 1):
             unit = "m**2" + ("" if row < 3 else "/s" if column < 3 else "/s**2")
-            value = fields.require_number(f"C{_AXES[row]}_{_AXES[column]}", unit)
+            value = fields.require_number(f"C{_AXES[row]}_{_AXES[column]}", unit, GREATEST_TERM)
             matrix[row, column] = matrix[column, row] = value
     return matrix, any(given)

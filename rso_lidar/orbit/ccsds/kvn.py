@@ -42,8 +42,9 @@ def read_kvn(text: str, kind: str, where: str) -> Message:
         if not message.version:
             match = _KEYWORD.fullmatch(line)
             if match is None or match[1] != f"CCSDS_{kind}_VERS":
+                other = "; read the state of an OPM with `rl.orbit.read_opm`" if line.startswith("CCSDS_OPM") else ""
                 raise ScenarioError(
-                    f"{where}: line {number}: begins with '{line:.40}': an {kind} begins with CCSDS_{kind}_VERS = ..."
+                    f"{where}: line {number}: begins with '{line:.40}': an {kind} begins with CCSDS_{kind}_VERS = ...{other}"
                 )
             message.version = match[2]
             continue

@@ -101,7 +101,7 @@ def select_segments(message: Message, wanted: str | None) -> list[Segment]:
     return chosen
 
 
-def parse_number(where: str, name: str, cell: str) -> float:
+def parse_number(where: str, name: str, cell: str, most: float = GREATEST) -> float:
     """Parse a cell as a finite number.
 
     Parameters
@@ -109,6 +109,7 @@ def parse_number(where: str, name: str, cell: str) -> float:
     where : file and line, for messages
     name : name of the value
     cell : text of the value
+    most : greatest magnitude
 
     Returns
     -------
@@ -123,13 +124,13 @@ def parse_number(where: str, name: str, cell: str) -> float:
         value = float(cell if cell.isascii() and "_" not in cell else "no number")
     except ValueError:
         raise ScenarioError(f"{where}: {name} '{cell.strip():.40}' is not a number: correct it") from None
-    if not abs(value) <= GREATEST:
-        raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a finite number within {GREATEST:g}")
+    if not abs(value) <= most:
+        raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a finite number within {most:g}")
     return value
 
 
 def check_increasing(where: str, stamps: Sequence[int], lines: Sequence[int]) -> None:
-    """Check that the instants of rows increase by 1 ns or more.
+    """Check that the instants of rows increase by 1 ns or more, and tell rows of one epoch from rows in disorder.
 
     Parameters
     ----------
@@ -143,10 +144,13 @@ def check_increasing(where: str, stamps: Sequence[int], lines: Sequence[int]) ->
         if an instant is not 1 ns or more after the one before
     """
     for (before, after), line in zip(itertools.pairwise(stamps), lines[1:], strict=True):
-        if after - before < 1000:
+        if abs(after - before) < 1000:  # 1 ns
             raise ScenarioError(
-                f"{where}: line {line}: its epoch is not 1 ns or more after the row before: sort the rows"
+                f"{where}: line {line}: its epoch occurs twice, in the row before, too: remove one of the rows, or begin "
+                "a new segment there if the state jumps, as at a burn"
             )
+        if after < before:
+            raise ScenarioError(f"{where}: line {line}: its epoch is before that of the row before: sort the rows")
 
 
 def usable_span_s(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import re
+import zlib
 from pathlib import Path
 
 from rso_lidar import files
@@ -36,19 +38,60 @@ def find_table(file: str) -> tuple[Path, int, int]:
 
 
 def read_table_text(path: Path) -> str:
-    """Read the text of a table.
+    """Read the text of a table: UTF-8, or UTF-16 with its byte-order mark, and either of them compressed by gzip.
 
     Raises
     ------
     ScenarioError
-        if the file cannot be read, is empty, or is not text
+        if the file cannot be read, is empty, is not text, or is larger than `files.MOST_BYTES` after decompression
     """
-    text = files.read_text(path, files.MOST_BYTES, ScenarioError, "table (OEM, AEM or CSV)")
+    content = files.read_bytes(path, files.MOST_BYTES, ScenarioError, "table (OEM, AEM or CSV)")
+    if content.startswith(b"\x1f\x8b"):
+        content = _decompress(content, path)
+    is_wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        text = content.decode("utf-16" if is_wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        name = "UTF-16" if is_wide else "UTF-8"
+        raise ScenarioError(f"{path}: is not {name} text: give the path of an OEM, AEM or CSV file") from None
     if "\0" in text:
-        raise ScenarioError(f"{path}: is not UTF-8 text: give the path of an OEM, AEM or CSV file")
+        raise ScenarioError(
+            f"{path}: is not UTF-8 text, it contains NUL characters: save it as UTF-8, or as UTF-16 with its byte-order mark"
+        )
     if not text.strip():
         raise ScenarioError(f"{path}: is empty: give a file with at least two rows")
     return text
+
+
+def _decompress(content: bytes, path: Path) -> bytes:
+    """Decompress gzip, of one or several members, to at most `files.MOST_BYTES`.
+
+    Parameters
+    ----------
+    content : of the file
+    path : its path, for messages
+
+    Raises
+    ------
+    ScenarioError
+        if it is damaged, or larger
+    """
+    pieces: list[bytes] = []
+    left = files.MOST_BYTES + 1
+    while content and left > 0:
+        member = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+        try:
+            pieces.append(member.decompress(content, left))
+        except zlib.error as error:
+            raise ScenarioError(f"{path}: is damaged gzip ({error}): copy it again") from None
+        left -= len(pieces[-1])
+        if left > 0 and not member.eof:
+            raise ScenarioError(f"{path}: is gzip that is cut short: copy it again")
+        content = member.unused_data.lstrip(b"\0")  # padding of some archives
+    if left <= 0:
+        limit = files.MOST_BYTES // 2**20
+        raise ScenarioError(f"{path}: holds more than {limit:,} MiB after decompression: give a smaller file")
+    return b"".join(pieces)
 
 
 def is_message(text: str) -> bool:

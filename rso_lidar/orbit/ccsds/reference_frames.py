@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import re
 
-from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.earth.axes import EarthAxes
+import numpy as np
+
+from rso_lidar.errors import ScenarioError, warn_of_input
+from rso_lidar.orbit.earth.axes import EarthAxes, gcrs_from_axes
+from rso_lidar.orbit.earth.earth_orientation import UNCERTAINTY_WITHOUT_RAD
+from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second
 
 # Names without spaces, dashes and underscores, and their axes. GCRF and ICRF are equal axes; the centre is the Earth's here.
 _NAMES: dict[EarthAxes, tuple[str, ...]] = {
@@ -41,3 +45,32 @@ def parse_frame(name: str, where: str) -> EarthAxes:
             return axes
     known = ", ".join(WRITTEN_FRAMES.values())
     raise ScenarioError(f"{where}: reference frame {name} is not supported: write the file in {known}")
+
+
+def freeze_axes(
+    position_m: np.ndarray, velocity_m_s: np.ndarray, axes: EarthAxes, stamp_ps: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotate states from MOD, TOD or TEME of one fixed epoch (REF_FRAME_EPOCH) to GCRS axes.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (row, 3) [m], [m/s]
+    axes : "mod", "tod" or "teme"
+    stamp_ps : the epoch of the axes [ps of TAI since the start of 2000]
+    """
+    start_utc, start_ps = floor_to_utc_second(stamp_ps)
+    matrix = gcrs_from_axes(axes, Epochs(start_utc, np.array([(stamp_ps - start_ps) / PS_PER_S])))[0]
+    return position_m @ matrix.T, velocity_m_s @ matrix.T
+
+
+def warn_without_orientation(where: str, position_m: np.ndarray, cure: str) -> None:
+    """Warn that positions in ITRF are converted without polar motion and UT1 of the IERS.
+
+    Parameters
+    ----------
+    where : file or part, for the message
+    position_m : (…, 3) positions [m]
+    cure : what to do
+    """
+    off_m = UNCERTAINTY_WITHOUT_RAD * float(np.linalg.norm(position_m, axis=-1).max(initial=0.0))
+    warn_of_input(f"{where}: is in ITRF, and without polar motion and UT1 it is off by up to {off_m:.0f} m: {cure}")

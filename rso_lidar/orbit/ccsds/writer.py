@@ -12,7 +12,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import write_text
-from rso_lidar.orbit.ccsds.ephemeris import DEGREE, PLACES, SPEEDS
+from rso_lidar.orbit.ccsds.ephemeris_arc import DEGREE, PLACES, SPEEDS
 from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
 from rso_lidar.orbit.ccsds.reference_frames import WRITTEN_FRAMES
 from rso_lidar.orbit.earth.axes import EarthAxes, convert_states

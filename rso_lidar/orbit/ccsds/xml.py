@@ -3,24 +3,130 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any
+from typing import Any, Protocol
 from xml.parsers import expat
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.ccsds.message import Entry, Message, Segment
 
-# Leaves of a data row, in the order of the cells in keyword = value notation.
+# Leaves of a data row that are read, in the order of the cells in keyword = value notation, and units they may state.
 _ROWS = {
     "stateVector": ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT"),
     "attitudeState": ("EPOCH", "Q1", "Q2", "Q3", "QC"),
 }
-_ACCELERATION = ("X_DDOT", "Y_DDOT", "Z_DDOT")
+_UNITS = {
+    "stateVector": dict.fromkeys(("X", "Y", "Z"), "km") | dict.fromkeys(("X_DOT", "Y_DOT", "Z_DOT"), "km/s"),
+    "attitudeState": dict.fromkeys(("Q1", "Q2", "Q3", "QC"), ""),
+}
 _SKIPPED = ("COMMENT", "covarianceMatrix", "USER_DEFINED")
-_LENGTHS = {"km", "km/s", "km/s**2", ""}  # of an OEM; quaternions have none
+
+
+class Elements(Protocol):
+    """Receiver of the elements within one message, each by its local name."""
+
+    def begin(self, tag: str, line: int) -> None:
+        """Take the begin of an element.
+
+        Parameters
+        ----------
+        tag : its name
+        line : its line in the file
+        """
+        ...
+
+    def end(self, tag: str, value: str, unit: str, line: int) -> None:
+        """Take the end of an element.
+
+        Parameters
+        ----------
+        tag, value : its name, and its text since the last begin or end
+        unit : attribute units; empty without one
+        line : its line in the file
+        """
+        ...
+
+
+def walk_message(text: str, kind: str, where: str, elements: Elements) -> str:
+    """Walk through the elements of the one message of a kind, and return the version of its format.
+
+    Prefixes of namespaces are dropped, and other messages in a combined `ndm` are skipped. A document type declaration,
+    which could define entities, is refused.
+
+    Parameters
+    ----------
+    text : content of the file
+    kind : "OEM", "AEM", "CDM" or "OPM"
+    where : name of the file, for messages
+    elements : receiver of the elements
+
+    Raises
+    ------
+    ScenarioError
+        if the text is not well-formed, or does not hold exactly one such message
+    """
+    walker = _Walker(kind, where, elements)
+    parser = expat.ParserCreate("UTF-8")  # the text has been decoded, whatever its declaration states
+    walker.parser = parser
+    parser.StartElementHandler = walker.start
+    parser.EndElementHandler = walker.end
+    parser.CharacterDataHandler = walker.text
+    parser.StartDoctypeDeclHandler = walker.doctype
+    try:
+        parser.Parse(text.strip().encode(), True)
+    except expat.ExpatError as error:
+        what = expat.ErrorString(error.code)
+        raise ScenarioError(f"{where}: line {error.lineno}: is not well-formed XML ({what}): correct it") from None
+    if not walker.version:
+        raise ScenarioError(f"{where}: does not contain <{kind.lower()}>: give a file with {_ARTICLES[kind]} {kind}")
+    return walker.version
+
+
+_ARTICLES = {"OEM": "an", "AEM": "an", "OPM": "an", "CDM": "a"}
+
+
+class _Walker:
+    """Callbacks of expat. They keep the depth inside the message, and the words and unit of the open leaf."""
+
+    def __init__(self, kind: str, where: str, elements: Elements) -> None:
+        """Begin outside the message.
+
+        Parameters
+        ----------
+        kind, where, elements : as for `walk_message`
+        """
+        self.tag, self.where, self.elements = kind.lower(), where, elements
+        self.parser: Any = None
+        self.version = ""
+        self.depth = 0  # of open elements from that of the message on; 0 outside
+        self.words: list[str] = []
+        self.unit = ""
+
+    def doctype(self, *_: Any) -> None:
+        raise ScenarioError(f"{self.where}: has a DOCTYPE, which these messages must not have: remove it")
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        tag = name.rpartition(":")[2]
+        self.words, self.unit = [], attributes.get("units", "").strip()
+        if self.depth:
+            self.depth += 1
+            self.elements.begin(tag, self.parser.CurrentLineNumber)
+        elif tag == self.tag:
+            if self.version:
+                raise ScenarioError(f"{self.where}: holds several <{tag}>: split it into files of one each")
+            self.depth, self.version = 1, attributes.get("version", "(none)")
+
+    def text(self, data: str) -> None:
+        self.words.append(data)
+
+    def end(self, name: str) -> None:
+        value, self.words = " ".join("".join(self.words).split()), []
+        if self.depth > 1:
+            self.elements.end(name.rpartition(":")[2], value, self.unit, self.parser.CurrentLineNumber)
+        self.depth = max(self.depth - 1, 0)
 
 
 def read_xml(text: str, kind: str, where: str) -> Message:
-    """Read a message in XML. A document type declaration, which could define entities, is refused.
+    """Read a message of rows in XML.
 
     Parameters
     ----------
@@ -37,79 +143,51 @@ def read_xml(text: str, kind: str, where: str) -> Message:
     ScenarioError
         if the text does not follow the format; the message names the line
     """
-    reader = _Reader(kind, where)
-    parser = expat.ParserCreate()
-    reader.parser = parser
-    parser.StartElementHandler = reader.start
-    parser.EndElementHandler = reader.end
-    parser.CharacterDataHandler = reader.text
-    parser.StartDoctypeDeclHandler = reader.doctype
-    try:
-        parser.Parse(text.strip().encode(), True)
-    except expat.ExpatError as error:
-        what = expat.ErrorString(error.code)
-        raise ScenarioError(f"{where}: line {error.lineno}: is not well-formed XML ({what}): correct it") from None
-    if not reader.message.version:
-        raise ScenarioError(f"{where}: does not contain <{kind.lower()}>: give a file with an {kind}")
-    return reader.message
+    rows = _RowReceiver(where)
+    rows.message.version = walk_message(text, kind, where, rows)
+    return rows.message
 
 
-class _Reader:
-    """Callbacks of expat. They keep the path of open elements and the words of the open leaf."""
+class _RowReceiver:
+    """Receiver that keeps metadata and rows, and the path of open elements."""
 
-    def __init__(self, kind: str, where: str) -> None:
-        self.kind, self.where = kind, where
+    def __init__(self, where: str) -> None:
+        self.where = where
         self.message = Message(where, "", {}, [])
-        self.parser: Any = None
         self.path: list[str] = []
-        self.words: list[str] = []
         self.row: dict[str, str] | None = None
         self.row_line = 0
+        self.row_tag = ""
 
-    def doctype(self, *_: Any) -> None:
-        raise ScenarioError(f"{self.where}: has a DOCTYPE, which these messages must not have: remove it")
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
+    def begin(self, tag: str, line: int) -> None:
         self.path.append(tag)
-        self.words = []
-        if tag == self.kind.lower():
-            if self.message.version:
-                raise ScenarioError(f"{self.where}: holds several <{tag}>: split it into files of one each")
-            self.message.version = attributes.get("version", "(none)")
-        elif self.kind.lower() not in self.path:
-            return
-        elif tag == "segment":
-            self.message.segments.append(Segment(self.parser.CurrentLineNumber))
+        if tag == "segment":
+            self.message.segments.append(Segment(line))
         elif tag in _ROWS and self.message.segments:
-            self.row, self.row_line = {}, self.parser.CurrentLineNumber
-        elif self.row is not None and attributes.get("units", "") not in _LENGTHS:
-            raise ScenarioError(
-                f"{self.where}: line {self.parser.CurrentLineNumber}: {tag} in {attributes['units']}: write km and km/s"
-            )
+            self.row, self.row_line, self.row_tag = {}, line, tag
 
-    def text(self, data: str) -> None:
-        self.words.append(data)
-
-    def end(self, tag: str) -> None:
+    def end(self, tag: str, value: str, unit: str, line: int) -> None:
         self.path.pop()
-        value, line = " ".join("".join(self.words).split()), self.parser.CurrentLineNumber
-        self.words = []
-        if tag in _SKIPPED or any(tag in _SKIPPED for tag in self.path):
+        if tag in _SKIPPED or any(open_tag in _SKIPPED for open_tag in self.path):
             return
-        if tag in _ROWS and self.row is not None:
-            self.message.segments[-1].rows.append((self.row_line, self.cells(tag, self.row)))
+        if self.row is not None and tag == self.row_tag:
+            self.message.segments[-1].rows.append((self.row_line, self.cells(self.row)))
             if "QC" in self.row:
                 self.message.segments[-1].meta["QUATERNION_TYPE"] = Entry("LAST", self.row_line)
             self.row = None
         elif self.row is not None and value:
-            self.check_unique(tag, self.row, line)
-            self.row[tag] = value
+            if tag in _ROWS[self.row_tag]:
+                self.check_unique(tag, self.row, line)
+                expected = _UNITS[self.row_tag].get(tag, unit)
+                if unit.lower() not in ("", expected):
+                    cure = f"write {expected}" if expected else "leave the unit out"
+                    raise ScenarioError(f"{self.where}: line {line}: {tag} in {unit}: {cure}")
+                self.row[tag] = value
         elif "metadata" in self.path and value and self.message.segments:
             self.check_unique(tag, self.message.segments[-1].meta, line)
             self.message.segments[-1].meta[tag] = Entry(value, line)
         elif "header" in self.path and value:
-            self.check_unique(tag, self.message.header, line)
-            self.message.header[tag] = Entry(value, line)
+            self.message.header.setdefault(tag, Entry(value, line))
 
     def check_unique(self, tag: str, known: Collection[str], line: int) -> None:
         """Check that a leaf occurs once.
@@ -128,18 +206,16 @@ class _Reader:
         if tag in known:
             raise ScenarioError(f"{self.where}: line {line}: {tag} is given twice: remove one")
 
-    def cells(self, tag: str, row: dict[str, str]) -> list[str]:
+    def cells(self, row: dict[str, str]) -> list[str]:
         """Return the cells of a row.
 
         A state vector that lacks a component is refused, because the next component would take its place.
         """
-        names = _ROWS[tag]
-        if tag == "stateVector":
-            names += _ACCELERATION if any(name in row for name in _ACCELERATION) else ()
-            lacking = [name for name in names if name not in row]
-            if lacking:
-                raise ScenarioError(
-                    f"{self.where}: line {self.row_line}: the {tag} lacks {', '.join(lacking)}: "
-                    f"give all of {', '.join(names)}"
-                )
+        names = _ROWS[self.row_tag]
+        lacking = [name for name in names if name not in row]
+        if self.row_tag == "stateVector" and lacking:
+            raise ScenarioError(
+                f"{self.where}: line {self.row_line}: the {self.row_tag} lacks {', '.join(lacking)}: "
+                f"give all of {', '.join(names)}"
+            )
         return [row[name] for name in names if name in row]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
-from rso_lidar.files import MOST_BYTES, read_text
-from rso_lidar.orbit.ccsds.ephemeris import Ephemeris, list_ephemeris_objects
+from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
+from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
+from rso_lidar.orbit.ccsds.reader import read_table_text
 from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet, quote
@@ -246,13 +248,13 @@ def _find_kind(path: str) -> str:
         return "scenario"
     if not Path(path).is_file():
         return "elements"  # the reader of element sets explains what is wrong
-    if Path(path).suffix.lower() == ".oem":
+    if str(path).lower().removesuffix(".gz").endswith(".oem"):
         return "ephemeris"  # whose reader explains what is wrong
     try:
-        head = read_text(Path(path), MOST_BYTES, ScenarioError, "catalogue or ephemeris")[:_SNIFFED]
+        head = read_table_text(Path(path))[:_SNIFFED]
     except ScenarioError:
         return "elements"
     words = head.lower()
     columns = {cell.strip() for cell in words.lstrip().splitlines()[0].split(",")} if words.strip() else set()
     is_table = {"x_m", "x_km"} & columns and {"time_s", "utc", "epoch"} & columns
-    return "ephemeris" if is_table or "ccsds_oem_vers" in words or "<oem" in words else "elements"
+    return "ephemeris" if is_table or "ccsds_oem_vers" in words or re.search(r"<(\w+:)?oem\b", words) else "elements"

@@ -131,3 +131,46 @@ def test_a_file_that_is_none_is_refused(text, said):
 def test_a_missing_file_is_named():
     with pytest.raises(ScenarioError, match=r"^nowhere\.cdm: no such file"):
         ConjunctionMessage.from_file("nowhere.cdm")
+
+
+@pytest.mark.parametrize("area", ["NaN [m**2]", "0.0 [m**2]", "-1", "unknown", "3.1 [cm**2]", "1e99"])
+def test_an_area_that_is_no_area_counts_as_not_given(area):
+    message = ConjunctionMessage.from_text(TEXT.replace("CR_R = ", f"AREA_PC = {area}\nCR_R = ", 1))
+    assert message.first.area_m2 is None and message.stated_radius_m == 6.0
+    assert (
+        ConjunctionMessage.from_text(TEXT.replace("CR_R = ", "AREA_PC = 3.5 [m**2]\nCR_R = ", 1)).first.area_m2 == 3.5
+    )
+
+
+def test_optional_figures_that_are_unknown_count_as_not_given():
+    text = TEXT.replace("MISS_DISTANCE = 120", "MISS_DISTANCE = NaN").replace(
+        "RELATIVE_SPEED = 25", "RELATIVE_SPEED = N/A"
+    )
+    message = ConjunctionMessage.from_text(text)
+    assert (message.stated_miss_m, message.stated_speed_m_s) == (None, None)
+    assert np.array_equal(message.first.covariance_rtn, ConjunctionMessage.from_text(TEXT).first.covariance_rtn)
+
+
+def test_keywords_without_use_never_block_a_message():
+    unused = "MASS = many [stone]\nTIME_LASTOB_START = NaN\nCD_AREA_OVER_MASS = 1e99 [m]\nMASS = 3\nCDRG_R = NaN\n"
+    message = ConjunctionMessage.from_text(TEXT.replace("CR_R = ", f"{unused}CR_R = ", 1))
+    assert np.array_equal(message.first.position_m, ConjunctionMessage.from_text(TEXT).first.position_m)
+
+
+def test_a_covariance_may_be_that_of_an_unknown_position():
+    message = ConjunctionMessage.from_text(TEXT.replace("CR_R = 1.000000e+02", "CR_R = 3.7e13"))
+    assert message.first.covariance_rtn[0, 0] == 3.7e13
+    with pytest.raises(ScenarioError, match=r"^CDM: line 25: CR_R is 1e30: give a finite number within 1e"):
+        ConjunctionMessage.from_text(TEXT.replace("CR_R = 1.000000e+02", "CR_R = 1e30"))
+    nowhere = re.sub(r"(C[RTN]DOT_\w+) = \S+", r"\1 = NaN", TEXT)
+    assert not ConjunctionMessage.from_text(nowhere).first.has_velocity_covariance
+
+
+def test_a_prefix_of_a_namespace_and_other_messages_around_change_nothing():
+    xml = to_xml(TEXT)
+    body = xml.removeprefix('<?xml version="1.0"?>')
+    several = f"<ndm:ndm xmlns:ndm='urn:x'><oem version='2.0'><header><TCA>no</TCA></header></oem>{body}</ndm:ndm>"
+    prefixed = several.replace("<cdm ", "<ndm:cdm ").replace("</cdm>", "</ndm:cdm>")
+    for text in (several, prefixed):
+        message = ConjunctionMessage.from_text(text)
+        assert np.array_equal(message.second.position_m, ConjunctionMessage.from_text(xml).second.position_m)

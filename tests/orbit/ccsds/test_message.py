@@ -112,3 +112,43 @@ def test_text_that_would_break_the_format_is_refused():
     for name in ("A\nMETA_STOP", "Ünit", " "):
         with pytest.raises(RecordingError, match="OBJECT_NAME"):
             format_kvn("OEM", "2.0", {}, [({"OBJECT_NAME": name}, [])])
+
+
+def write_rows(kind, rows, meta=""):
+    return (
+        f"<{kind} version='2.0'><header><CREATION_DATE>2026-05-01</CREATION_DATE></header><body><segment>"
+        f"<metadata><OBJECT_NAME>A</OBJECT_NAME>{meta}</metadata><data>{rows}</data></segment></body></{kind}>"
+    )
+
+
+STATE = "<stateVector><EPOCH>2026-05-01</EPOCH>" + "".join(
+    f"<{name}>{k}</{name}>" for k, name in enumerate(("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT"))
+)
+
+
+def test_xml_is_read_by_local_names_within_its_own_message():
+    plain = write_rows("oem", f"{STATE}</stateVector>")
+    other = write_rows("opm", f"{STATE}</stateVector>", "<OBJECT_NAME>B</OBJECT_NAME>")
+    prefixed = plain.replace("<oem", "<ndm:oem xmlns:ndm='urn:ccsds'").replace("</oem", "</ndm:oem")
+    for text in (plain, f"<ndm>{other}{plain}{other}</ndm>", prefixed, f"<ndm>{other}{prefixed}</ndm>"):
+        message = read_message(text, "OEM", "a.xml")
+        (segment,) = message.segments
+        assert segment.rows == [(1, ["2026-05-01", "0", "1", "2", "3", "4", "5"])]
+        assert {key: entry.value for key, entry in segment.meta.items()} == {"OBJECT_NAME": "A"}
+    with pytest.raises(ScenarioError, match=r"a.xml: holds several <oem>: split it"):
+        read_message(f"<ndm>{plain}{prefixed}</ndm>", "OEM", "a.xml")
+
+
+def test_elements_of_a_row_that_are_not_read_may_have_any_unit_and_value():
+    turn = "".join(f"<{name}>0.5</{name}>" for name in ("Q1", "Q2", "Q3", "QC"))
+    rates = "".join(f"<{name} units='1/s'>often</{name}>" for name in ("Q1_DOT", "Q2_DOT", "Q3_DOT", "QC_DOT"))
+    row = (
+        "<attitudeState><quaternionDerivative><EPOCH>2026-05-01</EPOCH>"
+        f"<quaternion>{turn}</quaternion><quaternionDot>{rates}</quaternionDot></quaternionDerivative></attitudeState>"
+    )
+    message = read_message(write_rows("aem", row), "AEM", "a.xml")
+    assert message.segments[0].rows == [(1, ["2026-05-01", "0.5", "0.5", "0.5", "0.5"])]
+    push = "<X_DDOT units='m/s**2'>NaN</X_DDOT></stateVector>"
+    assert len(read_message(write_rows("oem", STATE + push), "OEM", "a.xml").segments[0].rows[0][1]) == 7
+    with pytest.raises(ScenarioError, match=r"a.xml: line 1: Q1 in deg: leave the unit out"):
+        read_message(write_rows("aem", row.replace("<Q1>", "<Q1 units='deg'>")), "AEM", "a.xml")

@@ -1,0 +1,227 @@
+"""Segments of an ephemeris as read from a file: CCSDS OEM (502.0-B, keyword = value or XML) or CSV."""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import itertools
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, read_csv_table
+from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE, interpolate_hermite, interpolate_lagrange
+from rso_lidar.orbit.ccsds.message import (
+    Message,
+    Segment,
+    check_increasing,
+    list_objects,
+    parse_number,
+    select_segments,
+    usable_span_s,
+)
+from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
+from rso_lidar.orbit.ccsds.reference_frames import freeze_axes, parse_frame
+from rso_lidar.orbit.earth.axes import EarthAxes
+from rso_lidar.orbit.epochs import parse_epoch_ps
+
+DEGREE = 7
+EDGE_S = 1e-8  # an epoch this close outside an edge counts as on it, because dates are rounded
+PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
+SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
+_LEAST_HERMITE = 3  # the cubic through two rows; one row alone does not interpolate
+
+
+@dataclass(frozen=True, eq=False)
+class EphemerisArc:
+    """One segment of an ephemeris: rows at `time_s` from `start_utc`, usable from `begin_s` to `end_s`.
+
+    Parameters
+    ----------
+    where : file and line, for messages
+    start_utc : instant from which seconds count, None for the start of the run
+    begin_s, end_s : usable span [s]
+    time_s : (row,) [s]
+    position_m, velocity_m_s : (row, 3) [m], [m/s]; the velocity may be None
+    frame : its axes, see `parse_frame`
+    interpolation, degree : those of the file, None if it states none
+    """
+
+    where: str
+    start_utc: datetime.datetime | None
+    begin_s: float
+    end_s: float
+    time_s: np.ndarray
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray | None
+    frame: EarthAxes = "gcrs"
+    interpolation: str | None = None
+    degree: int | None = None
+
+    def choose(self, interpolation: str | None, degree: int | None) -> tuple[str, int]:
+        """Choose the method, "lagrange" or "hermite", and the degree of the polynomial that the rows allow.
+
+        Parameters
+        ----------
+        interpolation, degree : choice of the part; None for that of the file
+
+        Raises
+        ------
+        ScenarioError
+            if the method is unknown, or needs velocities that are missing
+        """
+        method = interpolation or self.interpolation or ("lagrange" if self.velocity_m_s is None else "hermite")
+        order = degree or self.degree or DEGREE
+        if method == "lagrange":
+            return method, min(order, len(self.time_s) - 1)
+        if method != "hermite":
+            raise ScenarioError(
+                f"{self.where}: INTERPOLATION {method} is not supported: set `interpolation` to choose one"
+            )
+        if self.velocity_m_s is None:
+            raise ScenarioError(f"{self.where}: 'hermite' needs velocities, which it lacks: choose 'lagrange'")
+        return method, min(max(order, _LEAST_HERMITE), 2 * len(self.time_s) - 1)
+
+    def interpolate(self, time_s: np.ndarray, method: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
+        """Interpolate position [m] and velocity [m/s] (time, 3) in the segment's own frame.
+
+        Parameters
+        ----------
+        time_s : (time,) instants since the segment's start, within its rows [s]
+        method, degree : see `choose`
+        """
+        if method == "hermite":
+            assert self.velocity_m_s is not None
+            return interpolate_hermite(time_s, self.time_s, self.position_m, self.velocity_m_s, degree)
+        place, speed = interpolate_lagrange(time_s, self.time_s, self.position_m, degree)
+        if self.velocity_m_s is not None:
+            speed = interpolate_lagrange(time_s, self.time_s, self.velocity_m_s, degree)[0]
+        return place, speed
+
+
+def list_ephemeris_objects(file: str) -> list[str]:
+    """List the names of the objects of an OEM; none for a CSV table, which holds one object without a name.
+
+    Raises
+    ------
+    ScenarioError
+        if the file is invalid
+    """
+    path = find_table(file)[0]
+    text = read_table_text(path)
+    return list_objects(read_message(text, "OEM", str(path))) if is_message(text) else []
+
+
+@functools.lru_cache(maxsize=16)
+def read_arcs(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> tuple[EphemerisArc, ...]:
+    """Read an ephemeris, cached until its modification time or size changes.
+
+    Parameters
+    ----------
+    path : path of the file
+    _modified_ns, _size : modification time and size of the file, the key of the cache
+    wanted : name or identifier of one object of a message; None for the only one
+
+    Returns
+    -------
+    segments in the order of time
+
+    Raises
+    ------
+    ScenarioError
+        if the file is invalid or its segments overlap, or if `wanted` is given for a CSV table
+    """
+    text = read_table_text(path)
+    if is_message(text):
+        arcs = _read_message(read_message(text, "OEM", str(path)), wanted)
+    elif wanted is not None:
+        raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
+    else:
+        arcs = [_read_csv(text, str(path))]
+    arcs.sort(key=lambda arc: arc.begin_s)
+    for before, after in itertools.pairwise(arcs):
+        if after.begin_s < before.end_s - EDGE_S:
+            raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
+    return tuple(arcs)
+
+
+def _read_csv(text: str, where: str) -> EphemerisArc:
+    table = read_csv_table(text, where, (*PLACES, *SPEEDS), PLACES)
+    metres, kilometres = table.stack(PLACES[0]), table.stack(PLACES[1])
+    position = metres if metres is not None else np.asarray(kilometres) * units.KM
+    speeds = [table.stack(names) for names in SPEEDS]
+    if speeds[0] is not None and speeds[1] is not None:
+        raise ScenarioError(f"{where}: has velocities in m/s and in km/s: give one set of columns")
+    velocity = speeds[0] if speeds[1] is None else speeds[1] * units.KM
+    time_s = table.time_s
+    return EphemerisArc(where, table.start_utc, time_s[0], time_s[-1], time_s, position, velocity)
+
+
+def _read_message(message: Message, wanted: str | None) -> list[EphemerisArc]:
+    arcs: list[EphemerisArc] = []
+    for segment in select_segments(message, wanted):
+        arcs.append(_read_segment(message, segment, arcs[0].start_utc if arcs else None))
+    return arcs
+
+
+def _read_segment(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> EphemerisArc:
+    """Read one segment of an OEM.
+
+    Parameters
+    ----------
+    message : the whole message
+    segment : the segment
+    start_utc : instant from which all times count; None for the first row of this segment
+
+    Returns
+    -------
+    states of the segment in its own frame
+
+    Raises
+    ------
+    ScenarioError
+        if the centre is not the Earth, the frame is not supported, or a row is invalid
+    """
+    at = f"{message.where}: line {segment.line}"
+    center = message.require(segment, "CENTER_NAME")
+    if center.value.upper() not in ("EARTH", "EARTH CENTER"):
+        raise ScenarioError(f"{message.where}: line {center.line}: CENTER_NAME {center.value}: only EARTH is supported")
+    reference = message.require(segment, "REF_FRAME")
+    frame = parse_frame(reference.value, f"{message.where}: line {reference.line}")
+    system = message.time_system(segment)
+    if len(segment.rows) < 2:
+        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows: it needs at least two")
+    stamps, values = [], []
+    for line, cells in segment.rows:
+        here = f"{message.where}: line {line}"
+        if len(cells) not in (7, 10):
+            raise ScenarioError(f"{here}: has {len(cells)} words: a row is an epoch, 3 km, 3 km/s (and 3 km/s2)")
+        stamps.append(parse_epoch_ps(cells[0], system, here))
+        names = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+        values.append([parse_number(here, name, cell) for name, cell in zip(names, cells[1:7], strict=True)])
+    check_increasing(message.where, stamps, [line for line, _ in segment.rows])
+    start, time_s = elapsed_from_ps(stamps, start_utc)
+    begin_s, end_s = usable_span_s(message, segment, system, stamps[0], time_s)
+    numbers = np.array(values) * units.KM
+    position_m, velocity_m_s = numbers[:, :3], numbers[:, 3:]
+    fixed = segment.meta.get("REF_FRAME_EPOCH")
+    if fixed is not None and frame in ("mod", "tod", "teme"):
+        position_m, velocity_m_s = freeze_axes(position_m, velocity_m_s, frame, message.stamp(fixed, system))
+        frame = "gcrs"
+    method = segment.meta.get("INTERPOLATION")
+    degree = segment.meta.get("INTERPOLATION_DEGREE")
+    order = None
+    if degree is not None:
+        if not re.fullmatch(r"[0-9]{1,4}", degree.value) or not 1 <= int(degree.value) <= GREATEST_DEGREE:
+            raise ScenarioError(
+                f"{message.where}: line {degree.line}: INTERPOLATION_DEGREE {degree.value}: write 1 to {GREATEST_DEGREE}"
+            )
+        order = int(degree.value)
+    word = method.value.lower() if method is not None else None
+    if word == "linear":
+        word, order = "lagrange", 1
+    return EphemerisArc(at, start, begin_s, end_s, time_s, position_m, velocity_m_s, frame, word, order)
