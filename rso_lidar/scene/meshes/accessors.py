@@ -44,6 +44,11 @@ class Document:
         self._accessors = self.list_of(self.tree, "accessors")
         self._loaded: dict[int, bytes] = {}
 
+    @property
+    def has_data_beside(self) -> bool:
+        """Whether other files hold a part of the geometry."""
+        return any("uri" in buffer and not str(buffer["uri"]).startswith("data:") for buffer in self._buffers)
+
     def refuse(self, text: str) -> MeshError:
         """Return an error about this file."""
         return MeshError(f"{self.where}: {text}")

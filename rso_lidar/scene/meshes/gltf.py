@@ -41,7 +41,7 @@ class _Shape(NamedTuple):
 def read_gltf(path: Path, blob: bytes) -> list[Piece]:
     """Read the scene of a GLB or glTF file.
 
-    Its default scene counts, the first one where none is the default, and all nodes in a file without scenes. A mesh is a part
+    The default scene is read; the first one where none is the default; all nodes in a file without scenes. A mesh is a part
     by its name. If several nodes use it, each of them is a part by its own name. Pictures are not opened.
 
     Parameters

@@ -126,11 +126,17 @@ def checked_file(path: Path, suffixes: tuple[str, ...]) -> Path:
 
 
 def _read(path: Path) -> Mesh:
-    return parse_mesh(path, read_bytes(path, MOST_BYTES, MeshError, "mesh file"))
+    return parse_mesh(path, read_bytes(path, MOST_BYTES, MeshError, "mesh file"), path.suffix.lower())
 
 
-def parse_mesh(path: Path, blob: bytes) -> Mesh:
-    """Parse the contents of a mesh file; `path` names its format, and the file in messages.
+def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
+    """Parse the contents of a mesh file.
+
+    Parameters
+    ----------
+    path : of the file, for messages, and for data that glTF keeps beside it.
+    blob : its contents.
+    suffix : names the format, in lower case; a solid from `tessellate` is of ".glb" whatever its file is.
 
     Raises
     ------
@@ -139,7 +145,7 @@ def parse_mesh(path: Path, blob: bytes) -> Mesh:
     """
     if not blob:
         raise MeshError(f"{path.name}: the file is empty; export the mesh again")
-    pieces = _read_pieces(path, blob)
+    pieces = _read_pieces(path, blob, suffix)
     total = sum(len(piece.facets) for piece in pieces)
     if total > MOST_FACETS:
         raise MeshError(f"{path.name}: holds {total:,} facets, over {MOST_FACETS:,}; decimate it and export it again")
@@ -183,9 +189,9 @@ def parse_mesh(path: Path, blob: bytes) -> Mesh:
     )
 
 
-def _read_pieces(path: Path, blob: bytes) -> list[Piece]:
+def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[Piece]:
     """Read the triangles of each named geometry of a file, in the file's order."""
-    match path.suffix.lower():
+    match suffix:
         case ".obj":
             return read_obj(path, blob, _MOST_PARTS)
         case ".glb" | ".gltf":
@@ -205,11 +211,12 @@ def read_facet_colours(mesh: Mesh) -> np.ndarray:
     facet gets the mean.
     """
     path = mesh.path
-    if path.suffix.lower() not in _COLOURED:
+    suffix = path.suffix.lower()
+    if suffix not in _COLOURED:
         raise MeshError(
             f"{path.name}: colours are read from {' and '.join(_COLOURED)} only; give parts or facets instead"
         )
-    pieces = _read_pieces(path, read_bytes(path, MOST_BYTES, MeshError, "mesh file"))
+    pieces = _read_pieces(path, read_bytes(path, MOST_BYTES, MeshError, "mesh file"), suffix)
     colours = [piece.colours for piece in pieces if piece.colours is not None]
     if len(colours) != len(pieces) or sum(map(len, colours)) != mesh.source_facets:
         raise MeshError(f"{path.name}: contains no colours, or not for all facets; give parts or facets instead")

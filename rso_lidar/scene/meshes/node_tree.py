@@ -54,9 +54,9 @@ def _place(document: Document, node: Mapping[str, Any]) -> np.ndarray:
         return whole
     turn = document.numbers(node, "rotation", 4, [0.0, 0.0, 0.0, 1.0])
     scale = document.numbers(node, "scale", 3, [1.0, 1.0, 1.0])
-    return _compose(document, document.numbers(node, "translation", 3, [0.0, 0.0, 0.0])[None], turn[None], scale[None])[
-        0
-    ]
+    step = document.numbers(node, "translation", 3, [0.0, 0.0, 0.0])
+    placed: np.ndarray = _compose(document, step[None], turn[None], scale[None])[0]
+    return placed
 
 
 def _compose(document: Document, step: np.ndarray, turn: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -64,6 +64,8 @@ def read_off(path: Path, blob: bytes) -> list[Piece]:
                 raise ValueError
             corners.extend(own)
             sizes.append(size)
+    except MeshError:
+        raise
     except StopIteration:
         raise MeshError(f"{path.name}: ends after its first line; export it again") from None
     except (ValueError, IndexError, OverflowError):

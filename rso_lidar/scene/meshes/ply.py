@@ -8,6 +8,7 @@ from array import array
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -76,6 +77,8 @@ def read_ply(path: Path, blob: bytes) -> list[Piece]:
         corners, sizes = face[key].astype(np.int64), face[f"{key}#"].astype(np.int64)
         if (corners != face[key]).any():
             raise broken
+    except MeshError:
+        raise
     except (ValueError, KeyError, IndexError, StopIteration, OverflowError, struct.error):
         raise broken from None
     facets = cut_polygons(path.name, points, corners, sizes)
@@ -127,8 +130,10 @@ def _check_rows(path: Path, element: _Element, held: int) -> None:
 
 def _read_ascii(path: Path, body: bytes, elements: list[_Element]) -> dict[str, _Columns]:
     lines = (words for _, line in number_lines(path, body) if (words := line.split()))
-    columns = {}
+    columns: dict[str, _Columns] = {}
     for element in elements:
+        if {"vertex", "face"} <= columns.keys():
+            break  # what follows does not bear on the triangles
         _check_rows(path, element, len(body))
 
         def start_row(width: int = len(element.properties)) -> Callable[[str, int], list[float]]:
@@ -139,15 +144,15 @@ def _read_ascii(path: Path, body: bytes, elements: list[_Element]) -> dict[str, 
             return lambda _, count: [next(values) for _ in range(count)]
 
         columns[element.name] = _read_rows(element, start_row, len(body))
-        if element.name == "face":
-            break
     return columns
 
 
 def _read_binary(path: Path, body: bytes, elements: list[_Element], order: str) -> dict[str, _Columns]:
-    columns = {}
+    columns: dict[str, _Columns] = {}
     at = 0
     for element in elements:
+        if {"vertex", "face"} <= columns.keys():
+            break  # what follows does not bear on the triangles
         _check_rows(path, element, len(body) - at)
         if not element.properties:
             columns[element.name] = {}
@@ -163,7 +168,7 @@ def _read_binary(path: Path, body: bytes, elements: list[_Element], order: str) 
                     start += struct.calcsize(order + kind)
                 if start > len(body):
                     raise ValueError
-        fields = []
+        fields: list[Any] = []
         for name, (kind, count) in element.properties.items():
             if count:
                 fields.append((f"{name}#", order + count))
@@ -173,7 +178,7 @@ def _read_binary(path: Path, body: bytes, elements: list[_Element], order: str) 
         if element.rows <= held:
             rows = np.frombuffer(body, dtype=row, count=element.rows, offset=at)
             if all((rows[f"{name}#"] == lengths.get(name, 0)).all() for name in element.lists):
-                columns[element.name] = {name: rows[name].reshape(-1) for name in rows.dtype.names}
+                columns[element.name] = {name: rows[name].reshape(-1) for name in row.fields or ()}
                 at += element.rows * row.itemsize
                 continue
         if not element.lists:
@@ -189,8 +194,6 @@ def _read_binary(path: Path, body: bytes, elements: list[_Element], order: str) 
             return take
 
         columns[element.name] = _read_rows(element, start_row, len(body))
-        if element.name == "face":
-            break
     return columns
 
 

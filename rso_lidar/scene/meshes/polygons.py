@@ -35,8 +35,8 @@ def cut_polygons(where: str, points: np.ndarray, corners: np.ndarray, sizes: np.
     """Cut polygons into triangles, two fewer than a polygon has corners, in the order of the polygons.
 
     A fan from its first corner covers a polygon that is convex, or seen whole from that corner. Others lose one ear at a
-    time, in the plane across their normal. A polygon that crosses itself, or has no area, has no right answer: it becomes as many
-    triangles, some of which may overlap.
+    time, in the plane across their normal. A polygon that crosses itself, or has no area, has no right
+    answer: it becomes as many triangles, some of which may overlap.
 
     Parameters
     ----------

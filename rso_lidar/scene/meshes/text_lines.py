@@ -53,4 +53,7 @@ def refuse_line(path: Path, number: int, line: str, kind: str) -> MeshError:
     number, line : the line.
     kind : name of the format.
     """
-    return MeshError(f"{path.name}: line {number}: cannot be read as {kind} ({line.strip()[:40]}); correct it")
+    text = line.strip()[:40]
+    return MeshError(
+        f"{path.name}: line {number} ({text}): cannot be read as {kind}: it is cut short or damaged; export it again"
+    )
