@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rso_lidar.scene.meshes.accessors import COMPRESSIONS, Document
-from rso_lidar.scene.meshes.node_tree import check_tree, find_users, place_instances, place_nodes
+from rso_lidar.scene.meshes.node_tree import check_tree, count_instances, find_users, place_instances, place_nodes
 from rso_lidar.scene.meshes.polygons import MOST_FACETS, Piece
 
 _MOST_PRIMITIVES = 50_000
@@ -66,15 +66,13 @@ def read_gltf(path: Path, blob: bytes) -> list[Piece]:
     children = check_tree(document, nodes)
     worlds = place_nodes(document, nodes, children)
     users = find_users(document, nodes, children, meshes)
-    instances = {node: place_instances(document, nodes[node]) for own in users for node in own}
-    total = sum(
-        shape.facets * len(instances[node])
-        for own, of in zip(users, shapes, strict=True)
-        for node in own
-        for shape in of
-    )
+    total = 0
+    for own, of in zip(users, shapes, strict=True):
+        facets = sum(shape.facets for shape in of)
+        total += facets * sum(count_instances(document, nodes[node]) for node in own)
     if total > MOST_FACETS:
         raise document.refuse(f"holds {total:,} facets, over {MOST_FACETS:,}; decimate it and export it again")
+    instances = {node: place_instances(document, nodes[node]) for own in users for node in own}
     if not total and any(shape.facets for own in shapes for shape in own):
         raise document.refuse("its scene shows none of its meshes; add their nodes to the scene, or make them visible")
     return list(_make_pieces(document, (meshes, shapes, users), nodes, worlds, instances))

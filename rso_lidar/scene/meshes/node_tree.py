@@ -8,9 +8,13 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.scene.meshes.accessors import Document
-from rso_lidar.scene.meshes.polygons import MOST_FACETS
 
 _MOST_NODES, _DEEPEST = 50_000, 1_000
+_INSTANCING = {
+    "TRANSLATION": ("VEC3", [0.0, 0.0, 0.0]),
+    "ROTATION": ("VEC4", [0.0, 0.0, 0.0, 1.0]),
+    "SCALE": ("VEC3", [1.0] * 3),
+}
 
 
 def check_tree(document: Document, nodes: list[Any]) -> list[list[int]]:
@@ -52,6 +56,8 @@ def _place(document: Document, node: Mapping[str, Any]) -> np.ndarray:
     if "matrix" in node:
         whole: np.ndarray = document.numbers(node, "matrix", 16, []).reshape(4, 4).T
         return whole
+    if not node.keys() & {"translation", "rotation", "scale"}:
+        return np.eye(4)
     turn = document.numbers(node, "rotation", 4, [0.0, 0.0, 0.0, 1.0])
     scale = document.numbers(node, "scale", 3, [1.0, 1.0, 1.0])
     step = document.numbers(node, "translation", 3, [0.0, 0.0, 0.0])
@@ -74,26 +80,39 @@ def _compose(document: Document, step: np.ndarray, turn: np.ndarray, scale: np.n
     return matrices
 
 
+def count_instances(document: Document, node: Mapping[str, Any]) -> int:
+    """Return how often a node shows its mesh: once, or as often as EXT_mesh_gpu_instancing places it."""
+    attributes = _list_instancing(document, node)
+    if attributes is None:
+        return 1
+    counts = {document.count_values(number) for number in attributes.values()}
+    if len(counts) != 1:
+        raise document.refuse("EXT_mesh_gpu_instancing has no places, or not one number of them; export it again")
+    return counts.pop()
+
+
 def place_instances(document: Document, node: Mapping[str, Any]) -> np.ndarray:
     """Return the matrices node_from_instance (instance, 4, 4): the identity, or those of EXT_mesh_gpu_instancing."""
-    extension = document.table_of(document.table_of(node, "extensions"), "EXT_mesh_gpu_instancing")
-    if not extension:
+    attributes = _list_instancing(document, node)
+    if attributes is None:
         return np.eye(4)[None]
-    attributes = document.table_of(extension, "attributes")
-    kinds = {"TRANSLATION": ("VEC3", [0, 0, 0]), "ROTATION": ("VEC4", [0, 0, 0, 1]), "SCALE": ("VEC3", [1, 1, 1])}
-    numbers = {key: document.whole(attributes, key) for key in kinds if key in attributes}
-    counts = {document.count_values(number) for number in numbers.values()}
-    if len(counts) != 1 or (count := counts.pop()) > MOST_FACETS // 10:
-        raise document.refuse(
-            "EXT_mesh_gpu_instancing has no places, not one number of them, or too many; export it again"
-        )
     values = []
-    for key, (kind, default) in kinds.items():
-        if key in numbers:
-            values.append(document.read(numbers[key], kind, f"a {key} of another type than {kind}").astype(float))
+    for key, (kind, default) in _INSTANCING.items():
+        if key in attributes:
+            what = f"a {key} of instances that is no {kind}"
+            values.append(document.read(attributes[key], kind, what).astype(float))
         else:
-            values.append(np.tile(np.array(default, dtype=float), (count, 1)))
+            values.append(np.tile(np.array(default), (count_instances(document, node), 1)))
     return _compose(document, *values)
+
+
+def _list_instancing(document: Document, node: Mapping[str, Any]) -> dict[str, int] | None:
+    """Return the accessors of EXT_mesh_gpu_instancing by what they hold; None for a node without it."""
+    extensions = document.table_of(node, "extensions")
+    if "EXT_mesh_gpu_instancing" not in extensions:
+        return None
+    attributes = document.table_of(document.table_of(extensions, "EXT_mesh_gpu_instancing"), "attributes")
+    return {key: document.whole(attributes, key) for key in _INSTANCING if key in attributes}
 
 
 def find_users(document: Document, nodes: list[Any], children: list[list[int]], meshes: list[Any]) -> list[list[int]]:
