@@ -50,8 +50,8 @@ class Document:
         return any("uri" in buffer and not str(buffer["uri"]).startswith("data:") for buffer in self._buffers)
 
     def refuse(self, text: str) -> MeshError:
-        """Return an error about this file."""
-        return MeshError(f"{self.where}: {text}")
+        """Return an error about this file, in one line whatever its names hold."""
+        return MeshError(f"{self.where}: {''.join(sign if sign.isprintable() else '?' for sign in text)}")
 
     def _parse(self, blob: bytes) -> tuple[Mapping[str, Any], bytes | None]:
         """Return the description of a file, and the binary part of a GLB."""

@@ -15,8 +15,7 @@ from rso_lidar.scene.meshes.node_tree import check_tree, count_instances, find_u
 from rso_lidar.scene.meshes.polygons import MOST_FACETS, Piece
 
 _MOST_PRIMITIVES = 50_000
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # modes
-_MODES = 7
+_TRIANGLES, _STRIP, _MODES = 4, 5, 7  # modes; those below are points and lines, and the last one is a fan
 _APPLIED = ("KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_node_visibility", "AGI_articulations")
 # Extensions that leave every vertex where it is: materials, textures, light, sound, physics, metadata, and lines.
 _HARMLESS = re.compile(
@@ -227,11 +226,11 @@ def _read_facets(document: Document, table: Mapping[str, Any]) -> tuple[np.ndarr
         if len(corners) % 3:
             raise document.refuse(f"has triangles of {len(corners):,} corners, not a multiple of 3; export it again")
         facets = corners.reshape(-1, 3)
-    elif mode == _FAN:
-        facets = np.stack([np.broadcast_to(corners[0], len(corners) - 2), corners[1:-1], corners[2:]], axis=1)
-    else:
+    elif mode == _STRIP:
         facets = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
-        facets[1::2] = facets[1::2, [1, 0, 2]]  # every second triangle of a strip turns the other way
+        facets[1::2] = facets[1::2, [1, 0, 2]]  # every second triangle turns the other way
+    else:
+        facets = np.stack([np.broadcast_to(corners[0], len(corners) - 2), corners[1:-1], corners[2:]], axis=1)
     used, numbered = np.unique(facets, return_inverse=True)
     return numbered.reshape(-1, 3), used
 

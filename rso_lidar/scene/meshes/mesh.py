@@ -145,7 +145,8 @@ def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
     """
     if not blob:
         raise MeshError(f"{path.name}: the file is empty; export the mesh again")
-    pieces = _read_pieces(path, blob, suffix)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is reported below
+        pieces = _read_pieces(path, blob, suffix)
     total = sum(len(piece.facets) for piece in pieces)
     if total > MOST_FACETS:
         raise MeshError(f"{path.name}: holds {total:,} facets, over {MOST_FACETS:,}; decimate it and export it again")

@@ -197,7 +197,7 @@ def _is_ear(
         return False
     if rule == _CONVEX:
         return True
-    edge = -_ROUNDING if rule == _STRICT else _ROUNDING
+    edge = _ROUNDING if rule == _TOUCHING else -_ROUNDING
     p = following[c - base]
     while p != a:
         in_ab = (x[b] - x[a]) * (y[p] - y[a]) - (y[b] - y[a]) * (x[p] - x[a]) >= edge

@@ -199,6 +199,11 @@ def on_node(name, content=None):
     [
         ({"extensionsRequired": ["ACME_bend"]}, "uses ACME_bend, which may change its geometry and is not read"),
         (on_node("ACME_bend"), "uses ACME_bend, which may"),
+        ({"extensionsRequired": ["ACME\n\x1b[1m"]}, r"uses ACME\?\?\[1m, which may"),
+        (
+            {"nodes": [{"mesh": 0, "matrix": [1e308] * 16, "children": [1]}, {"matrix": [1e308] * 16}]},
+            "without area|finite",
+        ),
         ({"extensions": {"CESIUM_RTC": {"center": [1, 2, 3]}}}, "uses CESIUM_RTC, which may"),
         ({"extensionsRequired": ["ACME_b", "ACME_a"]}, "uses ACME_a, ACME_b, which may"),
         ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "is compressed with KHR_draco_mesh_compression"),
