@@ -33,7 +33,7 @@ from rso_lidar.scene.library.model_index import (
     read_own_index,
     read_table,
 )
-from rso_lidar.scene.meshes.accessors import Document
+from rso_lidar.scene.meshes.accessors import GltfFile
 from rso_lidar.scene.meshes.cad import CHORD_MM, is_cad, tessellate
 from rso_lidar.scene.meshes.components import find_helper_cube, format_count
 from rso_lidar.scene.meshes.mesh import (
@@ -120,7 +120,7 @@ def add_model(
     else:
         mesh = load_mesh(path)
         blob, suffix, unit_m, source = path.read_bytes(), path.suffix.lower(), None, path.name
-        if suffix == ".gltf" and Document(path, blob).has_data_beside:
+        if suffix == ".gltf" and GltfFile(path, blob).has_data_beside:
             raise MeshError(f"{path.name}: keeps its data in other files; export it as one .glb")
     known = known_meshes().get(hashlib.sha256(blob).hexdigest(), {})
     name = given.name or known.get("name") or re.sub(r"[^a-z0-9_-]+", "_", path.stem.lower()).strip("_-")

@@ -26,7 +26,7 @@ _KIND = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: 
 COMPRESSIONS = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 
 
-class Document:
+class GltfFile:
     """A glTF file: its description, and the arrays in its buffers, which are read when they are asked for.
 
     Attributes

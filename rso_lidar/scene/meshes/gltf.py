@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rso_lidar.scene.meshes.accessors import COMPRESSIONS, Document
+from rso_lidar.scene.meshes.accessors import COMPRESSIONS, GltfFile
 from rso_lidar.scene.meshes.node_tree import check_tree, count_instances, find_users, place_instances, place_nodes
-from rso_lidar.scene.meshes.polygons import MOST_FACETS, Piece
+from rso_lidar.scene.meshes.polygons import MOST_FACETS, MeshPiece
 
 _MOST_PRIMITIVES = 50_000
 _TRIANGLES, _STRIP, _MODES = 4, 5, 7  # modes; those below are points and lines, and the last one is a fan
@@ -30,14 +30,14 @@ _GREY = (102, 102, 102)  # of a material without a colour of its own
 _CURE = "export it without"
 
 
-class _Shape(NamedTuple):
+class _Primitive(NamedTuple):
     """A primitive of triangles: its table, and how many facets it has."""
 
     table: Mapping[str, Any]
     facets: int
 
 
-def read_gltf(path: Path, blob: bytes) -> list[Piece]:
+def read_gltf(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read the scene of a GLB or glTF file.
 
     The default scene is read; the first one where none is the default; all nodes in a file without scenes. A mesh is a part
@@ -57,7 +57,7 @@ def read_gltf(path: Path, blob: bytes) -> list[Piece]:
     MeshError
         If the file is damaged, asks for more memory than it is worth, or has geometry that is not applied.
     """
-    document = Document(path, blob)
+    document = GltfFile(path, blob)
     _check_extensions(document)
     meshes = document.list_of(document.tree, "meshes")
     shapes = _list_shapes(document, meshes)
@@ -77,7 +77,7 @@ def read_gltf(path: Path, blob: bytes) -> list[Piece]:
     return list(_make_pieces(document, (meshes, shapes, users), nodes, worlds, instances))
 
 
-def _check_extensions(document: Document) -> None:
+def _check_extensions(document: GltfFile) -> None:
     """Raise `MeshError` for what changes geometry and is not applied here."""
     required = [str(name)[:60] for name in document.list_of(document.tree, "extensionsRequired", str)]
     used = Counter(dict.fromkeys(document.table_of(document.tree, "extensions"), 1))
@@ -108,7 +108,7 @@ def _check_extensions(document: Document) -> None:
                 )
 
 
-def _list_shapes(document: Document, meshes: list[Any]) -> list[list[_Shape]]:
+def _list_shapes(document: GltfFile, meshes: list[Any]) -> list[list[_Primitive]]:
     """Return the primitives of each mesh, after checking that their accessors are within their buffers."""
     primitives, shapes = 0, []
     for mesh in meshes:
@@ -129,22 +129,23 @@ def _list_shapes(document: Document, meshes: list[Any]) -> list[list[_Shape]]:
                 corners = document.count_values(document.whole(attributes, "POSITION"))
                 if "indices" in table:
                     corners = document.count_values(document.whole(table, "indices"))
-            own.append(_Shape(table, corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)))
+            own.append(_Primitive(table, corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)))
         shapes.append(own)
     return shapes
 
 
 def _make_pieces(
-    document: Document,
-    of_meshes: tuple[list[Any], list[list[_Shape]], list[list[int]]],
+    document: GltfFile,
+    of_meshes: tuple[list[Any], list[list[_Primitive]], list[list[int]]],
     nodes: list[Any],
     worlds: list[np.ndarray],
     instances: dict[int, np.ndarray],
-) -> Iterator[Piece]:
+) -> Iterator[MeshPiece]:
     """Yield the triangles of each primitive of a mesh at each node that uses it.
 
     Parameters
     ----------
+    document : the file.
     of_meshes : tables of the meshes, their primitives, and the nodes that use them.
     nodes : tables of the nodes.
     worlds : matrix scene_from_node of each node.
@@ -165,7 +166,7 @@ def _make_pieces(
                     turned = np.einsum("nij,pj->npi", matrices[:, :3, :3], points)
                     points = (turned + matrices[:, None, :3, 3]).reshape(-1, 3)
                 first = len(used) * np.arange(len(matrices))[:, None, None]
-                yield Piece(
+                yield MeshPiece(
                     names[number, k, node],
                     points,
                     (facets[None] + first).reshape(-1, 3),
@@ -174,7 +175,7 @@ def _make_pieces(
 
 
 def _name_parts(
-    of_meshes: tuple[list[Any], list[list[_Shape]], list[list[int]]], nodes: list[Any]
+    of_meshes: tuple[list[Any], list[list[_Primitive]], list[list[int]]], nodes: list[Any]
 ) -> dict[tuple[int, int, int], str]:
     """Return a name for each mesh, primitive and node: that of the mesh, or of the node where several use the mesh.
 
@@ -210,7 +211,7 @@ def _name_parts(
     return names
 
 
-def _read_facets(document: Document, table: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def _read_facets(document: GltfFile, table: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """Return the facets (facet, 3) of a primitive, and the vertices that they use, by which they are numbered."""
     count = document.count_values(document.whole(table["attributes"], "POSITION"))
     corners = np.arange(count)
@@ -236,7 +237,7 @@ def _read_facets(document: Document, table: Mapping[str, Any]) -> tuple[np.ndarr
 
 
 def _read_points(
-    document: Document,
+    document: GltfFile,
     table: Mapping[str, Any],
     used: np.ndarray,
     holders: tuple[Mapping[str, Any], Mapping[str, Any]],
@@ -246,6 +247,7 @@ def _read_points(
 
     Parameters
     ----------
+    document : the file.
     table : the primitive.
     used : numbers of the vertices to read.
     holders : the node, and its mesh; the node's weights of morph targets replace those of the mesh.
@@ -266,7 +268,7 @@ def _read_points(
 
 
 def _apply_skin(
-    document: Document,
+    document: GltfFile,
     attributes: Mapping[str, Any],
     bound: tuple[np.ndarray, np.ndarray],
     number: int,
@@ -276,6 +278,7 @@ def _apply_skin(
 
     Parameters
     ----------
+    document : the file.
     attributes : of the primitive, with joints and weights.
     bound : numbers of the vertices, and their places (vertex, xyz) where they are bound to the joints.
     number : of the skin.
@@ -316,12 +319,13 @@ def _apply_skin(
 
 
 def _read_colours(
-    document: Document, table: Mapping[str, Any], facets: np.ndarray, used: np.ndarray
+    document: GltfFile, table: Mapping[str, Any], facets: np.ndarray, used: np.ndarray
 ) -> np.ndarray | None:
     """Return the colours (facet, rgb) of a primitive: of its material without textures, else the mean of its vertices'.
 
     Parameters
     ----------
+    document : the file.
     table : the primitive.
     facets, used : (facet, 3), its triangles, and the numbers of the vertices that they are numbered by.
     """

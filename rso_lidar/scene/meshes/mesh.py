@@ -16,7 +16,7 @@ from rso_lidar.scene.meshes.gltf import read_gltf
 from rso_lidar.scene.meshes.obj import read_obj
 from rso_lidar.scene.meshes.off import read_off
 from rso_lidar.scene.meshes.ply import read_ply
-from rso_lidar.scene.meshes.polygons import MOST_FACETS, Piece
+from rso_lidar.scene.meshes.polygons import MOST_FACETS, MeshPiece
 from rso_lidar.scene.meshes.stl import read_stl
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off")
@@ -190,8 +190,15 @@ def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
     )
 
 
-def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[Piece]:
-    """Read the triangles of each named geometry of a file, in the file's order."""
+def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[MeshPiece]:
+    """Read the triangles of each named geometry of a file, in the file's order.
+
+    Parameters
+    ----------
+    path : of the file.
+    blob : its contents.
+    suffix : names the format, in lower case.
+    """
     match suffix:
         case ".obj":
             return read_obj(path, blob, _MOST_PARTS)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.scene.meshes.accessors import Document
+from rso_lidar.scene.meshes.accessors import GltfFile
 
 _MOST_NODES, _DEEPEST = 50_000, 1_000
 _INSTANCING = {
@@ -17,7 +17,7 @@ _INSTANCING = {
 }
 
 
-def check_tree(document: Document, nodes: list[Any]) -> list[list[int]]:
+def check_tree(document: GltfFile, nodes: list[Any]) -> list[list[int]]:
     """Return the children of each node, after checking that the nodes form trees, not too many and not too deep."""
     if len(nodes) > _MOST_NODES:
         raise document.refuse(f"has over {_MOST_NODES:,} nodes; join some and export it again")
@@ -39,8 +39,15 @@ def check_tree(document: Document, nodes: list[Any]) -> list[list[int]]:
     return children
 
 
-def place_nodes(document: Document, nodes: list[Any], children: list[list[int]]) -> list[np.ndarray]:
-    """Return the matrix scene_from_node (4, 4) of each node."""
+def place_nodes(document: GltfFile, nodes: list[Any], children: list[list[int]]) -> list[np.ndarray]:
+    """Return the matrix scene_from_node (4, 4) of each node.
+
+    Parameters
+    ----------
+    document : the file.
+    nodes : tables of the nodes.
+    children : numbers of the children of each node.
+    """
     worlds = [_place(document, node) for node in nodes]
     level = sorted(set(range(len(nodes))) - {child for own in children for child in own})
     while level:
@@ -51,7 +58,7 @@ def place_nodes(document: Document, nodes: list[Any], children: list[list[int]])
     return worlds
 
 
-def _place(document: Document, node: Mapping[str, Any]) -> np.ndarray:
+def _place(document: GltfFile, node: Mapping[str, Any]) -> np.ndarray:
     """Return the matrix parent_from_node (4, 4) of a node."""
     if "matrix" in node:
         whole: np.ndarray = document.numbers(node, "matrix", 16, []).reshape(4, 4).T
@@ -65,8 +72,15 @@ def _place(document: Document, node: Mapping[str, Any]) -> np.ndarray:
     return placed
 
 
-def _compose(document: Document, step: np.ndarray, turn: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Return the matrices (n, 4, 4) of translations (n, xyz), rotations (n, xyzw) and scales (n, xyz)."""
+def _compose(document: GltfFile, step: np.ndarray, turn: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Return the matrices (n, 4, 4) of translations (n, xyz), rotations (n, xyzw) and scales (n, xyz).
+
+    Parameters
+    ----------
+    document : the file, for messages.
+    step, scale : (n, xyz).
+    turn : quaternions (n, xyzw), of any length but zero.
+    """
     length = np.linalg.norm(turn, axis=1)
     if not (length > 0.0).all():
         raise document.refuse("has a 'rotation' of four zeros; correct it and export it again")
@@ -80,7 +94,7 @@ def _compose(document: Document, step: np.ndarray, turn: np.ndarray, scale: np.n
     return matrices
 
 
-def count_instances(document: Document, node: Mapping[str, Any]) -> int:
+def count_instances(document: GltfFile, node: Mapping[str, Any]) -> int:
     """Return how often a node shows its mesh: once, or as often as EXT_mesh_gpu_instancing places it."""
     attributes = _list_instancing(document, node)
     if attributes is None:
@@ -91,7 +105,7 @@ def count_instances(document: Document, node: Mapping[str, Any]) -> int:
     return counts.pop()
 
 
-def place_instances(document: Document, node: Mapping[str, Any]) -> np.ndarray:
+def place_instances(document: GltfFile, node: Mapping[str, Any]) -> np.ndarray:
     """Return the matrices node_from_instance (instance, 4, 4): the identity, or those of EXT_mesh_gpu_instancing."""
     attributes = _list_instancing(document, node)
     if attributes is None:
@@ -106,7 +120,7 @@ def place_instances(document: Document, node: Mapping[str, Any]) -> np.ndarray:
     return _compose(document, *values)
 
 
-def _list_instancing(document: Document, node: Mapping[str, Any]) -> dict[str, int] | None:
+def _list_instancing(document: GltfFile, node: Mapping[str, Any]) -> dict[str, int] | None:
     """Return the accessors of EXT_mesh_gpu_instancing by what they hold; None for a node without it."""
     extensions = document.table_of(node, "extensions")
     if "EXT_mesh_gpu_instancing" not in extensions:
@@ -115,8 +129,15 @@ def _list_instancing(document: Document, node: Mapping[str, Any]) -> dict[str, i
     return {key: document.whole(attributes, key) for key in _INSTANCING if key in attributes}
 
 
-def find_users(document: Document, nodes: list[Any], children: list[list[int]], meshes: list[Any]) -> list[list[int]]:
-    """Return the visible nodes of the scene that use each mesh, in the order of the file."""
+def find_users(document: GltfFile, nodes: list[Any], children: list[list[int]], meshes: list[Any]) -> list[list[int]]:
+    """Return the visible nodes of the scene that use each mesh, in the order of the file.
+
+    Parameters
+    ----------
+    document : the file.
+    nodes, meshes : tables of the nodes and of the meshes.
+    children : numbers of the children of each node.
+    """
     scenes = document.list_of(document.tree, "scenes")
     if scenes:
         number = document.whole(document.tree, "scene", 0)

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.meshes.polygons import Piece, cut_polygons
+from rso_lidar.scene.meshes.polygons import MeshPiece, cut_polygons
 from rso_lidar.scene.meshes.text_lines import number_lines, refuse_line
 
 _CURVED = ("surf", "curv", "cdc", "cdp", "bzp", "bsp")  # surfaces and curves without triangles, and patches
 
 
-def read_obj(path: Path, blob: bytes, most_parts: int) -> list[Piece]:
+def read_obj(path: Path, blob: bytes, most_parts: int) -> list[MeshPiece]:
     """Read the groups of an OBJ file.
 
     A polygon becomes triangles, numbered one by one. Textures, normals, smoothing groups and materials do not
@@ -75,7 +75,7 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[Piece]:
     pieces = []
     for name, run_corners, sizes in runs:
         facets = cut_polygons(path.name, points, np.array(run_corners, dtype=np.int64), np.array(sizes, dtype=np.int64))
-        pieces.append(Piece(name, *_drop_unused(points, facets)))
+        pieces.append(MeshPiece(name, *_drop_unused(points, facets)))
     return pieces
 
 

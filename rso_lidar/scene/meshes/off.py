@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.meshes.polygons import Piece, cut_polygons
+from rso_lidar.scene.meshes.polygons import MeshPiece, cut_polygons
 from rso_lidar.scene.meshes.text_lines import number_lines, refuse_line
 
 _KEYWORD = re.compile(
@@ -18,7 +18,7 @@ _KEYWORD = re.compile(
 )  # with texture, colours, normals, which come after the position and are ignored
 
 
-def read_off(path: Path, blob: bytes) -> list[Piece]:
+def read_off(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read an OFF file.
 
     Parameters
@@ -76,7 +76,7 @@ def read_off(path: Path, blob: bytes) -> list[Piece]:
         )
     whole = np.array(points, dtype=float).reshape(-1, 3)
     facets = cut_polygons(path.name, whole, np.array(corners, dtype=np.int64), np.array(sizes, dtype=np.int64))
-    return [Piece("body", whole, facets)]
+    return [MeshPiece("body", whole, facets)]
 
 
 def _rows(path: Path, blob: bytes) -> Iterator[tuple[int, str, list[str]]]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.meshes.polygons import Piece, cut_polygons
+from rso_lidar.scene.meshes.polygons import MeshPiece, cut_polygons
 from rso_lidar.scene.meshes.text_lines import number_lines
 
 _TYPES = {
@@ -42,7 +42,7 @@ class _Element:
         return [name for name, (_, count) in self.properties.items() if count]
 
 
-def read_ply(path: Path, blob: bytes) -> list[Piece]:
+def read_ply(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read a PLY file, with the colours of its faces, or the mean of those of their vertices.
 
     Parameters
@@ -88,7 +88,7 @@ def read_ply(path: Path, blob: bytes) -> list[Piece]:
         colours = np.repeat(_read_colours(face, types["face"]), np.maximum(sizes - 2, 0), axis=0)
     elif set(_RGB) <= set(vertex):
         colours = _read_colours(vertex, types["vertex"])[facets].mean(axis=1)
-    return [Piece("body", points, facets, None if colours is None else colours.astype(np.uint8))]
+    return [MeshPiece("body", points, facets, None if colours is None else colours.astype(np.uint8))]
 
 
 def _read_header(path: Path, blob: bytes) -> tuple[str | None, list[_Element], bytes]:
@@ -120,7 +120,14 @@ def _read_header(path: Path, blob: bytes) -> tuple[str | None, list[_Element], b
 
 
 def _check_rows(path: Path, element: _Element, held: int) -> None:
-    """Check that no more rows are stated than fit into the rest of the file."""
+    """Check that no more rows are stated than fit into the rest of the file.
+
+    Parameters
+    ----------
+    path : name of the file, for messages.
+    element : the element.
+    held : bytes that are left, each row being one at least.
+    """
     if element.properties and element.rows > held:
         raise MeshError(
             f"{path.name}: its header states {element.rows:,} of '{element.name}', more than the file holds; "
@@ -129,6 +136,14 @@ def _check_rows(path: Path, element: _Element, held: int) -> None:
 
 
 def _read_ascii(path: Path, body: bytes, elements: list[_Element]) -> dict[str, _Columns]:
+    """Read the elements of an ASCII file, a line for each row.
+
+    Parameters
+    ----------
+    path : name of the file, for messages.
+    body : what follows the header.
+    elements : of the header.
+    """
     lines = (words for _, line in number_lines(path, body) if (words := line.split()))
     columns: dict[str, _Columns] = {}
     for element in elements:
@@ -148,6 +163,15 @@ def _read_ascii(path: Path, body: bytes, elements: list[_Element]) -> dict[str, 
 
 
 def _read_binary(path: Path, body: bytes, elements: list[_Element], order: str) -> dict[str, _Columns]:
+    """Read the elements of a binary file: at once where the lists of all rows are as long, else row by row.
+
+    Parameters
+    ----------
+    path : name of the file, for messages.
+    body : what follows the header.
+    elements : of the header.
+    order : of bytes, "<" or ">".
+    """
     columns: dict[str, _Columns] = {}
     at = 0
     for element in elements:

@@ -15,7 +15,7 @@ _ROUNDING = 1e-12  # of a polygon that is scaled to a size of 1
 _STRICT, _TOUCHING, _CONVEX, _ANY = range(4)  # what an ear may be, where the polygon leaves no better one
 
 
-class Piece(NamedTuple):
+class MeshPiece(NamedTuple):
     """The triangles of a mesh file that are under one name.
 
     Attributes

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.meshes.polygons import Piece, cut_polygons
+from rso_lidar.scene.meshes.polygons import MeshPiece, cut_polygons
 from rso_lidar.scene.meshes.text_lines import number_lines, refuse_line
 
 _HEAD, _RECORD = 84, 50  # bytes: 80 of header and a count, then normal, corners and two spare bytes for each facet
@@ -17,7 +17,7 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "
 _ASCII = re.compile(rb"(\xef\xbb\xbf)?\s*solid.*?(facet\s+normal|endsolid)", re.DOTALL | re.IGNORECASE)
 
 
-def read_stl(path: Path, blob: bytes) -> list[Piece]:
+def read_stl(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read an STL file. Solids of an ASCII file that holds several are parts by their names.
 
     Parameters
@@ -50,10 +50,10 @@ def read_stl(path: Path, blob: bytes) -> list[Piece]:
             f"{path.name}: its header promises {stated:,} facets, but there is room for {held:,}; export it again"
         )
     corners = np.frombuffer(blob, dtype=_FACET, count=stated, offset=_HEAD)["corners"]
-    return [Piece("body", corners.reshape(-1, 3).astype(float), np.arange(3 * stated).reshape(-1, 3))]
+    return [MeshPiece("body", corners.reshape(-1, 3).astype(float), np.arange(3 * stated).reshape(-1, 3))]
 
 
-def _read_ascii(path: Path, blob: bytes) -> list[Piece]:
+def _read_ascii(path: Path, blob: bytes) -> list[MeshPiece]:
     """Read an ASCII STL. A facet of more than three corners is a polygon."""
     points = array("d")
     solids: list[tuple[str, array]] = []
@@ -114,6 +114,6 @@ def _read_ascii(path: Path, blob: bytes) -> list[Piece]:
         sizes = np.array(counts, dtype=np.int64)
         own = vertices[first : first + int(sizes.sum())]
         facets = cut_polygons(path.name, own, np.arange(len(own)), sizes)
-        pieces.append(Piece("body" if is_one else name, own, facets))
+        pieces.append(MeshPiece("body" if is_one else name, own, facets))
         first += len(own)
     return pieces
