@@ -8,12 +8,11 @@ import typer
 from rso_lidar.cli.models_add import MeshFile
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError
-from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.scene import Mesh, load_mesh
 from rso_lidar.scene.library.adding import known_meshes
 from rso_lidar.scene.library.model_index import model
 from rso_lidar.scene.meshes.cad import is_cad, tessellate
-from rso_lidar.scene.meshes.mesh import normalize_mesh
+from rso_lidar.scene.meshes.mesh import normalize_mesh, parse_mesh
 from rso_lidar.scene.surfaces.examination import examine
 
 
@@ -44,10 +43,7 @@ def _load_mesh(path: Path) -> Mesh:
     """Load the mesh of a mesh file, of a CAD solid, or of a model by name."""
     if is_cad(path):
         blob, unit_m = tessellate(path)
-        with make_temporary_folder() as folder:
-            place = Path(folder, f"{path.stem}.glb")
-            place.write_bytes(blob)
-            return normalize_mesh(load_mesh(place), unit_m)
+        return normalize_mesh(parse_mesh(path, blob, ".glb"), unit_m)
     if path.suffix or path.exists() or len(path.parts) > 1:
         return load_mesh(path)
     return model(str(path)).mesh

@@ -14,30 +14,33 @@ from rso_lidar.errors import did_you_mean
 _MOST_TYPES = 3  # that a message lists
 
 
-def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
-    """Describe the first problem of a validation in one line, *place: what: what to do*, and count the others.
+def explain(error: ValidationError, part: type[BaseModel], raw: Any, *, most: int = 1) -> str:
+    """Describe the first problems of a validation in one line, *place: what: what to do*, and count the others.
 
     Parameters
     ----------
     error : pydantic's report.
     part : class that was validated.
     raw : the values given for its fields, to tell which member of a union was meant.
+    most : problems to describe.
 
     Returns
     -------
     str
         The line, without a full stop.
     """
-    problems = error.errors(include_url=False)
     # A misspelt key often leaves another key missing: the misspelling is the problem to report.
-    first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    loc = first["loc"]
-    place, owner, others = _place(loc, part, raw)
-    if first["type"] == "extra_forbidden":
-        place = _place(loc[:-1], part, raw)[0]
-    text = _what(first, owner, others)
-    return f"{place}: {text}{more}" if place else f"{text}{more}"
+    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
+    lines = []
+    for problem in problems[:most]:
+        loc = problem["loc"]
+        place, owner, others = _place(loc, part, raw)
+        if problem["type"] == "extra_forbidden":
+            place = _place(loc[:-1], part, raw)[0]
+        text = _what(problem, owner, others)
+        lines.append(f"{place}: {text}" if place else text)
+    more = f" (and {len(problems) - most} more)" if len(problems) > most else ""
+    return f"{'; '.join(lines)}{more}"
 
 
 def _place(

@@ -18,6 +18,9 @@ from tests.scene.meshes.test_mesh import BOX, ascii_stl, binary_stl, glb, obj, o
 
 ROOT = Path(__file__).resolve().parents[2]
 HUGE = 10**12
+INSTANCED = {"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"SCALE": 0}}}}
+TEETH = " ".join(map(str, range(1, 30_001)))
+SPARSE = {"count": 1, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}}
 
 
 def binary_ply(vertices=36, faces=12, extra="", count="uchar"):
@@ -161,6 +164,10 @@ def bombs():
         "deep.glb": changed(nodes=chain, scenes=[{"nodes": [0]}]),
         "instances.glb": instances(20_000),
         "pieces.glb": changed(meshes=primitives, nodes=[{"mesh": 0}]),
+        "zeros.glb": accessor(count=10**8, bufferView=None, sparse=SPARSE),
+        "many.glb": changed(nodes=[INSTANCED] * 50_000, scenes=[{"nodes": list(range(50_000))}]),
+        "teeth.obj": b"".join(b"v %d %d 0\n" % (k, k % 2 or -k) for k in range(30_000)) + f"f {TEETH}\n".encode(),
+        "teeth.off": f"OFF\n{10**9} 1 0\n{'0 0 0 ' * 9}".encode(),
         "draco.glb": changed(extensionsRequired=["KHR_draco_mesh_compression"]),
         "brackets.glb": packed(b"[" * 2_000_000, b""),
         "braces.gltf": b'{"a":' * 500_000,
@@ -178,7 +185,6 @@ def bombs():
 LOOK = """
 import resource, sys, time
 from pathlib import Path
-import PIL.Image, trimesh
 from rso_lidar.errors import MeshError
 from rso_lidar.scene import load_mesh
 from tests.scene.meshes.test_mesh import BOX, binary_stl

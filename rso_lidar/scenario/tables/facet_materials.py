@@ -14,7 +14,7 @@ from rso_lidar.errors import MeshError, ScenarioError, add_place, did_you_mean
 from rso_lidar.files import MOST_BYTES, check_regular, read_text
 from rso_lidar.part import Part, Text
 from rso_lidar.scene import AnyMaterial, Material, Named, Surface, complete, library
-from rso_lidar.scene.meshes.colours import format_colours, read_facet_colours
+from rso_lidar.scene.meshes.mesh import format_colours, read_facet_colours
 
 _DIGITS = 12  # of a facet's number at most, far more than any mesh needs
 

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import shorten
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -32,21 +33,25 @@ from rso_lidar.scene.library.model_index import (
     read_own_index,
     read_table,
 )
+from rso_lidar.scene.meshes.accessors import GltfFile
 from rso_lidar.scene.meshes.cad import CHORD_MM, is_cad, tessellate
 from rso_lidar.scene.meshes.components import find_helper_cube, format_count
-from rso_lidar.scene.meshes.mesh import FARTHEST_M, Mesh, guess_units, is_plausible_size, load_mesh, normalize_mesh
+from rso_lidar.scene.meshes.mesh import (
+    FARTHEST_M,
+    Mesh,
+    guess_units,
+    is_plausible_size,
+    load_mesh,
+    normalize_mesh,
+    parse_mesh,
+)
 from rso_lidar.shipped import shipped
 
-COMMANDS = (
-    "list",
-    "show",
-    "materials",
-    "add",
-    "check",
-    "remove",
-)  # of `rso-lidar models`, which takes a model's name in their place
+# Of `rso-lidar models`, which takes a model's name in their place.
+COMMANDS = ("list", "show", "materials", "add", "check", "remove")
 _LEAST_M = 1e-4  # the index holds sizes to a tenth of a millimetre
 _WAIT_S = 60.0  # for another process that adds a model: the largest meshes take some ten seconds
+_LONGEST_LIST = 1000  # characters of the names of parts in a message
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}")
 _DEFAULT = "lambertian_30"
 _METRIC = (".glb", ".gltf")  # by their standard
@@ -111,10 +116,11 @@ def add_model(
         blob, unit_m = tessellate(path)
         suffix, kind = ".glb", f"tessellate to {CHORD_MM:g} mm from {path.name}"
         source = f"{kind}, SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}"
+        mesh = parse_mesh(path, blob, suffix)
     else:
-        load_mesh(path)  # an error names the user's file
+        mesh = load_mesh(path)
         blob, suffix, unit_m, source = path.read_bytes(), path.suffix.lower(), None, path.name
-        if suffix == ".gltf" and b'"uri"' in blob and not re.search(rb'"uri"\s*:\s*"data:', blob):
+        if suffix == ".gltf" and GltfFile(path, blob).has_data_beside:
             raise MeshError(f"{path.name}: keeps its data in other files; export it as one .glb")
     known = known_meshes().get(hashlib.sha256(blob).hexdigest(), {})
     name = given.name or known.get("name") or re.sub(r"[^a-z0-9_-]+", "_", path.stem.lower()).strip("_-")
@@ -134,7 +140,7 @@ def add_model(
             )
         with write_atomically(place) as draft:
             draft.write_bytes(blob)
-            table, report = _table(load_mesh(draft), known, given, unit_m)
+            table, report = _table(mesh, known, given, unit_m)
             table = {"name": name, "file": place.name, "source": source, "size_bytes": len(blob), **table}
             if not _LEAST_M < (largest_m := max(table["size_m"])) < FARTHEST_M:
                 raise MeshError(f"{path.name}: is {largest_m:.4g} m across; give --scale or --size-m")
@@ -235,13 +241,12 @@ def _table(
         "size_class": classify_size(float(whole.size_m.max())),
     }
     _report_known(fields, known, given, report)
-    guesses = ["the file's geometry is used unchanged; centre of mass and materials are assumed unless you gave them"]
     table: dict[str, Any] = {
         "what": given.what or known.get("what", "a mesh of your own"),
         "licence": "NASA 3D resources: free of copyright; name NASA as the source"
         if known
         else "as stated by its source",
-        "confidence": "; ".join(guesses),
+        "confidence": "the file's geometry is used unchanged; centre of mass and materials are assumed unless you gave them",
         "axes": "those of the file" + (", its y turned up to z" if given.mesh_axes == "y_up" else ""),
         "size_m": [round(float(side), 4) for side in whole.size_m],
         "facets": len(whole.facets),
@@ -267,9 +272,8 @@ def _report_known(fields: dict[str, Any], known: Mapping[str, Any], given: MeshO
     given : properties that the user gives.
     report : lines of the report, to which is appended.
     """
-    options = {
-        "object_class": "--class", "subclass": "--subclass", "shape_family": "--shape", "stabilisation": "--stabilisation",
-    }  # fmt: skip
+    options = {"object_class": "--class", "subclass": "--subclass", "shape_family": "--shape"}
+    options["stabilisation"] = "--stabilisation"
     guessed = [key for key in options if given.taxonomy.get(key) is None and key not in known]
     if guessed:
         words = ", ".join(str(fields[key]).replace("_", " ") for key in guessed)
@@ -344,9 +348,7 @@ def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) ->
     default = given.material or _DEFAULT
     chosen = {part: given.part_materials.get(part, by_name.get(part, default)) for part in parts}
     if by_name:
-        named = ", ".join(
-            f"{part} = {material}" for part, material in by_name.items() if part not in given.part_materials
-        )
+        named = ", ".join(f"{part} = {by_name[part]}" for part in by_name if part not in given.part_materials)
         report.append(f"guessed    materials by name: {named}")
     bare = [part for part in parts if part not in by_name and part not in given.part_materials]
     if bare and not given.material:
@@ -357,11 +359,11 @@ def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) ->
 def _check_parts(named: Iterable[str], parts: tuple[str, ...]) -> None:
     for part in named:
         if part not in parts:
-            raise MeshError(f"part '{part}': is not in the mesh{did_you_mean(part, parts)} ({', '.join(parts[:40])})")
+            raise MeshError(f"part '{part}': is not in the mesh{did_you_mean(part, parts)} ({_list_parts(parts)})")
 
 
-def _list_parts(parts: list[str]) -> str:
-    return ", ".join(parts[:8]) + (f" and {len(parts) - 8:,} more" if len(parts) > 8 else "")
+def _list_parts(parts: Iterable[str]) -> str:
+    return shorten(", ".join(parts), _LONGEST_LIST, placeholder=" ...")
 
 
 def _part_classes(parts: tuple[str, ...], given: MeshOptions, report: list[str]) -> dict[str, str]:
@@ -381,8 +383,8 @@ def _part_classes(parts: tuple[str, ...], given: MeshOptions, report: list[str])
     _check_parts(given.part_classes, parts)
     for kind in given.part_classes.values():
         if kind not in PART_CLASSES:
-            known = ", ".join(PART_CLASSES)
-            raise MeshError(f"part class '{kind}': is unknown{did_you_mean(kind, PART_CLASSES)} (known: {known})")
+            guess = did_you_mean(kind, PART_CLASSES)
+            raise MeshError(f"part class '{kind}': is unknown{guess} (known: {', '.join(PART_CLASSES)})")
     guessed = guess_part_classes(part for part in parts if part not in given.part_classes)
     if named := [f"{part} = {kind}" for part, kind in guessed.items() if kind != OTHER]:
         report.append(f"guessed    part classes by name: {', '.join(named)}")

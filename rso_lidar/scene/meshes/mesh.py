@@ -1,22 +1,23 @@
 """Meshes: triangles in named parts, read from a file and repaired."""
 
 import hashlib
-import logging
-import re
 import warnings
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError, did_you_mean, has_warnings_enabled, warn
 from rso_lidar.files import check_regular, read_bytes
-from rso_lidar.scene.meshes.gltf import MOST_FACETS, check_gltf
+from rso_lidar.scene.meshes.accessors import MOST_BYTES
+from rso_lidar.scene.meshes.gltf import read_gltf
 from rso_lidar.scene.meshes.obj import read_obj
+from rso_lidar.scene.meshes.off import read_off
+from rso_lidar.scene.meshes.ply import read_ply
+from rso_lidar.scene.meshes.polygons import MOST_FACETS, MeshPiece
+from rso_lidar.scene.meshes.stl import read_stl
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off")
 CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs")
@@ -24,7 +25,7 @@ CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs")
 # The ISS is 109 m across, and no spacecraft is as small as a marble: beyond these sizes the unit is doubtful.
 _LARGEST_M, _SMALLEST_M = 250.0, 0.02
 _MOST_PARTS = 32_767  # labels number them in 16 bits
-_MOST_BYTES = 2**29  # ten million facets as STL; a reader takes some eight times as much memory
+_COLOURED = (".glb", ".ply")  # formats of which colours are read
 FARTHEST_M = 1e7  # float32 still resolves a metre there
 _OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
 _reported: set[tuple[Path, str]] = set()  # files, with their SHA-256, whose repairs have been reported
@@ -120,16 +121,33 @@ def checked_file(path: Path, suffixes: tuple[str, ...]) -> Path:
         known = ", ".join(suffixes)
         cad = " (STEP and IGES come in through `rso-lidar models add`)" if path.suffix.lower() in CAD_SUFFIXES else ""
         raise MeshError(f"{path}: a mesh of type '{path.suffix}' is not read; convert it to one of {known}{cad}")
-    check_regular(path, _MOST_BYTES, MeshError, "mesh file")
+    check_regular(path, MOST_BYTES, MeshError, "mesh file")
     return path
 
 
 def _read(path: Path) -> Mesh:
-    blob = read_bytes(path, _MOST_BYTES, MeshError, "mesh file")
+    return parse_mesh(path, read_bytes(path, MOST_BYTES, MeshError, "mesh file"), path.suffix.lower())
+
+
+def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
+    """Parse the contents of a mesh file.
+
+    Parameters
+    ----------
+    path : of the file, for messages, and for data that glTF keeps beside it.
+    blob : its contents.
+    suffix : names the format, in lower case; a solid from `tessellate` is of ".glb" whatever its file is.
+
+    Raises
+    ------
+    MeshError
+        As `load_mesh`.
+    """
     if not blob:
         raise MeshError(f"{path.name}: the file is empty; export the mesh again")
-    pieces = _pieces(path, blob)
-    total = sum(len(facets) for _, _, facets in pieces)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is reported below
+        pieces = _read_pieces(path, blob, suffix)
+    total = sum(len(piece.facets) for piece in pieces)
     if total > MOST_FACETS:
         raise MeshError(f"{path.name}: holds {total:,} facets, over {MOST_FACETS:,}; decimate it and export it again")
     if not total:
@@ -137,7 +155,7 @@ def _read(path: Path) -> Mesh:
     numbers: dict[str, int] = {}
     vertices, facets, part = [], [], []
     base = 0
-    for name, piece_vertices, piece_facets in pieces:
+    for name, piece_vertices, piece_facets, _ in pieces:
         number = numbers.setdefault(name, len(numbers))
         if number >= _MOST_PARTS:
             raise MeshError(f"{path.name}: has over {_MOST_PARTS:,} parts; join some and export it again")
@@ -146,8 +164,6 @@ def _read(path: Path) -> Mesh:
         part.append(np.full(len(piece_facets), number, dtype=np.int16))
         base += len(piece_vertices)
     all_vertices, all_facets = np.concatenate(vertices), np.concatenate(facets)
-    if all_facets.size and (all_facets.min() < 0 or all_facets.max() >= len(all_vertices)):
-        raise MeshError(f"{path.name}: a facet names a vertex that is not in the file; export the mesh again")
     bad = ~np.isfinite(all_vertices[all_facets]).all(axis=(1, 2))
     if bad.any():
         raise MeshError(
@@ -174,106 +190,53 @@ def _read(path: Path) -> Mesh:
     )
 
 
-def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Read name, vertices (f8) and facets of each named geometry of a file, in the file's order."""
-    suffix = path.suffix.lower()
-    if suffix == ".obj":
-        return read_obj(path, blob, _MOST_PARTS)  # trimesh loses the order of facets, by which labels number them
-    if suffix in (".glb", ".gltf"):
-        check_gltf(path, blob)
-    if suffix == ".stl":
-        _check_stl(path, blob)
-    import trimesh
-
-    broken = f"{path.name}: cannot be read as {suffix[1:].upper()}: it is cut short or damaged; export it again"
-    try:
-        with silence_trimesh() as problems, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a broken file is reported below in one line
-            # NumPy may stop at text that is not a number, and keep what it has read so far.
-            warnings.filterwarnings("error", message="string or file could not be read")
-            scene = trimesh.load_scene(path, process=False, skip_materials=True)  # without opening textures
-            _check_count(path, blob, scene)
-            pieces = _place_geometries(scene, single=suffix in (".stl", ".off", ".ply"))
-    except (MeshError, MemoryError):
-        raise
-    except Exception:  # trimesh raises any Python exception, with a message that does not name the file
-        raise MeshError(broken) from None
-    if problems:  # trimesh skipped lines that it could not read
-        raise MeshError(broken)
-    if any(vertices.shape[1:] != (3,) or facets.shape[1:] != (3,) for _, vertices, facets in pieces):
-        raise MeshError(f"{path.name}: has positions that are not three numbers each; export it again")
-    return pieces
-
-
-@contextmanager
-def silence_trimesh() -> Iterator[list[str]]:
-    """Collect the warnings and errors that trimesh logs inside the context, instead of printing them."""
-    problems: list[str] = []
-
-    class Kept(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            problems.append(record.getMessage())
-
-    log, kept = logging.getLogger("trimesh"), Kept(logging.WARNING)
-    propagates, log.propagate = log.propagate, False
-    log.addHandler(kept)
-    try:
-        yield problems
-    finally:
-        log.removeHandler(kept)
-        log.propagate = propagates
-
-
-def _check_stl(path: Path, blob: bytes) -> None:
-    """Raise `MeshError` for a truncated ASCII STL, of which trimesh reads the facets that are there."""
-    is_binary = len(blob) >= 84 and 84 + 50 * int.from_bytes(blob[80:84], "little") <= len(blob)
-    if not is_binary and blob.lstrip()[:5].lower() == b"solid" and b"endsolid" not in blob[-1000:].lower():
-        raise MeshError(f"{path.name}: has no 'endsolid' at its end, so it is cut short; export it again")
-
-
-def _place_geometries(scene: Any, *, single: bool) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Return the named geometries of trimesh's scene, placed by its nodes. A `single` one is named ``body``."""
-    pieces = []
-    order = {name: number for number, name in enumerate(scene.geometry)}
-    for node in sorted(scene.graph.nodes_geometry, key=lambda node: order[scene.graph[node][1]]):
-        parent_from_node, geometry_name = scene.graph[node]
-        geometry = scene.geometry[geometry_name]
-        facets = getattr(geometry, "faces", None)
-        if facets is None or not len(facets):
-            continue  # points and lines reflect nothing
-        vertices = np.asarray(geometry.vertices, dtype=float)
-        if not np.array_equal(parent_from_node, np.eye(4)):
-            vertices = vertices @ parent_from_node[:3, :3].T + parent_from_node[:3, 3]
-        pieces.append(("body" if single else str(geometry_name), vertices, np.asarray(facets, dtype=np.int64)))
-    return pieces
-
-
-def _check_count(path: Path, blob: bytes, scene: Any) -> None:
-    """Check that a PLY or OFF has as many facets as its header states, because trimesh reads a shorter one in silence.
+def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[MeshPiece]:
+    """Read the triangles of each named geometry of a file, in the file's order.
 
     Parameters
     ----------
-    path : path of the file; its suffix decides the format.
-    blob : contents of the file.
-    scene : what trimesh read.
-
-    Raises
-    ------
-    MeshError
-        If it has fewer.
+    path : of the file.
+    blob : its contents.
+    suffix : names the format, in lower case.
     """
-    if path.suffix.lower() == ".ply":
-        head, _, _ = blob.partition(b"end_header")
-        stated = re.search(rb"element\s+face\s+(\d{1,18})", head)
-    elif path.suffix.lower() == ".off":
-        stated = re.match(rb"\s*\w*OFF\s+\d+\s+(\d{1,18})", re.sub(rb"#[^\n]*", b"", blob))
-    else:
-        return
-    found = sum(len(getattr(geometry, "faces", ())) for geometry in scene.geometry.values())
-    if stated and found < int(stated[1]):
+    match suffix:
+        case ".obj":
+            return read_obj(path, blob, _MOST_PARTS)
+        case ".glb" | ".gltf":
+            return read_gltf(path, blob)
+        case ".stl":
+            return read_stl(path, blob)
+        case ".ply":
+            return read_ply(path, blob)
+        case _:
+            return read_off(path, blob)
+
+
+def read_facet_colours(mesh: Mesh) -> np.ndarray:
+    """Read the colours (facet in the file, rgb) of facets as bytes, numbered like `Mesh.source_facet`.
+
+    GLB gives a base colour to each group; textures are ignored. PLY gives colours to facets, or to vertices, of which a
+    facet gets the mean.
+    """
+    path = mesh.path
+    suffix = path.suffix.lower()
+    if suffix not in _COLOURED:
         raise MeshError(
-            f"{path.name}: has {found} of the {int(stated[1])} facets that its header states; export it again"
+            f"{path.name}: colours are read from {' and '.join(_COLOURED)} only; give parts or facets instead"
         )
+    pieces = _read_pieces(path, read_bytes(path, MOST_BYTES, MeshError, "mesh file"), suffix)
+    colours = [piece.colours for piece in pieces if piece.colours is not None]
+    if len(colours) != len(pieces) or sum(map(len, colours)) != mesh.source_facets:
+        raise MeshError(f"{path.name}: contains no colours, or not for all facets; give parts or facets instead")
+    return np.concatenate(colours)
+
+
+def format_colours(colours: np.ndarray) -> np.ndarray:
+    """Format colours (…, rgb) as texts such as ``#a29225``."""
+    numbers = (colours.astype(np.int64) * np.array([65536, 256, 1])).sum(axis=-1)
+    distinct, place = np.unique(numbers, return_inverse=True)
+    texts: np.ndarray = np.array([f"#{number:06x}" for number in distinct.tolist()], dtype=object)[place]
+    return texts.reshape(colours.shape[:-1])
 
 
 def normalize_mesh(

@@ -1,21 +1,21 @@
 """OBJ files: triangles in the order of the file, by group."""
 
 from array import array
-from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from rso_lidar.errors import MeshError
+from rso_lidar.scene.meshes.polygons import MeshPiece, cut_polygons
+from rso_lidar.scene.meshes.text_lines import number_lines, refuse_line
 
-_LONGEST = 1_000_000  # characters of a line: a polygon of 100,000 corners
+_CURVED = ("surf", "curv", "cdc", "cdp", "bzp", "bsp")  # surfaces and curves without triangles, and patches
 
 
-def read_obj(path: Path, blob: bytes, most_parts: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
+def read_obj(path: Path, blob: bytes, most_parts: int) -> list[MeshPiece]:
     """Read the groups of an OBJ file.
 
-    A polygon becomes a fan of triangles, numbered one by one. Textures, normals, smoothing groups and materials do not
+    A polygon becomes triangles, numbered one by one. Textures, normals, smoothing groups and materials do not
     bear on range and intensity, and are ignored.
 
     Parameters
@@ -26,18 +26,18 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[tuple[str, np.nda
 
     Returns
     -------
-    Name, vertices (vertex, xyz) and facets (facet, 3) of each run of facets under one group or object.
+    the triangles of each run of polygons under one group or object.
 
     Raises
     ------
     MeshError
-        If a line cannot be read, or there are too many groups.
+        If a line cannot be read, there are too many groups, or the file has curved surfaces or commands for other files.
     """
     vertices = array("d")
-    runs: list[tuple[str, array]] = []
+    runs: list[tuple[str, array, array]] = []
     names: set[str] = set()
     name = "body"
-    for number, line in _lines(path, blob):
+    for number, line in number_lines(path, blob, joined=True):
         words = line.partition("#")[0].split()
         if not words:
             continue
@@ -47,43 +47,36 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[tuple[str, np.nda
                 vertices.extend((x, y, z))
             elif words[0] in ("g", "o"):
                 name = "_".join(words[1:]) or "body"
-            elif words[0] == "f":
+            elif words[0] in ("f", "fo"):
                 corners = [_index(word, len(vertices) // 3) for word in words[1:]]
                 if len(corners) < 3:
                     raise ValueError
                 if not runs or runs[-1][0] != name:
-                    runs.append((name, array("q")))
+                    runs.append((name, array("q"), array("q")))
                     names.add(name)
                     if len(names) > most_parts:
                         raise MeshError(f"{path.name}: has over {most_parts:,} parts; join some and export it again")
-                for b, c in pairwise(corners[1:]):
-                    runs[-1][1].extend((corners[0], b, c))
+                runs[-1][1].extend(corners)
+                runs[-1][2].append(len(corners))
+            elif words[0] in _CURVED:
+                raise MeshError(
+                    f"{path.name}: line {number}: has a curved surface ('{words[0]}'), which is not read; export "
+                    "it as polygons"
+                )
+            elif words[0] in ("call", "csh"):
+                raise MeshError(f"{path.name}: line {number}: calls another file, which is not read; export it as one")
         except MeshError:
             raise
         except ValueError:
-            raise MeshError(
-                f"{path.name}: line {number}: cannot be read as OBJ ({line.strip()[:40]}); correct it"
-            ) from None
+            raise refuse_line(path, number, line, "OBJ") from None
+    if not vertices and not runs:
+        raise MeshError(f"{path.name}: contains no triangles and no vertices, so it is no OBJ file; export it again")
     points = np.array(vertices, dtype=float).reshape(-1, 3)
-    return [(name, *_drop_unused(points, np.array(facets, dtype=np.int64).reshape(-1, 3))) for name, facets in runs]
-
-
-def _lines(path: Path, blob: bytes) -> Iterator[tuple[int, str]]:
-    """Yield the numbered lines of a file. A line that ends in a backslash is joined to the next."""
-    start, number, held = 0, 0, b""
-    blob = blob.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in blob else blob
-    while start < len(blob):
-        end = blob.find(b"\n", start)
-        end = len(blob) if end < 0 else end
-        number += 1
-        if end - start + len(held) > _LONGEST:
-            raise MeshError(f"{path.name}: line {number}: is over {_LONGEST:,} characters long; export it again")
-        line = held + blob[start:end]
-        start, held = end + 1, b""
-        if line.endswith(b"\\") and start < len(blob):
-            held = line[:-1] + b" "
-            continue
-        yield number, line.decode("utf-8", errors="replace")
+    pieces = []
+    for name, run_corners, sizes in runs:
+        facets = cut_polygons(path.name, points, np.array(run_corners, dtype=np.int64), np.array(sizes, dtype=np.int64))
+        pieces.append(MeshPiece(name, *_drop_unused(points, facets)))
+    return pieces
 
 
 def _index(word: str, count: int) -> int:

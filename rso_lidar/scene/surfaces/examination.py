@@ -30,6 +30,9 @@ _TIE = 1e-9  # of the weight: a sum this near to half of it counts as half
 _STRAY = 2.0  # times as far from the middle as 95 % of the surface
 
 
+_LISTED = 40  # strays that have a line each
+
+
 @dataclass(frozen=True)
 class Examination:
     """What the examination of a mesh found. Lengths are in metres where the mesh is.
@@ -87,9 +90,11 @@ class Examination:
                 f"duplicates  {format_count(self.duplicates, 'facet')} on another with the same corners: harmless"
             )
         text.append(f"components  {self.components:,}, by shared edges")
-        text += [f"stray       {_at(piece)}, far from the rest: not a part of the craft?" for piece in self.strays[:5]]
-        if len(self.strays) > 5:
-            text.append(f"stray       and {len(self.strays) - 5:,} more")
+        text += [
+            f"stray       {_at(piece)}, far from the rest: not a part of the craft?" for piece in self.strays[:_LISTED]
+        ]
+        if len(self.strays) > _LISTED:
+            text.append(f"stray       and {len(self.strays) - _LISTED:,} more, each a line in `examine(mesh).strays`")
         if self.cube:
             text.append(
                 f"cube        {_at(self.cube)}: a helper cube of the drawing, most likely; in NASA's models it is 1 m"

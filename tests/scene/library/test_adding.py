@@ -370,6 +370,19 @@ def test_a_library_that_cannot_be_made(box, tmp_path, monkeypatch):
         add_model(box())
 
 
+def test_messages_name_the_user_s_file_and_all_parts_that_are_assumed(library, tmp_path):
+    groups = [(f"part_{k}", triangle) for k, triangle in enumerate(BOX)]
+    path = tmp_path / "craft.obj"
+    path.write_bytes(obj(groups))
+    _, report = add_model(path)
+    assumed = next(line for line in report if "lambertian_30" in line)
+    assert all(f"part_{k}" in assumed for k in range(12)) and "more" not in assumed
+    path.write_bytes(obj([(name, 1e-9 * triangle) for name, triangle in groups]))
+    with pytest.raises(MeshError, match=r"^craft\.obj: is ") as refused:
+        add_model(path, MeshOptions(name="other", scale=1.0))
+    assert "part." not in str(refused.value)
+
+
 def test_a_gltf_with_data_beside_it_is_not_torn_apart(library, tmp_path):
     blob = glb([("bus", BOX)], [{"mesh": 0}])
     length = int.from_bytes(blob[12:16], "little")

@@ -179,13 +179,6 @@ def test_meshes_of_a_glb_are_parts_in_the_file_s_order(load):
     )
 
 
-def test_one_mesh_at_two_places_is_one_part_with_all_its_facets(load):
-    nodes = [{"mesh": 0, "translation": [0, 3, 0]}, {"mesh": 0, "translation": [0, -3, 0]}]
-    mesh = load("wings.glb", glb([("wing", plate(2.0))], nodes))
-    assert mesh.part_names == ("wing",) and len(mesh.facets) == 4
-    assert mesh.size_m == pytest.approx([2, 8, 0])
-
-
 QUAD = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
 
 
@@ -224,12 +217,16 @@ def spoiled(value):
     [
         ("zero.stl", b"", "the file is empty"),
         ("head.stl", binary_stl(BOX[:0]), "no triangles"),
-        ("short.stl", binary_stl(BOX)[:40], ""),
-        ("cut.stl", binary_stl(BOX)[:-60], ""),
-        ("cut2.stl", binary_stl(BOX)[:-1], ""),
+        ("short.stl", binary_stl(BOX)[:40], "is neither ASCII STL"),
+        ("cut.stl", binary_stl(BOX)[:-60], "promises 12 facets and 10 are there"),
+        ("cut2.stl", binary_stl(BOX, b"solid, says a binary file")[:-1], "promises 12 facets and 11 are there"),
         ("cut3.stl", ascii_stl(BOX)[:700], ""),
         ("cut4.stl", ascii_stl(BOX).replace(b"endsolid box\n", b""), ""),
-        ("words.stl", b"This is a letter to my aunt.\n" * 30, ""),
+        (
+            "words.stl",
+            b"This is a letter to my aunt.\n" * 30,
+            "is neither ASCII STL, which begins with 'solid', nor binary",
+        ),
         ("nan.stl", spoiled(np.nan), "1 of 12 facets have coordinates that are not finite, the first is facet 7"),
         ("inf.stl", spoiled(-np.inf), "the first is facet 7"),
         ("points.stl", binary_stl(np.zeros((3, 3, 3))), "all 3 facets are without area"),
