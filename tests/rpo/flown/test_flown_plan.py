@@ -47,8 +47,8 @@ def test_impulses_of_a_plan_are_those_of_nonlinear_in_the_chiefs_axes():
     )
     got = Flown(plan=HOP, forces=Forces()).relative(Epochs(START, times), CHIEF)
     wanted = other.relative(Epochs(START, times), CHIEF)
-    # The flight also integrates the switch of the held leg, which changes the lengths of its steps. So the two differ by the
-    # errors of some 35 steps each, and a step may be wrong by 1e-6 m + 1e-13 r = 1.7e-6 m and 1.8e-9 m/s (`IntegratedOrbit`).
+    # The flight also integrates the switch of the held leg, which changes the lengths of its steps. So the two differ by
+    # the errors of some 35 steps each. A step may be wrong by 1e-6 m + 1e-13 r = 1.7e-6 m and 1.8e-9 m/s.
     np.testing.assert_allclose(got[0], wanted[0], rtol=0, atol=2 * 35 * 1.7e-6)
     np.testing.assert_allclose(got[1], wanted[1], rtol=0, atol=2 * 35 * 1.8e-9)
 
