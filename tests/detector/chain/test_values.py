@@ -8,6 +8,7 @@ from scipy import optimize, stats
 
 from rso_lidar.detector import Amplifier, Apd, Empirical, Gate, Gsfl, Maps, Readout, detect
 from rso_lidar.detector.bench.calibration import make_reference_pulse
+from rso_lidar.detector.analysis.noise_effects import false_alarms_of_gsfl
 from rso_lidar.detector.chain.camera import build_camera, false_trigger_fraction, mean_false_alarms_per_s
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measurement import measure
@@ -76,6 +77,8 @@ def test_rices_rate_and_the_share_of_pixels_that_noise_triggers():
     got = false_trigger_fraction(gaussian, np.array([armed_s, 3e5 * armed_s]))
     assert got == pytest.approx(expected, rel=1e-9, abs=6e-5)  # rates within 5 % are averaged
     assert got[0] == pytest.approx(expected[0], rel=1e-4)
+    alarms = false_alarms_of_gsfl(gaussian, np.array([0.0, gaussian.armed_to_m, 1e9]))
+    assert alarms == pytest.approx([0.0, got[0], got[0]], rel=1e-9)
 
 
 def test_a_row_holds_all_that_a_latch_stores_and_what_the_filter_remembers():
