@@ -7,8 +7,8 @@ import pytest
 from scipy import optimize, stats
 
 from rso_lidar.detector import Amplifier, Apd, Empirical, Gate, Gsfl, Maps, Readout, detect
-from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.analysis.noise_effects import false_alarms_of_gsfl
+from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.chain.camera import build_camera, false_trigger_fraction, mean_false_alarms_per_s
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measurement import measure

@@ -61,7 +61,7 @@ def agree(hits, lens):
         assert np.array_equal(getattr(ours, name), getattr(reference, name)), name
     brightest = reference.photons.max(initial=0.0)
     np.testing.assert_allclose(ours.photons, reference.photons, rtol=1e-12, atol=1e-15 * brightest)
-    np.testing.assert_allclose(ours.delay_s, reference.delay_s, rtol=1e-14, atol=0.0)
+    np.testing.assert_allclose(ours.delay_s, reference.delay_s, rtol=5e-14, atol=0.0)  # a mean of delays
     np.testing.assert_allclose(ours.depth_spread_s, reference.depth_spread_s, rtol=1e-9, atol=1e-20)
     np.testing.assert_allclose(ours.coherence_cells, reference.coherence_cells, rtol=1e-12, atol=1e-14)
     return len(ours.pixel)
