@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test site processor bounds release-check mutants rules lint validate real-data docs figures calibrate models peers bench clean
+.PHONY: help venv demo test site processor tolerances bounds release-check mutants rules lint validate real-data docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
@@ -50,8 +50,11 @@ site: $(VENV)/.installed-site ## build the documentation into out/site: every ex
 mutants: $(VENV)/.installed-test ## plant faults one by one and see that tests notice (slow; ROOM=... NAME=... choose)
 	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(addprefix --room ,$(ROOM)) --name "$(NAME)"
 
-processor: $(VENV)/.installed-test ## repeat the tests of shapes, frames and physics as on the oldest processor
-	$(BIN)/python -m tests.processor -q -n $(JOBS) --dist loadscope tests/shapes tests/golden tests/property tests/physics
+processor: $(VENV)/.installed-test ## repeat the tests of rooms that compute numbers as on the oldest processor
+	$(BIN)/python -m tests.processor -q -n $(JOBS) --dist loadscope
+
+tolerances: $(VENV)/.installed-test ## list tolerances that rounding could exceed (slow; TESTS=... chooses)
+	$(BIN)/python -m tests.tolerances -n $(JOBS) --dist loadscope $(TESTS)
 
 bounds: $(VENV)/.installed-test ## install the declared lower bounds elsewhere, and fly, record and export with them
 	$(BIN)/python -m tests.bounds

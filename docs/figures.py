@@ -31,8 +31,8 @@ from rso_lidar.detector.chain.timing import plan_time, shape_pulse
 from rso_lidar.detector.chain.traces import arm_rows, latch_rows
 from rso_lidar.detector.ranging.location import locate
 from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
-from rso_lidar.detector.settings.noise import noise_rms, rice_rate
-from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
+from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.picture.selection.scale import nice_down
@@ -550,13 +550,16 @@ def separation() -> Any:
     by_light, by_trace = figure.subplots(1, 2, sharey=True)
     detector = rl.Gsfl(max_returns=2)
     for over, colour in ((2.0, SKY), (5.0, BLUE), (20.0, ORANGE), (100.0, RED)):
-        photons = over * detector.threshold_photons
+        photons = over * detector.traits.threshold_photons
         _both(by_light, detector, np.arange(0.6, 4.3, 0.1), photons, f"{photons:,.0f} photons each", colour)
     for samples, colour in ((20, BLUE), (28, GREEN), (44, PINK)):
         longer = detector.replace(readout=rl.detector.Readout(samples=samples))
         deep = np.arange(0.6, longer.stored_behind_m + 0.2, 0.1)
-        _both(by_trace, longer, deep, 5.0 * detector.threshold_photons, f"{samples} samples", colour)
-    for axes, title in ((by_light, "20 samples"), (by_trace, f"{5.0 * detector.threshold_photons:,.0f} photons each")):
+        _both(by_trace, longer, deep, 5.0 * detector.traits.threshold_photons, f"{samples} samples", colour)
+    for axes, title in (
+        (by_light, "20 samples"),
+        (by_trace, f"{5.0 * detector.traits.threshold_photons:,.0f} photons each"),
+    ):
         axes.set(ylim=(-0.03, 1.03))
         style_axes(axes, title, x="Separation in range [m]", y="Both are listed" if axes is by_light else "")
         key(axes, "upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)

@@ -586,6 +586,8 @@ def defaults() -> str:
 def constants() -> str:
     """Return the solved constants of the detector's presets, and what follows from them."""
     rows = []
+    laser = rl.Laser(pulse_fwhm_ns=8.0)  # of the calibration
+    pulse = rl.detector.LaserPulse(*laser.pulse, laser.pulse_fwhm_s)
     for preset in ("noise_limited", "offset_limited"):
         detector = rl.Gsfl(preset=preset)
         rows.append(
@@ -594,9 +596,8 @@ def constants() -> str:
                 f"{detector.amplifier.noise_electrons:,.0f}",
                 f"{detector.noise_electrons:,.0f}",
                 f"{detector.trigger.threshold_electrons:,.0f}",
-                f"{detector.threshold_photons:,.0f}",
+                *(f"{photons:,.0f}" for photons in rl.detector.find_photons(detector, pulse, np.array([0.5, 0.95]))),
                 f"{detector.threshold_over_noise:.1f}",
-                _rate(detector.false_alarms_per_s),
                 _rate(mean_false_alarms_per_s(detector)),
             )
         )
@@ -605,10 +606,10 @@ def constants() -> str:
         "amplifier noise [electrons]",
         "with dark current [electrons]",
         "threshold [electrons]",
-        "threshold [photons]",
+        "detected at 50 % [photons]",
+        "detected at 95 % [photons]",
         "threshold / noise",
-        "false alarms by Rice [1/s]",
-        "with avalanches and spread [1/s]",
+        "false alarms [1/s]",
     )
     return _table(header, rows)
 

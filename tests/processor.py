@@ -1,4 +1,4 @@
-"""The tests as on another processor: `python -m tests.processor <arguments of pytest>`.
+"""The tests as on another processor: `python -m tests.processor <arguments of pytest>`, by default those of `REPEATED`.
 
 NumPy, its BLAS, the C library and numba each choose their code by the processor they find. Here they are told to take what
 the oldest one has, which rounds otherwise: what hangs on the last bit comes out differently.
@@ -32,7 +32,28 @@ def dispatched() -> list[str]:
     return [name for name in numpy_core.__cpu_dispatch__ if numpy_core.__cpu_features__[name]]
 
 
+# Folders of tests that compare numbers. Those of rooms that compute them are repeated; `tolerances` examines all.
+REPEATED = (
+    "shapes", "golden", "property", "physics", "orbit", "rpo", "motion", "track", "optics", "scene", "detector", "sensors",
+    "simulation", "records",
+)  # fmt: skip
+LEFT_OUT = {
+    "study": "sums, ranks and draws what the rooms above compute",
+    "scenario": "composes, describes and checks what they compute",
+    "dataset": "compares draws by their statistics",
+    "loop": "compares flights with flights on the same processor",
+    "export": "compares files with what was written into them",
+    "fmi": "compares FMUs with the same simulation",
+    "picture": "compares places on a page",
+    "cli": "compares printed numbers",
+    "part": "compares units",
+    "peers": "compares with other programs to per cents",
+    "house": "reads the tree",
+}
+
+
 if __name__ == "__main__":
     machine_code = Path(sys.prefix) / "numba-generic"  # beside what this processor's own runs keep
     os.environ |= other_processor() | {"NUMBA_CACHE_DIR": str(machine_code)}
-    os.execv(sys.executable, [sys.executable, "-m", "pytest", *sys.argv[1:]])
+    chosen = [] if any(one.startswith("tests") for one in sys.argv[1:]) else [f"tests/{room}" for room in REPEATED]
+    os.execv(sys.executable, [sys.executable, "-m", "pytest", *sys.argv[1:], *chosen])

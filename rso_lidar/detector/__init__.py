@@ -4,13 +4,14 @@ from rso_lidar.detector.analysis.array_load import ArrayLoad
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.analysis.user_detector import Detector, check_traits
 from rso_lidar.detector.bench.pixel_prediction import predict_pixels
-from rso_lidar.detector.bench.prediction import predict
+from rso_lidar.detector.bench.prediction import find_photons, predict
 from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
 from rso_lidar.detector.detect import (
     AnyDetector,
     DescribedDetector,
     advise,
     array_load,
+    check_noise,
     check_size,
     describe,
     describe_storage,
@@ -70,6 +71,7 @@ __all__ = [
     "ZeroCrossing",
     "advise",
     "array_load",
+    "check_noise",
     "check_size",
     "check_traits",
     "describe",
@@ -80,6 +82,7 @@ __all__ = [
     "detection_probability",
     "draw_crosstalk_m",
     "false_alarm_probability",
+    "find_photons",
     "frame_jitter_s",
     "isolate",
     "list_neglected_effects",

@@ -1,17 +1,15 @@
 """The interface of all detectors, and the functions that implement it for each kind.
 
 `Gsfl`, `Empirical` and `GeigerArray` are data; the table `_FUNCTIONS` lists the functions of each. A Python user may give an
-object of another class in their place, as ``lidar.detector``: it follows the protocol `Detector`. Every function here takes
-either, and code outside this room does not depend on the kind of detector.
+object that follows the protocol `Detector` in their place, as ``lidar.detector``. Every function here takes either.
 
 - `detect` makes a reading of the light of one flash; `detect_with_taps` also returns the signals between the stages.
 - ``detector.traits`` holds the facts: reach, threshold, number of returns, gate, settings in force (`DetectorTraits`).
   A gated detector has ``with_gate_delay(delay_ns)`` as well.
-- `check_size`, `describe`, `advise`, `describe_window`, `describe_storage` and `list_neglected_effects` serve the checks and
-  the texts of a scenario.
+- `check_noise`, `check_size`, `describe`, `advise`, `describe_window`, `describe_storage` and `list_neglected_effects` serve
+  the checks and the texts of a scenario.
 - `false_alarm_probability`, `detection_probability`, `predict_closed_form`, `report_probability` and `noise_growth` are
-  closed forms.
-  `prediction.predict` runs a trial of pixels for a detector without a closed form.
+  closed forms. `prediction.predict` runs a trial of pixels for a detector without one.
 - `isolate`, `array_load`, `draw_crosstalk_m` and `frame_jitter_s` separate pixels from their array, for `trial.run_trial`.
 
 A detector without noise that lists the first return of each pixel::
@@ -43,7 +41,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from rso_lidar.detector.analysis import closed_form, description, noise_effects, pixel_reports, simulation_size
+from rso_lidar.detector.analysis import closed_form, description, limits, noise_effects, pixel_reports
 from rso_lidar.detector.analysis.array_load import ArrayLoad, simulate_array_load
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.analysis.user_detector import Detector, check_array_load, check_prediction, check_reading
@@ -73,7 +71,8 @@ _FUNCTIONS: dict[type, dict[str, Callable[..., Any]]] = {
     Gsfl: {
         "detect": lambda gsfl, *given: run_chain(gsfl, given[0], given[1], threads=given[2])[:2],
         "detect_with_taps": lambda gsfl, *given: run_chain(gsfl, *given[:2], with_taps=True, threads=given[2]),
-        "check_size": simulation_size.check_size_gsfl,
+        "check_noise": limits.check_noise_gsfl,
+        "check_size": limits.check_size_gsfl,
         "describe": description.describe_gsfl,
         "advise": description.advise_gsfl,
         "describe_storage": description.describe_storage,
@@ -152,6 +151,16 @@ def detect_with_taps(
     if not isinstance(own, tuple) or len(own) != 3 or not isinstance(own[2], Taps | None):
         raise make_answer_error(detector, "detect_with_taps", own, "return (Reading, Waveforms or None, Taps or None)")
     return *check_reading(detector, "detect_with_taps", own[:2], photons), own[2]
+
+
+def check_noise(detector: AnyDetector) -> None:
+    """Refuse a detector whose pixels noise alone would trigger; by default none is.
+
+    Parameters
+    ----------
+    detector : the detector; `ScenarioError` where its threshold is too low.
+    """
+    _call(detector, "check_noise")
 
 
 def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> None:
@@ -274,11 +283,9 @@ def predict_closed_form(
     only_probability : whether the other members of the prediction are not needed.
     """
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
-    given: tuple[Any, ...]
-    if _find_functions(detector):
-        given = (pulse, photons, depth_s, only_probability)
-    else:
-        given = (pulse._replace(power_per_s=lock_array(pulse.power_per_s)), photons, depth_s)
+    described = _find_functions(detector) is not None
+    own = pulse if described else pulse._replace(power_per_s=lock_array(pulse.power_per_s))
+    given = (own, photons, depth_s, *([only_probability] if described else []))
     check = partial(check_prediction, shape=photons.shape)
     found: Prediction | None = _call(detector, "predict_closed_form", *given, check=check)
     return found
@@ -376,7 +383,7 @@ def _call(
     default: Any = None,
     check: Callable[[object, str, object], Any] = lambda _owner, _method, found: found,
 ) -> Any:
-    """Return the result of a function of a part or of a method of an object, or a default if there is neither.
+    """Return the result of a function of a part or of a method of an object; a default if there is neither.
 
     Parameters
     ----------

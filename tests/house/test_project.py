@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.processor import LEFT_OUT, REPEATED
+
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
@@ -104,6 +106,17 @@ def test_make_describes_every_target():
     phony = set(re.search(r"^\.PHONY: (.*)$", text, re.MULTILINE)[1].split())
     described = set(re.findall(r"^([a-z-]+):.*## .+$", text, re.MULTILINE))
     assert phony == described
+
+
+def test_every_folder_of_tests_that_compares_numbers_is_repeated_on_another_processor_or_left_out_for_a_reason():
+    compares = re.compile(r"\bapprox\(|\bassert_allclose\(|\b(?:np|math)\.(?:all|is)close\(")
+    folders = {
+        path.relative_to(ROOT / "tests").parts[0]
+        for path in (ROOT / "tests").glob("*/**/*.py")
+        if compares.search(path.read_text(encoding="utf-8"))
+    }
+    assert folders <= {*REPEATED, *LEFT_OUT} and not set(REPEATED) & set(LEFT_OUT)
+    assert all((ROOT / "tests" / name).is_dir() for name in (*REPEATED, *LEFT_OUT))
 
 
 def test_no_connection_leaves_the_machine():

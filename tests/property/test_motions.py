@@ -164,7 +164,8 @@ def test_velocity_is_the_slope_of_the_position(name, folder):
         assert np.allclose(here.matrix, axes.as_matrix(), rtol=0, atol=1e-12)
         # of two bodies the plane stands still, and no perturbation turns it faster than thrust does here
         assert np.allclose(here.angular_velocity_rad_s, plane, rtol=0, atol=3e-6)
-        within = 0.05 if name in THEORIES else 1e-6  # a theory's velocity is not quite the derivative of its position
+        # a theory's velocity is not quite the derivative of its position; elsewhere coordinates round to 1e-9 m
+        within = 0.05 if name in THEORIES else 3e-6
         assert np.allclose(state.velocity_m_s, here.velocity_m_s, rtol=0, atol=within)
 
 

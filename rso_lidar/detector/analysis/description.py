@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from rso_lidar import units
-from rso_lidar.detector.chain.camera import false_trigger_fraction
+from rso_lidar.detector.analysis.noise_effects import false_alarms_of_gsfl
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 
@@ -52,10 +54,10 @@ def describe_gsfl(gsfl: Gsfl, n_pixels: int) -> list[str]:
             f"  gate      {gate.from_m:.1f} to {gate.to_m:.1f} m, {gate.pulses} pulse{'s' * (gate.pulses > 1)} a frame, "
             f"false alarms {gate.false_alarm_probability:g} a pixel and frame",
         ]
-    false = false_trigger_fraction(gsfl) * n_pixels
+    false = float(false_alarms_of_gsfl(gsfl, np.array(gsfl.armed_to_m))) * n_pixels
     return [
         *lines,
-        f"  trigger   {gsfl.trigger.threshold_electrons:.0f} electrons ({gsfl.threshold_photons:.0f} photons), "
+        f"  trigger   {gsfl.trigger.threshold_electrons:.0f} electrons, "
         f"{gsfl.threshold_over_noise:.1f} times the noise; "
         f"armed {gsfl.armed_from_m:g} to {gsfl.armed_to_m:g} m, {false:.2g} false triggers a frame",
     ]
@@ -74,7 +76,7 @@ def advise_gsfl(gsfl: Gsfl, pulse_fwhm_s: float) -> list[str]:
             )
     if gsfl.gate is not None:
         return lines
-    share = false_trigger_fraction(gsfl)
+    share = float(false_alarms_of_gsfl(gsfl, np.array(gsfl.armed_to_m)))
     if share > _MOST_FALSE:
         lines.append(
             f"noise triggers {share:.1%} of the pixels in every frame before they could see a target (threshold "

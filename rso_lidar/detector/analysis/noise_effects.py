@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
+from rso_lidar.detector.chain.camera import false_trigger_fraction
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.noise import noise_rms
@@ -19,30 +19,20 @@ def false_alarms_of_gsfl(gsfl: Gsfl, range_m: np.ndarray) -> np.ndarray:
     """Return the probability (range) of a false alarm of the full chain before light from there comes."""
     if gsfl.gate is not None:
         return np.full(np.shape(range_m), gsfl.gate.false_alarm_probability)
-    return _wait(gsfl, mean_false_alarms_per_s(gsfl), range_m)
+    return false_trigger_fraction(gsfl, _find_armed_s(gsfl, range_m))
 
 
 def false_alarms_of_empirical(empirical: Empirical, range_m: np.ndarray) -> np.ndarray:
     """Return the probability (range) of a false alarm of the empirical detector before light from there comes."""
-    return _wait(empirical, empirical.false_alarms_per_s, range_m)
-
-
-def _wait(detector: Gsfl | Empirical, rate: float, range_m: np.ndarray) -> np.ndarray:
-    """Compute the probability that noise triggers a pixel before light from a range arrives.
-
-    Parameters
-    ----------
-    detector : with the range from which it is armed.
-    rate : false alarms of a pixel [1/s].
-    range_m : (range) [m].
-
-    Returns
-    -------
-    (range) probability.
-    """
-    armed_m = np.clip(range_m, detector.armed_from_m, detector.armed_to_m) - detector.armed_from_m
-    before: np.ndarray = -np.expm1(-rate * armed_m / units.RANGE_PER_DELAY_M_S)
+    before: np.ndarray = -np.expm1(-empirical.false_alarms_per_s * _find_armed_s(empirical, range_m))
     return before
+
+
+def _find_armed_s(detector: Gsfl | Empirical, range_m: np.ndarray) -> np.ndarray:
+    """Return how long a pixel has been armed before light from ranges [m] arrives [s]."""
+    armed_m = np.clip(range_m, detector.armed_from_m, detector.armed_to_m) - detector.armed_from_m
+    armed_s: np.ndarray = armed_m / units.RANGE_PER_DELAY_M_S
+    return armed_s
 
 
 def noise_growth_gsfl(gsfl: Gsfl, background_photons_per_s: float) -> float:

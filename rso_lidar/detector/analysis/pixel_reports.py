@@ -123,7 +123,7 @@ def _detect_clusters(dark: Gsfl, gsfl: Gsfl, photons: Photons) -> np.ndarray:
     photons : light on every pixel.
     """
     shape = shape_pulse(dark, photons)
-    threshold_photons = dark.threshold_photons / shape.peak
+    threshold_photons = dark.traits.threshold_photons / shape.peak
     signal = _sum_clusters(photons, shape, _SURE_PHOTONS * threshold_photons)
     if dark.gate is not None:
         pulse = LaserPulse(photons.pulse_step_s, photons.pulse_power_per_s, photons.pulse_fwhm_s)

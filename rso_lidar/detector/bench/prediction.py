@@ -11,11 +11,14 @@ from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.detect import AnyDetector, predict_closed_form
+from rso_lidar.errors import ScenarioError
 
 _TRIALS, _FEWEST = 200, 20  # pixels for each return: the standard error of a probability is at most 0.035
 _MOST_SAMPLES = 8_000_000  # that all trials together may take
 _FARTHEST_M = 1e6
 _SEED = 17  # random seed of the trials
+_FARTHEST_LIGHT = 1e3  # times the threshold, and its inverse: between them the light of a given probability is sought
+_SECTIONS, _ROUNDS = 7, 4  # of this interval in logarithm, whose ends are then a factor 1.006 apart
 
 
 def predict(
@@ -41,6 +44,42 @@ def predict(
     """
     known = predict_closed_form(detector, pulse, photons, depth_s, only_probability=only_probability)
     return _predict_by_trial(detector, pulse, photons, depth_s) if known is None else known
+
+
+def find_photons(detector: AnyDetector, pulse: LaserPulse, probability: np.ndarray) -> np.ndarray | None:
+    """Find the photons of a return from a facing surface that is detected with given probabilities, in the dark.
+
+    Parameters
+    ----------
+    detector : a part, or an object that follows the protocol `Detector`.
+    pulse : the laser's pulse.
+    probability : (case) probabilities of detection, if no false alarm comes before.
+
+    Returns
+    -------
+    photons (case), infinite where no light is detected so often; None for a detector without a closed form for this
+    pulse.
+    """
+    wanted = np.atleast_1d(np.asarray(probability, dtype=float))
+    start = detector.traits.threshold_photons
+    start = start if 0.0 < start < math.inf else 1.0
+    low, high = np.full(len(wanted), start / _FARTHEST_LIGHT), np.full(len(wanted), start * _FARTHEST_LIGHT)
+    case = np.arange(len(wanted))
+    for _ in range(_ROUNDS):
+        light = np.geomspace(low, high, _SECTIONS + 1, axis=1)
+        try:
+            known = predict_closed_form(detector, pulse, light.ravel(), np.zeros(light.size), only_probability=True)
+        except ScenarioError:  # such as an amplifier that is too fast for the closed form of the pulse
+            known = None
+        if known is None:
+            return None
+        found = known.probability.reshape(light.shape)
+        above = np.clip((found < wanted[:, None]).sum(axis=1), 1, _SECTIONS)
+        low, high = light[case, above - 1], light[case, above]
+        low_found, high_found = found[case, above - 1], found[case, above]
+    share = (wanted - low_found) / np.maximum(high_found - low_found, np.finfo(float).tiny)
+    photons: np.ndarray = np.where(share <= 1.0, low + np.clip(share, 0.0, 1.0) * (high - low), np.inf)
+    return photons
 
 
 def _predict_by_trial(detector: AnyDetector, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray) -> Prediction:

@@ -64,7 +64,7 @@ def read_scatter_m(
 
 def threshold_of_returns(gsfl: Gsfl) -> float:
     """Return the photons of a return that is detected in about half of all flashes: level 1 of the table."""
-    return gsfl.threshold_photons * (1.0 if gsfl.gate is None else _GATE_UNIT / math.sqrt(gsfl.gate.pulses))
+    return gsfl.traits.threshold_photons * (1.0 if gsfl.gate is None else _GATE_UNIT / math.sqrt(gsfl.gate.pulses))
 
 
 @lru_cache(maxsize=512)

@@ -63,8 +63,8 @@ def store_traces(
     camera = camera or build_camera(gsfl, n_pixels)
     plan = plan_time(gsfl, photons.pulse_fwhm_s, _earliest_s(gsfl, photons))
     per_sample = plan.steps_per_sample
-    dark = _DARK * gsfl.threshold_photons
-    sure = _CERTAIN_DETECTION * (1.0 + 5.0 * gsfl.trigger.threshold_spread_fraction) * gsfl.threshold_photons
+    dark = _DARK * gsfl.traits.threshold_photons
+    sure = _CERTAIN_DETECTION * (1.0 + 5.0 * gsfl.trigger.threshold_spread_fraction) * gsfl.traits.threshold_photons
     rows, arming = arm_rows(gsfl, place_rows(photons, plan, dark, sure), plan.step_s)
     made = simulate_analog(gsfl, photons, rows, plan, camera, rng, threads)
     base = base_rate_per_s(gsfl.quantum_efficiency, camera, photons)

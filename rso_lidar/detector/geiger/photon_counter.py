@@ -57,8 +57,8 @@ def describe(array: GeigerArray, n_pixels: int) -> list[str]:
         f"{array.hold_off_ns:g} ns, bins of {array.bin_ns:g} ns, jitter {array.jitter_ns:g} ns",
         f"  gate      {array.gate_from_m:g} to {array.gate_to_m:g} m, "
         f"{array.pulses} pulse{'s' * (array.pulses > 1)} a frame, "
-        f"peaks of {array.dark_least_counts} counts in {array.peak_bins * array.bin_ns:g} ns "
-        f"({array.traits.threshold_photons:.2g} photons), {false:.2g} false alarms a frame",
+        f"peaks of {array.dark_least_counts} counts in {array.peak_bins * array.bin_ns:g} ns, "
+        f"{false:.2g} false alarms a frame",
     ]
 
 

@@ -15,7 +15,7 @@ from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd
 from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
-from rso_lidar.detector.settings.noise import noise_rms, rice_rate
+from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.settings.presets import PRESETS
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.settings.traits import DetectorTraits
@@ -157,14 +157,6 @@ class Gsfl(Part):
                 f"({self.trigger.threshold_electrons:g}), which no signal could reach; raise the rail"
             )
         self._check_zero_crossing()
-        false = self.false_alarms_per_s * (self.armed_to_m - self.armed_from_m) / units.RANGE_PER_DELAY_M_S
-        if self.gate is None and false > 1.0:
-            raise ValueError(
-                f"trigger.threshold_electrons ({self.trigger.threshold_electrons:g}) is {self.threshold_over_noise:.2g} "
-                f"times the noise ({self.noise_electrons:.0f} electrons): noise alone would trigger each pixel "
-                f"{self.false_alarms_per_s:.3g} times a second, {false:.3g} times while it is armed; raise the threshold, "
-                "lower the noise, or arm a shorter window"
-            )
         return self
 
     def _check_zero_crossing(self) -> None:
@@ -233,23 +225,10 @@ class Gsfl(Part):
         """Threshold over the rms noise in the dark."""
         return self.trigger.threshold_electrons / self.noise_electrons if self.noise_electrons > 0.0 else math.inf
 
-    @cached_property
-    def false_alarms_per_s(self) -> float:
-        """Rate at which noise triggers an armed pixel of nominal threshold, by Rice's formula [1/s]."""
-        if self.noise_electrons == 0.0:
-            return 0.0
-        threshold = np.array(self.trigger.threshold_electrons)
-        return float(rice_rate(threshold, self.noise_electrons, self.amplifier.pole_s))
-
     @property
     def electrons_per_photon(self) -> float:
         """Mean number of electrons after the APD for each photon."""
         return self.quantum_efficiency * self.apd.gain
-
-    @property
-    def threshold_photons(self) -> float:
-        """Threshold in photons of a pulse as long as the amplifier's integration time."""
-        return self.trigger.threshold_electrons / self.electrons_per_photon
 
     @property
     def full_scale_counts(self) -> int:
@@ -312,7 +291,7 @@ class Gsfl(Part):
         gated = {"gate_delay_s": gate.delay_ns * units.NS, "gate_width_s": gate.width_ns * units.NS} if gate else {}
         return DetectorTraits(
             sees_to_m=self.sees_to_m,
-            threshold_photons=self.threshold_photons,
+            threshold_photons=self.trigger.threshold_electrons / self.electrons_per_photon,
             sees_from_m=self.sees_from_m,
             max_returns=self.max_returns,
             returns=self.returns,

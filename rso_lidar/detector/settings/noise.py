@@ -1,28 +1,8 @@
-"""Noise of a filtered current in closed form: its rms, and how often it crosses a threshold."""
-
-import math
+"""Noise of a filtered current in closed form."""
 
 import numpy as np
 
 from rso_lidar.detector.settings.apd import Apd, cumulants
-
-
-def rice_rate(threshold_electrons: np.ndarray, sigma_electrons: np.ndarray | float, pole_s: float) -> np.ndarray:
-    """Return the upcrossings of Gaussian noise [1/s]: ν₀ exp(−T²/2σ²), ν₀ = 1/(2πτ) for two equal poles (Rice 1945).
-
-    ν₀² = ∫f²|H|² df / ∫|H|² df with |H|² = 1/(1 + (2πfτ)²)² is (1/(2πτ))².
-
-    Parameters
-    ----------
-    threshold_electrons : T above the mean [electrons].
-    sigma_electrons : rms σ of the noise [electrons].
-    pole_s : time constant τ of both poles [s].
-    """
-    sigma = np.asarray(sigma_electrons, dtype=float)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        over = np.where(sigma > 0.0, np.maximum(threshold_electrons, 0.0) / sigma, np.inf)
-    rate: np.ndarray = np.exp(-0.5 * over**2) / (2.0 * math.pi * pole_s)
-    return rate
 
 
 def noise_rms(

@@ -18,7 +18,8 @@ class DetectorTraits:
     Parameters
     ----------
     sees_to_m : greatest range at which anything is detected [m].
-    threshold_photons : photons of a return that is detected in about half of all flashes.
+    threshold_photons : photons of a return that is detected in about half of all flashes, if the detector does not lengthen
+        the laser's pulse. `find_photons` counts the pulse.
     sees_from_m : least range at which anything is detected [m].
     max_returns : how many returns of a pixel are listed.
     returns : which return of a pixel is reported as its range and intensity.

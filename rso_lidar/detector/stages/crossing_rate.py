@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rso_lidar.detector.settings.apd import Apd, cumulants, tail_per_electron
-from rso_lidar.detector.settings.noise import noise_rms, rice_rate
+from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.stages.avalanche import mcintyre_pmf
 
 _GRID = 8192  # steps of amplitude in a density
@@ -60,6 +60,24 @@ def false_alarm_rate(
     T, pulses = threshold[shot], rate[shot] * pole_s
     result[shot] = _crossings(T, apd, pulses, noise_electrons, peak) / pole_s
     return result
+
+
+def rice_rate(threshold_electrons: np.ndarray, sigma_electrons: np.ndarray | float, pole_s: float) -> np.ndarray:
+    """Return the upcrossings of Gaussian noise [1/s]: ν₀ exp(−T²/2σ²), ν₀ = 1/(2πτ) for two equal poles (Rice 1945).
+
+    ν₀² = ∫f²|H|² df / ∫|H|² df with |H|² = 1/(1 + (2πfτ)²)² is (1/(2πτ))².
+
+    Parameters
+    ----------
+    threshold_electrons : T above the mean [electrons].
+    sigma_electrons : rms σ of the noise [electrons].
+    pole_s : time constant τ of both poles [s].
+    """
+    sigma = np.asarray(sigma_electrons, dtype=float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        over = np.where(sigma > 0.0, np.maximum(threshold_electrons, 0.0) / sigma, np.inf)
+    rate: np.ndarray = np.exp(-0.5 * over**2) / (2.0 * math.pi * pole_s)
+    return rate
 
 
 def _crossings(T: np.ndarray, apd: Apd, pulses: np.ndarray, noise: float, peak: float) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector import AnyDetector, Gsfl, check_size, check_traits
+from rso_lidar.detector import AnyDetector, Gsfl, check_noise, check_size, check_traits
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver, read_files
@@ -86,6 +86,7 @@ class Lidar(Part):
     @model_validator(mode="after")
     def _has_traits(self) -> Self:
         check_traits(self.detector)
+        check_noise(self.detector)
         for name in self.detector.traits.settings:
             if name in (*_SETTINGS, _EXPOSURE):
                 raise ValueError(f"detector: '{name}' among its settings is one of the lidar's; rename it")

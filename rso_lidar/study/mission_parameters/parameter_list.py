@@ -14,6 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector import LaserPulse, false_alarm_probability, find_photons
 from rso_lidar.detector.settings.presets import PRESETS
 from rso_lidar.errors import RsoLidarError, suppress_warnings
 from rso_lidar.part import Part, name_object
@@ -140,6 +144,35 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
         if value is not None:
             place, unit = f"{path}.{name}".lstrip("."), find_unit(name, meaning)
             yield MissionParameter(place, value, unit, drop_units(meaning), None, "derived", is_derived=True)
+    if path == "lidar":
+        yield from _list_detection(twin)
+
+
+def _list_detection(lidar: Any) -> Iterator[MissionParameter]:
+    """Yield what follows from detector and laser together: false alarms of a pixel, and the light that it detects.
+
+    Parameters
+    ----------
+    lidar : the part, with its files found.
+    """
+    place, traits, laser = "lidar.detector", lidar.detector.traits, lidar.laser
+    if not traits.is_gated and not hasattr(lidar.detector, "false_alarms_per_s"):
+        before = float(false_alarm_probability(lidar.detector, np.array([traits.sees_to_m]))[0])
+        armed_s = (traits.sees_to_m - traits.sees_from_m) / units.RANGE_PER_DELAY_M_S
+        meaning = "Rate at which noise triggers an armed pixel in the dark, from the share of pixels that it triggers"
+        if before < 1.0 and math.isfinite(armed_s):
+            rate = -math.log1p(-before) / armed_s
+            path = f"{place}.false_alarms_per_s"
+            yield MissionParameter(path, rate, "1/s", meaning, None, "derived", is_derived=True)
+    step_s, power_per_s = laser.pulse
+    pulse = LaserPulse(step_s, power_per_s, laser.pulse_fwhm_s, laser.timing_jitter_ns)
+    percents = (50, 95)
+    photons = find_photons(lidar.detector, pulse, np.array(percents) / 100.0)
+    for percent, count in zip(percents, photons if photons is not None else (), strict=False):
+        if math.isfinite(count):
+            path = f"{place}.photons_at_{percent}_percent"
+            meaning = f"Photons of a return of the laser's pulse that is detected in {percent} % of flashes"
+            yield MissionParameter(path, float(count), "photons", meaning, None, "derived", is_derived=True)
 
 
 def _list_inner(value: Any) -> Iterator[tuple[str, Part]]:

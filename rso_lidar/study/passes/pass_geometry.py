@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector import LaserPulse, find_photons
 from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.screening.all_pairs import PairScreening
@@ -149,9 +150,9 @@ class Encounter:
 def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
     """Return the nearest and the farthest range [m] at which a lidar sees a facing Lambertian plate of reflectance 0.30.
 
-    The nearest range is that of the detector. The farthest is the detector's too, or the range at which the plate's light
-    in one pixel equals the detection threshold. Beyond the range where the pixel is larger than the plate, only the
-    plate's share of the pixel counts.
+    The nearest range is that of the detector. The farthest is the detector's too, or the range at which one pixel detects
+    the plate's light in half of all flashes, with the laser's own pulse. Beyond the range where the pixel is larger than the
+    plate, only the plate's share of the pixel counts.
 
     Parameters
     ----------
@@ -163,8 +164,10 @@ def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
     tuple of float
         Nearest and farthest range [m].
     """
-    detector, receiver = lidar.detector.traits, lidar.receiver
-    at_1_m = filled_pixel_photons(lidar.laser, receiver, REFLECTANCE / math.pi, 1.0) / detector.threshold_photons
+    detector, laser, receiver = lidar.detector.traits, lidar.laser, lidar.receiver
+    half = find_photons(lidar.detector, LaserPulse(*laser.pulse, laser.pulse_fwhm_s), np.array([0.5]))
+    needed = detector.threshold_photons if half is None else float(half[0])
+    at_1_m = filled_pixel_photons(laser, receiver, REFLECTANCE / math.pi, 1.0) / needed
     filled = math.sqrt(at_1_m)
     alone = math.sqrt(plate_m2) / receiver.pixel_tangent  # beyond this the pixel is larger than the plate
     far = filled if filled <= alone else math.sqrt(filled * alone)

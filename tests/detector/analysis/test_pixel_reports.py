@@ -48,7 +48,7 @@ def test_pixels_report_as_often_as_in_trials(case, kind):
     }
     photons, mine = light(returns), np.tile(mine, N)
     if kind == "noisy":
-        share = detectors[kind].threshold_photons / rl.Gsfl().threshold_photons
+        share = detectors[kind].traits.threshold_photons / rl.Gsfl().traits.threshold_photons
         photons = rl.records.Photons(**{**vars(photons), "photons": photons.photons * share})
     told = report_probability(detectors[kind], photons, mine)
     reading, _ = detect(photons, detectors[kind], np.random.Generator(np.random.Philox(3)))

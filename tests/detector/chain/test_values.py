@@ -7,6 +7,7 @@ import pytest
 from scipy import optimize, stats
 
 from rso_lidar.detector import Amplifier, Apd, Empirical, Gate, Gsfl, Maps, Readout, detect
+from rso_lidar.detector.analysis.noise_effects import false_alarms_of_gsfl
 from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.chain.camera import build_camera, false_trigger_fraction, mean_false_alarms_per_s
 from rso_lidar.detector.chain.full import store_waveforms
@@ -15,9 +16,10 @@ from rso_lidar.detector.chain.timing import plan_time, shape_pulse
 from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
-from rso_lidar.detector.settings.noise import noise_rms, rice_rate
+from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.stages import comparator
 from rso_lidar.detector.stages.comparator import Bridge
+from rso_lidar.detector.stages.crossing_rate import rice_rate
 from rso_lidar.records import Waveforms
 from tests.detector.returns_for_tests import STATED, nothing, returns
 from tests.reference.detector.whole_chain import PATHS, computing
@@ -53,7 +55,9 @@ def test_noise_of_dark_current_and_sunlight():
     told = noise_rms(PART.apd, np.array([1e9, 7e10]), 800.0, TAU, 7e-9)
     assert told == pytest.approx([rms(1e9), rms(7e10)], rel=1e-12)
     assert PART.noise_counts == pytest.approx(rms(DARK) / 90.0)
-    assert PART.electrons_per_photon == pytest.approx(4.8) and PART.threshold_photons == pytest.approx(5200.0 / 4.8)
+    assert PART.electrons_per_photon == pytest.approx(4.8) and PART.traits.threshold_photons == pytest.approx(
+        5200.0 / 4.8
+    )
     assert PART.full_scale_counts == 4095 - 100
     assert PART.counts(np.array([500.0])) == pytest.approx(500.0 * 4.8 / 90.0)
 
@@ -68,7 +72,13 @@ def test_rices_rate_and_the_share_of_pixels_that_noise_triggers():
     rates = np.exp(-0.5 * (threshold / rms(DARK)) ** 2) / (2.0 * math.pi * TAU)
     assert mean_false_alarms_per_s(gaussian) == pytest.approx(rates.mean(), rel=1e-9)
     armed_s = 2.0 * 800.0 / C
-    assert false_trigger_fraction(gaussian) == pytest.approx(-np.expm1(-rates * armed_s).mean(), rel=1e-9)
+    expected = [-np.expm1(-rates * after_s).mean() for after_s in (armed_s, 3e5 * armed_s)]
+    assert expected[1] > 0.1  # where the share of all pixels is not that of a pixel with their mean rate
+    got = false_trigger_fraction(gaussian, np.array([armed_s, 3e5 * armed_s]))
+    assert got == pytest.approx(expected, rel=1e-9, abs=6e-5)  # rates within 5 % are averaged
+    assert got[0] == pytest.approx(expected[0], rel=1e-4)
+    alarms = false_alarms_of_gsfl(gaussian, np.array([0.0, gaussian.armed_to_m, 1e9]))
+    assert alarms == pytest.approx([0.0, got[0], got[0]], rel=1e-9)
 
 
 def test_a_row_holds_all_that_a_latch_stores_and_what_the_filter_remembers():

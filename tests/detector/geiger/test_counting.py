@@ -25,6 +25,15 @@ def test_a_false_peak_begins_with_a_count_that_others_follow(counts):
     assert got == pytest.approx([expected], rel=1e-6)
 
 
+def test_a_false_peak_may_span_several_bins():
+    """Five bins: three counts in what is left of the first one and four bins more; each count begins a peak of its own."""
+    noise, bins, counts = 3e6, 5, 3
+    window_s = BIN_S * (bins - 1 + (np.arange(20_000) + 0.5) / 20_000)
+    expected = -math.expm1(-noise * GATE_S * np.mean([poisson_tail(counts - 1, noise * one) for one in window_s]))
+    got = counting.false_peak_probability(np.array([counts]), np.array([noise]), GATE_S, BIN_S, bins)
+    assert got == pytest.approx([expected], rel=1e-8)
+
+
 def test_more_noise_wider_peaks_and_fewer_counts_are_likelier():
     def probability(counts=3, noise=1e6, peak_bins=4):
         return float(counting.false_peak_probability(np.array(counts), np.array(noise), GATE_S, BIN_S, peak_bins))
@@ -62,6 +71,8 @@ def test_more_counts_than_pulses_never_come():
 def test_live_fraction_before_and_after_the_first_hold_off():
     assert counting.live_fraction(1e6, 5e-6, 1e-6) == pytest.approx(math.exp(-1.0))
     assert counting.live_fraction(1e6, 1e-6, 5e-6) == pytest.approx(0.5)
+    assert counting.live_fraction(2e6, 3e-6, 3e-6) == pytest.approx(math.exp(-6.0))  # at the end of the hold-off
+    assert counting.live_fraction(2e6, 3e-6, 3.001e-6) == pytest.approx(1.0 / 7.0)
     assert counting.live_fraction(0.0, 1e-6, 5e-6) == 1.0
 
 
@@ -87,3 +98,41 @@ def test_depth_widens_the_times_and_moves_them_by_nothing():
     mean_s, variance_s2 = counting.first_photon_moments(np.full(2, 1e-3), np.array([0.0, 6e-9]), step_s, power)
     assert mean_s == pytest.approx([0.0, 0.0], abs=3e-12)
     assert variance_s2[1] - variance_s2[0] == pytest.approx((6e-9) ** 2 / 12.0, rel=0.02)
+
+
+TAPS = (1.0, 1.0, 1.0, 5.0, 5.0, 2.0, 0.0)  # of a lopsided pulse; the middle one is time zero
+
+
+def first_photon_by_hand(primaries, depth_s, step_s, power_per_s):
+    """Return mean and variance of the first of a Poisson number of photons, each spread by the pulse and by the depth.
+
+    A photon has come by t with the probability F, a sum of boxes of one step spread evenly over the depth; in closed form.
+    The first has come by t with G = (1 - exp(-N F)) / (1 - exp(-N)). Moments by parts: E[t] = end - ∫ G, E[t²] =
+    end² - 2 ∫ t G.
+    """
+    count = len(power_per_s)
+    start_s = step_s * (np.arange(count) - count / 2.0)  # of each box
+    t, width_s = np.linspace(start_s[0] - depth_s, start_s[-1] + step_s + depth_s, 400_001, retstep=True)
+    ramp = lambda x: 0.5 * np.maximum(x, 0.0) ** 2  # noqa: E731
+    came = np.zeros(len(t))
+    for begin_s, power in zip(start_s, power_per_s, strict=True):
+        late, early = t - begin_s + 0.5 * depth_s, t - begin_s - 0.5 * depth_s
+        came += power * (ramp(late) - ramp(late - step_s) - ramp(early) + ramp(early - step_s)) / depth_s
+    G = np.expm1(-primaries * came) / math.expm1(-primaries)
+    mean_s = t[-1] - np.trapezoid(G, dx=width_s)
+    return mean_s, t[-1] ** 2 - 2.0 * np.trapezoid(t * G, dx=width_s) - mean_s**2
+
+
+def test_first_photons_of_a_lopsided_pulse_from_a_deep_surface():
+    """More returns than are computed together, of other light and depth each: down to one step, and to four pulses."""
+    step_s = 0.5e-9
+    power = np.array(TAPS) / (sum(TAPS) * step_s)
+    primaries = np.geomspace(0.02, 12.0, 600)
+    depth_s = np.tile([0.6e-9, 1.7e-9, 5.3e-9, 14e-9], 150)
+    mean_s, variance_s2 = counting.first_photon_moments(primaries, depth_s, step_s, power)
+    for k in (0, 130, 255, 256, 257, 311, 598, 599):
+        expected = first_photon_by_hand(float(primaries[k]), float(depth_s[k]), step_s, power)
+        spread_s = math.sqrt(expected[1])
+        # 511 cells over some 20 spreads: a cell puts its photons in its middle, which takes 1/12 of its square
+        assert mean_s[k] == pytest.approx(expected[0], abs=2e-3 * spread_s)
+        assert variance_s2[k] == pytest.approx(expected[1], rel=2e-3)

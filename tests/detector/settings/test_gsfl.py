@@ -1,7 +1,6 @@
 """The detector as a part: presets, derived figures, what it refuses, and that a generator decides all of a flash."""
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ import pytest
 from rso_lidar import detector
 from rso_lidar.detector import Amplifier, Gsfl, Trigger, detect
 from rso_lidar.detector.bench.trial import make_plate, run_trial
-from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.settings.presets import PRESETS
 from rso_lidar.errors import ScenarioError
@@ -89,16 +87,13 @@ def test_95_percent_at_1000_photons_and_a_shorter_pulse_does_better():
 def test_derived_figures():
     part = Gsfl()
     assert part.electrons_per_photon == 8.0
-    assert part.threshold_photons == pytest.approx(LIMITED["threshold_electrons"] / 8.0)
+    assert part.traits.threshold_photons == pytest.approx(LIMITED["threshold_electrons"] / 8.0)
     shot = 352.0 * 6.241509e9 * (8.516e-9) ** 2 / (4.0 * part.amplifier.pole_s)  # Campbell, 1 nA, M²F = 352
     assert part.noise_electrons == pytest.approx(math.sqrt(LIMITED["noise_electrons"] ** 2 + shot), rel=1e-5)
-    rice = math.exp(-0.5 * part.threshold_over_noise**2) / (2.0 * math.pi * part.amplifier.pole_s)
-    assert part.false_alarms_per_s == pytest.approx(rice)
-    assert mean_false_alarms_per_s(part) > rice  # low thresholds of a spread fire more than high ones fire less
     assert part.full_scale_counts == 4031 and part.window_m == pytest.approx(7.135, abs=1e-3)
     assert part.counts(np.array([1000.0, 1e7])).tolist() == [40.0, 4031.0]
     quiet = Gsfl(amplifier={"noise_electrons": 0.0}, apd={"dark_current_na": 0.0})
-    assert quiet.false_alarms_per_s == 0.0 and quiet.threshold_over_noise == math.inf
+    assert quiet.threshold_over_noise == math.inf
 
 
 def test_a_gate_sets_what_is_seen():
@@ -183,19 +178,6 @@ def test_a_gate_follows_its_schedule_and_a_command_comes_before_it():
 
 
 # -------------------------------------------------------------------------------------------------------------- refusals
-
-
-def test_a_threshold_in_the_noise_is_refused_with_the_false_alarms_it_means():
-    with pytest.raises(ScenarioError, match=r"noise alone would trigger each pixel \S+ times a second") as caught:
-        Gsfl(trigger={"threshold_electrons": 2000.0})
-    said = str(caught.value)
-    assert "\n" not in said and "raise the threshold" in said
-    rate = float(re.search(r"trigger each pixel (\S+) times", said)[1])
-    sigma = Gsfl().noise_electrons
-    assert rate == pytest.approx(math.exp(-0.5 * (2000.0 / sigma) ** 2) / (2.0 * math.pi * 1.0243e-9), rel=0.01)
-    # Under a gate nothing triggers; a short armed window bears more.
-    assert Gsfl(trigger={"threshold_electrons": 2000.0}, gate={"delay_ns": 100.0}).gate is not None
-    assert Gsfl(trigger={"threshold_electrons": 3000.0}, armed_from_m=100.0, armed_to_m=110.0).armed_to_m == 110.0
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ import pytest
 from scipy import signal, stats
 
 from rso_lidar.detector.settings.apd import Apd, cumulants
-from rso_lidar.detector.settings.noise import noise_rms, rice_rate
+from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.stages.avalanche import mcintyre_pmf
-from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
+from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
 from tests.detector.row_noise_for_tests import multiply
 
 NA_PER_S = 6.241509e9  # 1 nA in electrons a second (SI)

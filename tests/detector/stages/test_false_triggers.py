@@ -159,7 +159,7 @@ def test_a_watched_pixel_triggers_falsely_at_one_rate_not_two():
         armed_to_m=1002.0,
     )
     n, frames, rng = 16_384, 6, np.random.default_rng(15)
-    photons = returns(np.full(n, 1000.0), 0.01 * part.threshold_photons)
+    photons = returns(np.full(n, 1000.0), 0.01 * part.traits.threshold_photons)
     plan = plan_time(part, 8e-9)
     rows, _ = arm_rows(part, place_rows(photons, plan), plan.step_s)
     armed_s = 2.0 * 5.0 / C

@@ -59,7 +59,7 @@ def agree(hits, lens):
     ours = collect(hits, PAPER_LASER, lens)
     for name in ("pixel", "hit", "cluster", "cluster_pixel"):
         assert np.array_equal(getattr(ours, name), getattr(reference, name)), name
-    np.testing.assert_allclose(ours.delay_s, reference.delay_s, rtol=1e-14, atol=0.0)
+    np.testing.assert_allclose(ours.delay_s, reference.delay_s, rtol=5e-14, atol=0.0)  # a mean of delays
     # Far light of a single group has the delay of its near light, but for rounding: in which order they come is chance.
     apart = (np.diff(ours.delay_s, prepend=-1.0) > 1e-18) | (np.diff(ours.pixel, prepend=-1) > 0)
     tied = np.flatnonzero(apart) if len(apart) else np.zeros(0, np.int64)

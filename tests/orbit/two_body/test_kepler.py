@@ -109,7 +109,7 @@ def test_hyperbola_against_its_parametric_form(e):
     expected = np.stack([a * ((e - 1) - 2 * np.sinh(anomaly / 2) ** 2), b * np.sinh(anomaly), 0 * anomaly], axis=1)
     # the formula for time cancels near a parabola (e sinh H - H), to EPS * H / n; and a follows from e - 1
     speed = math.sqrt(GM * (1 + e) / perigee)
-    time_rounding = 4 * EPS * np.abs(anomaly) / n
+    time_rounding = 8 * EPS * np.abs(anomaly) / n
     size = np.linalg.norm(expected, axis=1)
     # the state at perigee fixes e to 4 EPS, and so a to 4 EPS / (e - 1)
     assert np.all(

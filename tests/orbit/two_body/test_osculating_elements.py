@@ -45,7 +45,9 @@ def test_there_and_back(e):
     _, position, velocity = states(e)
     again, speed = state_from_elements(elements_from_state(position, velocity))
     distance = np.linalg.norm(position, axis=1)
-    allowed = np.where((distance <= 1e8) & (e <= 0.9), 1e-6, 1e-9 * distance)
+    # a radius rounds by EPS r times what an error of e does to it, 1 / (1 - e)
+    rounding = 32 * EPS * distance / (1.0 - min(e, 0.9))
+    allowed = np.where((distance <= 1e8) & (e <= 0.9), np.maximum(1e-6, rounding), 1e-9 * distance)
     # farther than this, and only near a parabola, a true anomaly in doubles no longer tells the distance to 1e-9
     told = distance < 1e-9 / (8 * EPS) * 6.4e6
     assert told.mean() > 0.99
@@ -82,13 +84,13 @@ def test_elements_are_those_given(e):
     # energy rounds by EPS 2 a / r, and r itself by EPS r / p; angles by EPS over what makes them
     r = np.linalg.norm(position, axis=1)
     a = of.semi_major_axis_m
-    assert np.all(np.abs(found.semi_major_axis_m / a - 1) <= 16 * EPS * (1 + np.abs(a) / r + 1 / abs(1 - e)))
+    assert np.all(np.abs(found.semi_major_axis_m / a - 1) <= 32 * EPS * (1 + np.abs(a) / r + 1 / abs(1 - e)))
     p = of.semi_latus_rectum_m
-    assert np.all(np.abs(found.eccentricity - e) <= 16 * EPS * (1 + r / p))
+    assert np.all(np.abs(found.eccentricity - e) <= 32 * EPS * (1 + r / p))
     np.testing.assert_allclose(found.inclination_rad, of.inclination_rad, rtol=0, atol=1e-14)
     for name in ("raan_rad", "argument_of_perigee_rad", "true_anomaly_rad"):
         off = np.remainder(getattr(found, name) - getattr(of, name) + math.pi, math.tau) - math.pi
-        assert np.all(np.abs(off)[steep] <= (1e-12 + 16 * EPS * (1 + r / p) / e)[steep]), name
+        assert np.all(np.abs(off)[steep] <= (1e-12 + 32 * EPS * (1 + r / p) / e)[steep]), name
 
 
 def test_conventions_on_circle_and_equator():
@@ -111,7 +113,8 @@ def test_anomalies_there_and_back(e):
     nu = np.linspace(-limit, limit, 4001)
     anomaly = eccentric_from_true(nu, e)
     mean = mean_from_true(nu, e)
-    np.testing.assert_allclose(eccentric_from_mean(mean, e), anomaly, rtol=8 * EPS, atol=8 * EPS * (e < 1))
+    # sinh, sin and tan of a library are good to some EPS each, of what partly cancels
+    np.testing.assert_allclose(eccentric_from_mean(mean, e), anomaly, rtol=32 * EPS, atol=32 * EPS * (e < 1))
     np.testing.assert_allclose(true_from_eccentric(anomaly, e), nu, rtol=0, atol=1e-12)
     np.testing.assert_allclose(true_from_mean(mean, e), nu, rtol=0, atol=1e-12)
 
@@ -119,7 +122,7 @@ def test_anomalies_there_and_back(e):
 def test_anomalies_keep_their_turn_and_say_where_there_is_none():
     mean = np.linspace(-30.0, 30.0, 301)
     anomaly = eccentric_from_mean(mean, 0.5)
-    np.testing.assert_allclose(anomaly - 0.5 * np.sin(anomaly), mean, rtol=0, atol=2e-14)
+    np.testing.assert_allclose(anomaly - 0.5 * np.sin(anomaly), mean, rtol=0, atol=16 * EPS * 30.0)  # of 30 rad
     assert np.isnan(eccentric_from_true(3.0, 2.0))  # beyond the asymptote, 120 degrees
     assert np.isnan(eccentric_from_mean(1.0, 1.0)) and np.isnan(mean_from_true(1.0, 1.0))
 

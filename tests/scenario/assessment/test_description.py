@@ -1,11 +1,13 @@
 """The description: some twenty lines that say what the instrument is, and what it would see."""
 
+import math
 import re
 
 import numpy as np
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 
 ENVISAT = """
 version = 1
@@ -43,6 +45,20 @@ def test_the_detector_and_its_threshold(described):
     assert f"{gsfl.trigger.threshold_electrons:.0f} electrons" in lines["trigger"]
     assert f"{gsfl.threshold_over_noise:.1f} times the noise" in lines["trigger"]
     assert "armed 1 to 5000 m" in lines["trigger"]
+
+
+@pytest.mark.parametrize("fwhm_ns", [2.5, 16.0])
+def test_the_light_that_is_detected_counts_the_length_of_the_pulse(described, fwhm_ns):
+    """16,384 pixels see the photons of the line, and half and 95 % of them detect it, within 4 binomial sigma."""
+    line = described(f"lidar.laser.pulse_fwhm_ns={fwhm_ns}")["detects"]
+    assert line.endswith(f"in pulses of {fwhm_ns:g} ns")
+    laser, n = rl.Laser(pulse_fwhm_ns=fwhm_ns), 16_384
+    for share in (0.5, 0.95):
+        photons = float(re.search(rf"{100 * share:.0f} % of the returns of ([\d,]+) photons", line)[1].replace(",", ""))
+        light = make_plate(photons, n, laser.pulse, laser.pulse_fwhm_s)
+        found = run_trial(rl.Gsfl(), light, np.random.default_rng(3)).probability
+        # the closed form is normal where the amplitude is a gamma law at each instant; it is good to 0.005
+        assert found == pytest.approx(share, abs=0.005 + 4.0 * math.sqrt(share * (1.0 - share) / n))
 
 
 def test_the_gate(described):

@@ -64,7 +64,7 @@ def test_a_motion_is_described_and_flown(name, load):
     range_m = np.linalg.norm(frame.truth.pose("lidar", "chief").translation)
     states = frame.truth.states
     apart = np.linalg.norm(states["follower"].position_m - states["chief"].position_m)
-    assert range_m == pytest.approx(apart, rel=1e-9, abs=1e-8)  # inertial coordinates are 1e-9 m coarse
+    assert range_m == pytest.approx(apart, rel=1e-9, abs=2e-8)  # inertial coordinates are 1e-9 m coarse
 
 
 @pytest.mark.parametrize("name", ATTITUDES)

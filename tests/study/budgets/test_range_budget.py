@@ -245,6 +245,7 @@ def test_an_amplifier_that_the_closed_form_cannot_follow_is_refused():
     detector = rl.Gsfl(
         amplifier=rl.detector.Amplifier(bandwidth_mhz=20_000.0),
         trigger=rl.detector.Trigger(threshold_electrons=30_000.0),
+        apd=rl.detector.Apd(dark_current_na=0.0),
     )
     with pytest.raises(RsoLidarError, match=r"amplifier\.bandwidth_mhz: 20000: is too fast"):
         rl.budget(rl.Lidar(preset="gsfl_1064", detector=detector))

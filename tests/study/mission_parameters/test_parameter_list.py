@@ -4,18 +4,22 @@ import csv
 import importlib
 import io
 import json
+import math
 import pkgutil
 import re
 
+import numpy as np
 import pytest
 
 import rso_lidar
 import rso_lidar as rl
+from rso_lidar.detector import LaserPulse, detect, predict
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.part import Part
 from rso_lidar.study.mission_parameters.parameter_list import _read_unit, iterate_parameters
 from rso_lidar.study.mission_parameters.parameter_table import list_parameters
 from rso_lidar.study.mission_parameters.sysml_units import UNITS
+from tests.detector.returns_for_tests import nothing
 
 WORDS = {  # units for which SysML has none: numbers there, with the unit in words
     "pixels", "photons", "electrons", "counts", "bits", "counts/photon", "electrons/count", "1/R⊕",
@@ -56,6 +60,39 @@ def test_derived_figures_are_marked(table):
     photons = table.find("lidar.laser.photons")
     assert photons.value == pytest.approx(0.05 * 1064e-9 / (6.62607015e-34 * 299792458.0))
     assert photons.unit == "photons"
+
+
+def test_false_alarms_and_light_of_a_detector_are_those_of_its_frames():
+    """A gain of 80 triggers 4,400 times as often as Gaussian noise: a share 1 - exp(-rate x time) of 8 x 64 x 64 pixels."""
+    settings = (
+        "lidar.detector.apd={gain=80, ionisation_ratio=0.02, dark_current_na=0.05}",
+        "lidar.detector.armed_to_m=1500",
+    )
+    scenario = rl.Scenario.load("examples/tdrs_approach.toml", settings)
+    by_path = {one.path: one for one in iterate_parameters(scenario) if one.path.startswith("lidar.detector.")}
+    rate = by_path["lidar.detector.false_alarms_per_s"]
+    assert rate.unit == "1/s" and rate.is_derived
+    gaussian = math.exp(-0.5 * scenario.lidar.detector.threshold_over_noise**2) / (2.0 * math.pi * 1.0243e-9)
+    assert rate.value > 4000.0 * gaussian
+    rng, frames = np.random.default_rng(5), 8
+    seen = [np.isfinite(detect(nothing((64, 64)), scenario.lidar.detector, rng)[0].range_m) for _ in range(frames)]
+    share = -math.expm1(-rate.value * (1500.0 - 1.0) / rl.units.RANGE_PER_DELAY_M_S)
+    # where single avalanches dominate the law is up to a quarter too high; elsewhere 4 binomial sigma
+    sigma = math.sqrt(share * (1.0 - share) / (frames * 64 * 64))
+    assert 0.75 * share - 4.0 * sigma < np.mean(seen) < share + 4.0 * sigma
+    half, most = (by_path[f"lidar.detector.photons_at_{percent}_percent"] for percent in (50, 95))
+    assert half.unit == "photons" and half.value < most.value
+    pulse = LaserPulse(*scenario.lidar.laser.pulse, scenario.lidar.laser.pulse_fwhm_s)
+    found = predict(scenario.lidar.detector, pulse, np.array([half.value, most.value]), 0.0).probability
+    assert found == pytest.approx([0.5, 0.95], abs=1e-3)
+
+
+def test_a_rate_of_false_alarms_that_is_a_key_is_listed_once():
+    scenario = rl.Scenario.load("examples/tdrs_approach.toml", ('lidar.detector.type="empirical"',))
+    (rate,) = [one for one in iterate_parameters(scenario) if one.path == "lidar.detector.false_alarms_per_s"]
+    assert not rate.is_derived
+    gated = rl.Scenario.load("examples/geiger_bench.toml")
+    assert "lidar.detector.false_alarms_per_s" not in [one.path for one in iterate_parameters(gated)]
 
 
 def test_presets_are_sources():

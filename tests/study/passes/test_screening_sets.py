@@ -122,8 +122,8 @@ def lowest(stay, own, sets, start_utc, duration_s):
     lead, _ = flown(own, start_utc, time_s)
     before, *at, after = np.linalg.norm(position - lead, axis=1).reshape(-1, 4).T
     assert np.abs(at - stay.minima_m).min(axis=0).max(initial=0.0) < 2e-3
-    # slow ones turn by less than the root of 0.1 ms and float64 tell: 1e-6 m
-    assert np.all(stay.minima_m <= before + 1e-6) and np.all(stay.minima_m <= after + 1e-6)
+    # slow ones turn by less than float64 tells: angles of SGP4 of some 100 rad round to 1e-14 rad, 1e-7 m, in four states
+    assert np.all(stay.minima_m <= before + 5e-6) and np.all(stay.minima_m <= after + 5e-6)
 
 
 @pytest.mark.parametrize(("within_m", "seed", "least"), [(20e3, 1, (800, 100)), (3e3, 2, (20, 2))])

@@ -1,12 +1,14 @@
-"""Size of the full chain's simulation in memory: limits for the axis of time and for what a gate stores."""
+"""Limits of the full chain: its axis of time, what a gate stores, and how often noise may trigger a pixel."""
 
 from __future__ import annotations
 
 from rso_lidar import units
+from rso_lidar.detector.chain.camera import nominal_false_alarms_per_s
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError
 
+_MOST_FALSE = 1.0  # triggers by noise while a pixel is armed: most flashes would see nothing else
 _MOST_STEPS = 2**14  # of time in one trace, and ...
 _MOST_GATED = 2**27  # ... in all pixels under a gate: half a gigabyte
 
@@ -40,3 +42,18 @@ def check_size_gsfl(gsfl: Gsfl, pulse_fwhm_s: float, n_pixels: int) -> None:
                 f"detector.gate.width_ns: {gsfl.gate.width_ns:g} in {n_pixels:,} pixels is more than can be "
                 f"stored; take up to {most_ns:.0f}, or fewer pixels"
             )
+
+
+def check_noise_gsfl(gsfl: Gsfl) -> None:
+    """Refuse a full chain whose nominal pixel noise alone would trigger more than once while it is armed."""
+    if gsfl.gate is not None:
+        return
+    rate = nominal_false_alarms_per_s(gsfl)
+    false = rate * (gsfl.armed_to_m - gsfl.armed_from_m) / units.RANGE_PER_DELAY_M_S
+    if false > _MOST_FALSE:
+        raise ScenarioError(
+            f"detector.trigger.threshold_electrons: {gsfl.trigger.threshold_electrons:g} is "
+            f"{gsfl.threshold_over_noise:.2g} times the noise ({gsfl.noise_electrons:.0f} electrons): noise alone would "
+            f"trigger each pixel {rate:.3g} times a second, {false:.3g} times while it is armed; raise the threshold, "
+            "lower the noise or the dark current, or arm a shorter window"
+        )
