@@ -81,6 +81,7 @@ def assess_conjunction(
     *,
     samples: int | None = None,
     seed: int = 0,
+    window_s: float | None = None,
 ) -> ConjunctionAssessment:
     """Compute miss distance, relative speed and probability of collision of a conjunction data message (CDM).
 
@@ -95,6 +96,8 @@ def assess_conjunction(
     ----------------
     samples : number of Monte Carlo draws (None: for some 1000 hits, from 1e5 to 4e6; 0: no Monte Carlo).
     seed : of the draws.
+    window_s : time that Monte Carlo searches on each side of the closest approach (None: as in
+        `rl.orbit.sample_collisions`, at most half a revolution) [s].
 
     Returns
     -------
@@ -103,7 +106,7 @@ def assess_conjunction(
     Raises
     ------
     ScenarioError
-        For a file that is not a CDM, a radius or number of draws without meaning, and covariances of no distribution.
+        For a file that is not a CDM, a radius, window or number of draws without meaning, and covariances of no distribution.
     """
     if not isinstance(message, ConjunctionMessage):
         message = ConjunctionMessage.from_file(message)
@@ -128,11 +131,13 @@ def assess_conjunction(
         if between.speed_m_s > 0.0:
             foster = foster_probability(first, second, radius)
         if samples is None or samples != 0:
-            drawn = sample_collisions(first, second, radius, rng=np.random.default_rng(int(seed)), samples=samples)
+            rng = np.random.default_rng(int(seed))
+            drawn = sample_collisions(first, second, radius, rng=rng, samples=samples, window_s=window_s)
             if drawn.window_s > _CURVED_S:
                 notes.append(
-                    f"the encounter lasts minutes ({drawn.window_s:,.0f} s on each side): relative motion is not straight, "
-                    "as Foster assumes; Monte Carlo flies two-body orbits"
+                    f"Monte Carlo searches minutes ({drawn.window_s:,.0f} s on each side): relative motion is not straight, "
+                    "as Foster assumes; Monte Carlo flies two-body orbits, and counts every closest approach in its window, "
+                    "also a second one; set the window for one alone"
                 )
     return ConjunctionAssessment(
         message=message,

@@ -29,6 +29,13 @@ def test_the_shipped_conjunction():
     assert "100,000 draws" in found.text()
 
 
+def test_the_window_of_monte_carlo_is_the_users():
+    own, set_ = (assess(TEXT, samples=2000, **more) for more in ({}, {"window_s": 90.0}))
+    assert own.monte_carlo.window_s < 60.0 and own.notes == ()
+    assert set_.monte_carlo.window_s == 90.0 and "within 90 s of the closest approach" in set_.text()
+    assert "note: Monte Carlo searches minutes (90 s on each side)" in set_.text() and "a second one" in set_.text()
+
+
 def test_the_radius_is_the_users_then_the_messages_then_that_of_areas():
     without = TEXT.replace("COMMENT HBR = 6 [m]\n", "")
     areas = without.replace("CATALOG_NAME = SATCAT", "AREA_PC = 12.566370614 [m**2]")  # pi 2^2: a disc of 2 m each
