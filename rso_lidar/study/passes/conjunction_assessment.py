@@ -106,7 +106,8 @@ def assess_conjunction(
     Raises
     ------
     ScenarioError
-        For a file that is not a CDM, a radius, window or number of draws without meaning, and covariances of no distribution.
+        For a file that is not a CDM; a radius, window or number of draws without meaning; covariances of no
+        distribution.
     """
     if not isinstance(message, ConjunctionMessage):
         message = ConjunctionMessage.from_file(message)

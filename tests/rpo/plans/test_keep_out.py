@@ -81,7 +81,7 @@ def fly_past():
         # behind the apex the depth is the lesser of d and 100 m - d: deepest at 50 m, 40 m past the body
         (
             KeepOutSphere(100.0, (0.0, -1.0, 0.0), 20.0),
-            "440.0 s the path is 50 m from the body (0, 40, 30 m in rtn), inside the sphere of 100 m and outside its corridor:",
+            "440.0 s the path is 50 m from the body (0, 40, 30 m in rtn), inside the sphere of 100 m and outside its cor",
         ),
     ],
 )  # fmt: skip
