@@ -143,11 +143,11 @@ class Dispersion(StateErrors):
         default=None,
         description="Navigation: `errors` or a `filter`. If omitted, that of the `flown` motion, else none.",
     )
-    pointing: Literal["target", "plan"] = Field(
-        default="target",
+    pointing: Literal["target", "navigation", "plan"] | None = Field(
+        default=None,
         description=(
-            "Where the lidar is pointed: at the target, wherever it is, or at the place where the flight without errors "
-            "would see it."
+            "Where the lidar is pointed: at the target, wherever it is; where navigation takes it to be; or where the "
+            "flight without errors would see it. If omitted, by navigation where that has errors, else at the target."
         ),
     )
     pointing_sigma_deg: NotNegative = Field(
