@@ -20,6 +20,9 @@ from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 _DIFFERENT = 0.01  # share by which a figure of the message may differ from its states, beside rounding
 _ROUNDED_M, _ROUNDED_M_S = 1.0, 1.0  # messages state whole metres and metres per second
+_SURE_M = (
+    0.1  # standard deviation of position below which a covariance looks like km2: precise orbits have 0.01 to 0.02 m
+)
 _LATE_S = 1e-2  # time between the message's instant and the closest approach of its states that is worth a note
 _CURVED_S = 60.0  # length of an encounter beyond which straight lines are worth a note
 
@@ -126,6 +129,13 @@ def assess_conjunction(
             f"the states are closest {between.closest_s:+.3g} s from the message's time, on straight lines; Foster's "
             "probability holds there"
         )
+    for one, state in ((message.first, first), (message.second, second)):
+        sigma_m = math.sqrt(float(np.diag(state.covariance)[:3].max()))
+        if 0.0 < sigma_m < _SURE_M:
+            notes.append(
+                f"{one.label}: its position is said to be known to {sigma_m:.3g} m, better than precise orbits; as km² the "
+                f"covariance would be that of {1000.0 * sigma_m:.3g} m, and the message has m²"
+            )
     radius, source = _choose_radius(message, radius_m)
     foster, drawn = None, None
     if radius is not None:

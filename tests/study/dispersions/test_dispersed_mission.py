@@ -211,7 +211,7 @@ def hold(y_m, dispersion, **target):
 
 
 def test_without_errors_the_whole_body_is_in_the_field_where_check_says_so():
-    """A stage that turns end over end in a field narrower than its length, from a lidar that is mounted beside the centre."""
+    """A stage turns end over end in a field narrower than its length. The lidar is mounted beside the centre."""
     spin = rl.Spin(axis=(0, 0, 1), rate_deg_s=0.13, axes="rtn")
     scenario = hold(-300.0, rl.Dispersion(), attitude=spin, model="rocket_body")
     scenario = scenario.replace(lidar=scenario.lidar.replace(mount=rl.Mount(position_m=(0.0, 1.5, 0.7))))
@@ -223,7 +223,7 @@ def test_without_errors_the_whole_body_is_in_the_field_where_check_says_so():
 
 
 def test_pointing_by_navigation_loses_the_origin_as_often_as_its_errors_say():
-    """A square field of half angle h at range R holds the boresight's error in each axis: erf(R tan h / (sigma sqrt 2))^2."""
+    """A square field of half angle h at range R holds an error in each axis: erf(R tan h / (sigma sqrt 2))^2."""
     wild = rpo.NavigationErrors(position_sigma_m=2.0)
     made = rl.study.disperse(hold(-100.0, rl.Dispersion(navigation=wild)), 250)
     half_m = 100.0 * math.tan(math.radians(1.25))
@@ -240,7 +240,7 @@ def test_pointing_by_navigation_loses_the_origin_as_often_as_its_errors_say():
 
 
 def test_a_constant_error_of_the_boresight_is_about_both_axes_of_the_field():
-    """1.25 degrees to the right or down is the edge of the field: erf(1.25 / (sigma sqrt 2))^2 of the runs hold the origin."""
+    """The edge of the field is at 1.25 degrees in both axes: erf(1.25 / (sigma sqrt 2))^2 of the runs hold the origin."""
     made = rl.study.disperse(hold(-100.0, rl.Dispersion(pointing_sigma_deg=1.0)), 1000)
     share = math.erf(1.25 / math.sqrt(2.0)) ** 2
     assert made.probability("held_always")[0] == pytest.approx(share, abs=4.0 * math.sqrt(share * (1.0 - share) / 1000))
