@@ -50,7 +50,7 @@ scenario = rl.Scenario(
             name="envisat",
             model="envisat",
             motion=rl.Tle(file="tle/envisat.tle"),
-            attitude=rl.Spin(preset="envisat_2013"),  # measured by laser ranging: once in 135 s
+            attitude=rl.Spin(preset="envisat_2013"),  # measured by laser ranging: once in 135 s, inertially
         )
     ],
     follower=rl.Follower(

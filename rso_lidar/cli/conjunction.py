@@ -21,6 +21,14 @@ def conjunction(
     samples: Annotated[
         int | None, typer.Option("--samples", min=0, help="Monte Carlo draws; 0: none. Else for some 1000 hits.")
     ] = None,
+    window: Annotated[
+        float | None,
+        typer.Option(
+            "--window",
+            metavar="SECONDS",
+            help="Time that Monte Carlo searches on each side of the closest approach. Else 8 sigma, to half a revolution.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws, and of the scenario.")] = 0,
     follower: Annotated[int, typer.Option("--follower", min=1, max=2, help="Object with the lidar: 1 or 2.")] = 1,
     lidar: Annotated[
@@ -40,7 +48,7 @@ def conjunction(
         output = check_writable(output, (".toml",), overwrite=overwrite)
     camera, _ = load_lidar(lidar)
     radius_m = None if radius is None else parse_length_m("--radius", radius)
-    found = assess_conjunction(file, radius_m, samples=samples, seed=seed)
+    found = assess_conjunction(file, radius_m, samples=samples, seed=seed, window_s=window)
     text = None if output is None else conjunction_scenario_text(found, follower, lidar=camera, seed=seed)
     echo(found.text())
     if text is not None and output is not None:

@@ -27,16 +27,20 @@ class CentralBody:
     gm_m3_s2 : gravitational parameter [m3/s2]
     radius_m : radius of its surface [m]
     j2 : second zonal harmonic, for estimates of what a two-body model leaves out
+    reach_m : twice its Hill radius [m]; what is farther orbits another body
     """
 
     name: str
     gm_m3_s2: float
     radius_m: float
     j2: float
+    reach_m: float
 
 
-EARTH = CentralBody("the Earth", units.EARTH_GM_M3_S2, units.EARTH_RADIUS_M, units.EARTH_J2)
-MOON = CentralBody("the Moon", units.MOON_GM_M3_S2, units.MOON_RADIUS_M, units.MOON_J2)
+# Hill radii are a (m / 3 M)^(1/3): 1.5e9 m for the Earth about the Sun, 6.1e7 m for the Moon about the Earth (Murray &
+# Dermott, Solar System Dynamics, sec. 3.13). At twice that, no orbit is bound.
+EARTH = CentralBody("the Earth", units.EARTH_GM_M3_S2, units.EARTH_RADIUS_M, units.EARTH_J2, 3.0e9)
+MOON = CentralBody("the Moon", units.MOON_GM_M3_S2, units.MOON_RADIUS_M, units.MOON_J2, 1.2e8)
 
 
 def find_center(trajectory: Any) -> CentralBody:

@@ -87,7 +87,8 @@ def sample_collisions(
     ----------------
     samples : number of draws; None for some 1000 hits by Foster's probability, from 1e5 to 4e6 draws
     window_s : time searched on each side [s]; None for eight standard deviations of the position along the relative
-        velocity, at most half of the shorter period
+        velocity, at most half of the shorter period. A draw collides if it does so at any instant of the window: one of
+        half a revolution may hold a second crossing of both orbits, and a published probability has a window of its own
 
     Returns
     -------

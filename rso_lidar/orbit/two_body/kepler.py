@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.errors import PropagationError
+from rso_lidar.errors import PropagationError, warn
 from rso_lidar.orbit.central_body import EARTH, CentralBody
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import two_body_rates
@@ -71,6 +71,12 @@ class ClassicalElements(Part):
             low_km = (body.radius_m - self.perigee_m) / units.KM
             raise ValueError(
                 f"semi_major_axis_km: the perigee is {low_km:.1f} km below {body.name}'s surface: raise it"
+            )
+        far_km = body.reach_m / units.KM
+        if max(a_km, self.perigee_m / units.KM) > far_km:
+            raise ValueError(
+                f"semi_major_axis_km: {a_km:.10g} km is beyond {far_km:g} km, where {body.name} holds no satellite; as "
+                f"metres it would be {a_km / 1000.0:.8g} km: give kilometres"
             )
         if self.true_anomaly_deg is not None and 1.0 + e * math.cos(self.true_anomaly_deg * units.DEG) <= 0.0:
             limit = math.acos(-1.0 / e) / units.DEG
@@ -161,7 +167,9 @@ class State(Part):
 
 
 def check_start(position_m: Vector, velocity_m_s: Vector, body: CentralBody) -> None:
-    """Check that a state begins an orbit: outside the central body, and not along the radius.
+    """Check that a state begins an orbit: outside the central body, within its reach, and not along the radius.
+
+    Warn of a speed so low that the body falls, while the same number of kilometres per second would be an orbit.
 
     Parameters
     ----------
@@ -175,13 +183,26 @@ def check_start(position_m: Vector, velocity_m_s: Vector, body: CentralBody) -> 
     """
     radius = float(np.linalg.norm(position_m))
     if radius < body.radius_m:
+        slip = f"; as kilometres it would be {1000.0 * radius:g} m"
         raise ValueError(
-            f"position_m: is {radius:g} m from {body.name}'s centre, inside {body.name}: give metres from the centre"
+            f"position_m: is {radius:g} m from {body.name}'s centre, inside {body.name}"
+            f"{slip if body.radius_m <= 1000.0 * radius <= body.reach_m else ''}: give metres from the centre"
+        )
+    if radius > body.reach_m:
+        raise ValueError(
+            f"position_m: is {radius:g} m from {body.name}'s centre, beyond {body.reach_m:g} m, where it holds no "
+            "satellite: give metres from the centre"
         )
     speed = float(np.linalg.norm(velocity_m_s))
     if np.linalg.norm(np.cross(position_m, velocity_m_s)) <= 1e-9 * radius * speed:
         raise ValueError(
             f"velocity_m_s: is parallel to position_m, a fall through {body.name}'s centre: give it a component across"
+        )
+    escape = math.sqrt(2.0 * body.gm_m3_s2 / radius)
+    if 0.1 * escape < 1000.0 * speed < escape:  # ten times slower, kilometres per second would be no orbit either
+        warn(
+            f"velocity_m_s: {speed:g} m/s is a fall into {body.name}; as kilometres per second it would be an orbit, of "
+            f"{1000.0 * speed:g} m/s: give metres per second"
         )
 
 

@@ -37,7 +37,8 @@ class KeepOutSphere:
         clear: np.ndarray = distance - self.radius_m
         if self.axis is not None:
             aside_rad = self.half_angle_deg * units.DEG - angle_off_axis_rad(position_m, np.array(self.axis))
-            clear = np.maximum(clear, distance * aside_rad)
+            # the nearest point of a cone is its apex for whatever is a right angle or more from its surface
+            clear = np.maximum(clear, distance * np.sin(np.clip(aside_rad, -0.5 * np.pi, 0.5 * np.pi)))
         return clear
 
     def check_positions(self, time_s: np.ndarray, position_m: np.ndarray) -> None:

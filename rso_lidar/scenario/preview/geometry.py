@@ -75,9 +75,9 @@ class Preview:
         return self.truth.states
 
 
-def preview_mission(mission: Mission) -> Preview:
-    """Compute the geometry of a mission at up to 400 of its frames."""
-    numbers = np.unique(np.linspace(0, mission.time.n_frames - 1, _MOST_EPOCHS).round().astype(int))
+def preview_mission(mission: Mission, most_epochs: int = _MOST_EPOCHS) -> Preview:
+    """Compute the geometry of a mission at some of its frames, the first and the last among them."""
+    numbers = np.unique(np.linspace(0, mission.time.n_frames - 1, most_epochs).round().astype(int))
     epochs = mission.epochs(numbers)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RsoLidarWarning)
@@ -137,26 +137,44 @@ def _trace_target(
     toward = link.translation_m / np.where(apart > 0.0, apart, np.inf)  # the rate is zero at the target itself
     rate = np.einsum("...i,...i->...", toward, link.velocity_m_s)
     range_m = np.linalg.norm(seen, axis=-1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        tangent = np.abs(seen[..., :2] / seen[..., 2:])
-    in_field = (seen[..., 2] > 0) & np.all(tangent <= half_field, axis=-1)
+    in_field = is_in_field(seen, half_field)
     off = np.arctan2(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2])
-    hull, radius_m = [], 0.0  # (point, time, xyz) in lidar axes
+    there, radius_m = place_hull(surfaces, poses, "lidar", n_epochs), 0.0
     for surface in surfaces:
-        seat = poses.pose("lidar", surface.name)
-        hull += [np.broadcast_to(seat.apply(point), (n_epochs, 3)) for point in surface.outline]
         hinge_m = np.linalg.norm(np.atleast_2d(poses.pose(name, surface.name).translation), axis=1).max()
         radius_m = max(radius_m, float(hinge_m) + surface.radius_m)
-    there = np.stack(hull)
-    ahead = there[..., 2] > 0.0
-    tangents = np.abs(there[..., :2]) / np.where(ahead, there[..., 2], 1.0)[..., None]
-    wholly = np.all(ahead & np.all(tangents <= half_field, axis=-1), axis=0)
+    wholly = np.all(is_in_field(there, half_field), axis=0)
     across_m = np.ptp(there[..., :2], axis=0).max(axis=-1)
     hull_m = np.linalg.norm(there, axis=-1)
     range_m, rate, off, in_field = (np.broadcast_to(values, (n_epochs,)) for values in (range_m, rate, off, in_field))
     return TargetGeometry(
         name, range_m, rate, off, in_field, wholly, across_m, radius_m, hull_m.min(axis=0), hull_m.max(axis=0)
     )
+
+
+def place_hull(surfaces: Sequence[Surface], poses: PoseTree, axes: str, n_epochs: int) -> np.ndarray:
+    """Place the points of the convex hulls of surfaces in other axes, (point, time, xyz) [m].
+
+    Parameters
+    ----------
+    surfaces : of a target: its body's, and one for each hinge.
+    poses : tree with the surfaces and the axes in it.
+    axes : name of the axes.
+    n_epochs : number of epochs.
+    """
+    hull: list[np.ndarray] = []
+    for surface in surfaces:
+        seat = poses.pose(axes, surface.name)
+        hull += [np.broadcast_to(seat.apply(point), (n_epochs, 3)) for point in surface.outline]
+    return np.stack(hull)
+
+
+def is_in_field(place_m: np.ndarray, half_field: np.ndarray) -> np.ndarray:
+    """Return whether places (…, xyz) [m] in lidar axes are in the field, whose half has tangents (…, 2) right and down."""
+    ahead = place_m[..., 2:] > 0.0
+    tangent = np.abs(place_m[..., :2]) / np.where(ahead, place_m[..., 2:], 1.0)
+    inside: np.ndarray = np.all(ahead & (tangent <= half_field), axis=-1)
+    return inside
 
 
 def boresight_light_fraction(laser: Laser, range_m: float) -> float:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from rso_lidar.errors import warn
 from rso_lidar.part import NotNegative, Number, Part, Positive, Text, Vector, Whole
 from rso_lidar.rpo import Thrusters
 from rso_lidar.rpo.flown.flown_plan import AnyNavigation
@@ -14,6 +15,12 @@ from rso_lidar.rpo.flown.flown_plan import AnyNavigation
 Row = tuple[Number, Number, Number, Number, Number, Number]
 _ROUNDING = 1e-9  # relative, to which a covariance may be asymmetric or negative
 MOST_ATTITUDE_DEG = 30.0
+# 10 m/s of speed are 3 v T = 170 km along the track after one low revolution, and go with 10 km of position (v = n r). Sets
+# that catalogues publish are known to some km and m/s; what is worse is lost, and nothing flies to it.
+_MOST_M, _MOST_M_S = 100_000.0, 10.0
+# Precise orbits are known to 1 to 2 cm and 10 um/s (GRACE: Kang et al., J. Geodesy 80 (2006) 322), relative ones to 1 mm by
+# carrier phases in processing afterwards: no start of a flight is known to less than both of these.
+_LEAST_M, _LEAST_M_S = 0.1, 1e-4
 
 
 class ElementSetErrors(Part):
@@ -72,6 +79,7 @@ class StateErrors(Part):
         if self.start is not None and (stated or self.covariance is not None):
             raise ValueError(f"start: stands in place of {(stated or ['covariance'])[0]}: leave that out")
         if self.covariance is None:
+            self._ask_about_units("position_sigma_m", "velocity_sigma_m_s")
             return self
         if any(self.position_sigma_m) or any(self.velocity_sigma_m_s):
             raise ValueError("covariance: stands in place of position_sigma_m and velocity_sigma_m_s: leave these out")
@@ -82,7 +90,34 @@ class StateErrors(Part):
             raise ValueError("covariance: is not symmetric: give the same number on both sides of the diagonal")
         if np.linalg.eigvalsh(unit).min() < -_ROUNDING * 6 or np.abs(matrix[scale == 0.0]).max(initial=0.0) > 0.0:
             raise ValueError("covariance: is not positive semidefinite, so it is no covariance: correct it")
+        self._ask_about_units("covariance", "covariance")
         return self
+
+    def _ask_about_units(self, position: str, velocity: str) -> None:
+        """Warn of standard deviations that no mission has, which look like another unit.
+
+        Parameters
+        ----------
+        position, velocity : keys that state them
+        """
+        sigma = np.sqrt(np.diag(self.start_covariance))
+        place_m, speed_m_s = float(sigma[:3].max()), float(sigma[3:].max())
+        if speed_m_s > _MOST_M_S:
+            warn(
+                f"{velocity}: a sigma of {speed_m_s:g} m/s is more than the {_MOST_M_S:g} m/s of a lost object; as "
+                f"mm/s it would be {speed_m_s / 1000.0:g} m/s: give m/s"
+            )
+        if place_m > _MOST_M:
+            warn(
+                f"{position}: a sigma of {place_m:g} m is more than the {_MOST_M:g} m of a lost object; as mm "
+                f"it would be {place_m / 1000.0:g} m: give m"
+            )
+        if self.covariance is not None and 0.0 < place_m < _LEAST_M and 0.0 < speed_m_s < _LEAST_M_S:
+            warn(
+                f"covariance: sigmas of {place_m:g} m and {speed_m_s:g} m/s are less than those of precise "
+                f"orbits; as km², km²/s and km²/s² they would be {1000.0 * place_m:g} m and {1000.0 * speed_m_s:g} m/s: "
+                "multiply by 1e6"
+            )
 
     @property
     def start_covariance(self) -> np.ndarray:
@@ -143,11 +178,11 @@ class Dispersion(StateErrors):
         default=None,
         description="Navigation: `errors` or a `filter`. If omitted, that of the `flown` motion, else none.",
     )
-    pointing: Literal["target", "plan"] = Field(
-        default="target",
+    pointing: Literal["target", "navigation", "plan"] | None = Field(
+        default=None,
         description=(
-            "Where the lidar is pointed: at the target, wherever it is, or at the place where the flight without errors "
-            "would see it."
+            "Where the lidar is pointed: at the target, wherever it is; where navigation takes it to be; or where the "
+            "flight without errors would see it. If omitted, by navigation where that has errors, else at the target."
         ),
     )
     pointing_sigma_deg: NotNegative = Field(

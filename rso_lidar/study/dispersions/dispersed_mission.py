@@ -30,6 +30,11 @@ PERCENTILES = (2.5, 50.0, 97.5)
 _AXES = ("radial", "along", "cross")
 KNOWLEDGE = ("knowledge_sigma", "linear_knowledge_sigma", "filter_sigma")  # by runs, linear, as the filters state it
 _STATES = 6
+_POINTED = {
+    "target": "ideally, at the target",
+    "navigation": "where navigation takes the target to be",
+    "plan": "where the plan has the target",
+}
 _APART = 1.25  # ratio of standard deviations by linear covariance and by runs above which the former does not hold
 
 
@@ -47,6 +52,7 @@ class DispersedMission:
     hard_body_radius_m, keep_out_m : distances that count as a collision and as a violation [m]
     omits : what the runs leave out, in sentences
     sources : names of the sources of errors, of which `tubes` has the shares
+    pointing : by what the lidar was pointed, "target", "navigation" or "plan"
     """
 
     title: str
@@ -57,6 +63,7 @@ class DispersedMission:
     keep_out_m: float
     omits: tuple[str, ...] = ()
     sources: tuple[str, ...] = SOURCES
+    pointing: str = "target"
 
     @property
     def n_runs(self) -> int:
@@ -84,11 +91,14 @@ class DispersedMission:
         ]
         if self.keep_out_m > 0.0:
             rows.append(("keep-out entered", "keep_out", f"{self.keep_out_m:g} m"))
-        rows.append(("held in the field", "held_always", "in every sample"))
+        aimed = f"in every sample; pointed {_POINTED[self.pointing]}"
+        rows += [("origin held in the field", "held_always", aimed), ("whole body held", "whole_held_always", aimed)]
         lines = [f"{self.title}: {self.n_runs:,} runs about {self.target}"]
         for word, column, about in rows:
             share, low, high = self.probability(column)
             lines.append(f"  P({word}) {share:.4g}  (95 %: {low:.4g} to {high:.4g}; {about})")
+        shares = (float(np.mean(self.table[column])) for column in ("held_fraction", "whole_held_fraction"))
+        lines.append("  in the field      origin {:.1%}, whole body {:.1%} of the samples".format(*shares))
         lines.append(f"  P(detected by the end) {last['detected_probability']:.4g}")
         nearest = np.percentile(self.table["nearest_m"], PERCENTILES)
         lines.append("  nearest approach  " + " / ".join(f"{one:,.1f}" for one in nearest) + " m (2.5, 50, 97.5 %)")
@@ -356,6 +366,7 @@ def _join(made: MissionDisperser, block: Block) -> DispersedMission:
         made.keep_out.radius_m,
         (_describe_omissions(made),),
         made.disperser.sources,
+        made.pointing,
     )
 
 

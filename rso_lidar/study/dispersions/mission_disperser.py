@@ -15,15 +15,16 @@ from rso_lidar.motion import proximity
 from rso_lidar.motion.truth import Chief, truth
 from rso_lidar.orbit import Epochs
 from rso_lidar.rpo.dispersed.dispersed_flight import DispersedFlight
-from rso_lidar.rpo.dispersed.dispersed_paths import Disperser
+from rso_lidar.rpo.dispersed.dispersed_paths import DispersedPaths, Disperser
+from rso_lidar.rpo.flown.thrusters import NavigationErrors
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.dispersions.outcomes import find_nearest_m, find_off_axis_rad, make_detection
+from rso_lidar.study.dispersions.outcomes import Sight, find_nearest_m, make_detection
 from rso_lidar.study.dispersions.target_errors import TargetAttitude, resolve_element_sets
 
 BLOCK = 250  # runs that are flown together
 _MOST_SAMPLES = 600
-_DRAWS = 7  # spawn key of the numbers of a run
+_DRAWS, _FIXES = 7, 8  # spawn keys of the numbers of a run, and of its fixes for pointing
 Block = dict[str, np.ndarray]
 
 
@@ -109,6 +110,46 @@ class MissionDisperser:
             return self.dispersion.hard_body_radius_m
         return next(one.radius_m for one in self.scenario.surfaces if one.body == self.target)
 
+    @cached_property
+    def pointing(self) -> str:
+        """What the lidar is pointed by: "target", "navigation" or "plan"."""
+        navigation = self.disperser.flight.navigation
+        exact = navigation is None or (isinstance(navigation, NavigationErrors) and not np.any(navigation.sigma))
+        if self.dispersion.pointing == "navigation" and exact:
+            return "target"
+        return self.dispersion.pointing or ("target" if exact else "navigation")
+
+    @cached_property
+    def sight(self) -> Sight:
+        """What of the target is in the field."""
+        with self.scenario.locate_errors(), suppress_warnings():
+            return Sight(self.scenario, self.target, _MOST_SAMPLES)
+
+    def _find_aim_m(self, runs: range, position_m: np.ndarray, paths: DispersedPaths) -> np.ndarray:
+        """Return where pointing takes the follower of each run to be (run, time, 3), or of all (time, 3) [m].
+
+        Parameters
+        ----------
+        runs : numbers of the runs
+        position_m : (run, time, 3) where they are
+        paths : the flights, with what their filters know
+        """
+        navigation = self.disperser.flight.navigation
+        if self.pointing == "plan":
+            return self.nominal_m
+        if self.pointing == "target":
+            return position_m
+        if paths.knowledge is not None:
+            return position_m + paths.knowledge.error_m
+        assert isinstance(navigation, NavigationErrors)
+        fixes = [
+            np.random.Generator(np.random.Philox(np.random.SeedSequence(self.scenario.seed, spawn_key=(_FIXES, run))))
+            for run in runs
+        ]
+        errors = np.stack([fix.standard_normal(position_m.shape[1:]) for fix in fixes])
+        made: np.ndarray = position_m + navigation.position_sigma_m * errors
+        return made
+
     def draw(self, runs: range) -> np.ndarray:
         """Return standard normal numbers (run, number): three of the instrument, those of the flight, those of attitude."""
         count = 3 + self.disperser.n_numbers + (0 if self.attitude is None else self.attitude.n_numbers)
@@ -130,15 +171,8 @@ class MissionDisperser:
         position = self.nominal_m + paths.deviation_m
         nearest, place = find_nearest_m(position)
         drifting, _ = find_nearest_m(self.nominal_m + drifts.deviation_m)
-        half_field = np.array(
-            [
-                float(np.arctan(self.scenario.instrument.at(float(at_s)).receiver.field_edge).min())
-                for at_s in self.sample_s
-            ]
-        )
         bias = self.dispersion.pointing_sigma_deg * units.DEG * numbers[:, :2]
-        off = find_off_axis_rad(position, self.nominal_m, bias, follows_target=self.dispersion.pointing == "target")
-        held = off <= half_field
+        held, whole = self.sight.find_held(position, self._find_aim_m(runs, position, paths), bias)
         energy = np.maximum(1.0 + self.dispersion.energy_sigma_fraction * numbers[:, 2], 0.05)
         range_m = np.sqrt(np.sum(position**2, axis=2))
         missed = np.ones((len(numbers), len(self.sample_s)))
@@ -161,6 +195,8 @@ class MissionDisperser:
             "keep_out": (self.keep_out.clear_m(position) < 0.0).any(axis=1).astype(int),
             "held_fraction": held.mean(axis=1),
             "held_always": held.all(axis=1).astype(int),
+            "whole_held_fraction": whole.mean(axis=1),
+            "whole_held_always": whole.all(axis=1).astype(int),
             "detected_probability": 1.0 - missed[:, -1],
             "delta_v_m_s": paths.delta_v_m_s,
             "deviation_m": paths.deviation_m,

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scenario.preview.geometry import is_in_field, place_hull, preview_mission
 from rso_lidar.study.budgets.range_budget import budget
 
 _RANGES = 160  # of a link budget, between which detection is interpolated
@@ -36,34 +37,63 @@ def find_nearest_m(position_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return distance[runs, first], first + share[runs, first]
 
 
-def find_off_axis_rad(
-    position_m: np.ndarray, nominal_m: np.ndarray, bias_rad: np.ndarray, *, follows_target: bool
-) -> np.ndarray:
-    """Return the angle between boresight and target (run, time) [rad].
+class Sight:
+    """Which parts of the target are in the field of the lidar of dispersed runs, at the samples of the flight.
+
+    The lidar is that of the scenario, with its mounts, drive and `point`. In a run it is turned by the smallest rotation
+    from the line of sight of the scenario to the one that the run points along. The target has the attitude of the scenario.
 
     Parameters
     ----------
-    position_m, nominal_m : (run, time, 3) and (time, 3) position of the lidar relative to the target [m]
-    bias_rad : (run, 2) constant error of the boresight about two axes across it [rad]
-    follows_target : whether the lidar points at the target, not at where the nominal flight would see it
+    scenario : what is flown
+    target : name of the target
+    samples : greatest number of samples, at the first and the last frame and evenly between them
     """
-    bias = np.sqrt(np.sum(bias_rad**2, axis=1))[:, None]
-    if follows_target:
-        return np.broadcast_to(bias, position_m.shape[:2])
-    toward, planned = -position_m, np.broadcast_to(-nominal_m, position_m.shape)
-    across = np.cross(planned, toward)
-    # two axes across the planned line of sight: one in the plane of the cross-track axis, and the other
-    first = np.cross(planned, [0.0, 0.0, 1.0])
-    first /= np.maximum(np.linalg.norm(first, axis=-1, keepdims=True), 1e-300)
-    second = np.cross(planned, first)
-    second /= np.maximum(np.linalg.norm(second, axis=-1, keepdims=True), 1e-300)
-    angle = np.arctan2(np.linalg.norm(across, axis=-1), np.sum(planned * toward, axis=-1))
-    size = np.maximum(np.linalg.norm(across, axis=-1), 1e-300)
-    turned = [
-        angle * np.sum(across * axis, axis=-1) / size - bias_rad[:, k : k + 1] for k, axis in enumerate((first, second))
-    ]
-    off: np.ndarray = np.hypot(*turned)
-    return off
+
+    def __init__(self, scenario: Scenario, target: str, samples: int) -> None:
+        preview = preview_mission(scenario, samples)
+        poses, count, axes = preview.truth.poses, len(preview.time_s), f"{target}.rtn"
+        number = [one.name for one in scenario.target].index(target)
+        place_m, matrix = poses.place(axes, "lidar")
+        place_m = np.broadcast_to(place_m, (count, 3))
+        self._lidar_from_rtn = np.swapaxes(np.broadcast_to(matrix, (count, 3, 3)), 1, 2)
+        self._lever_m = place_m - poses.place(axes, "follower")[0]
+        self._toward = -place_m / np.linalg.norm(place_m, axis=1, keepdims=True)
+        self._hull_m = place_hull(scenario.surfaces_of(number), poses, axes, count)
+        lidars = [scenario.instrument.at(float(at_s)) for at_s in preview.time_s]
+        self._half_field = np.array([lidar.receiver.field_edge for lidar in lidars])
+
+    def find_held(
+        self, position_m: np.ndarray, aimed_from_m: np.ndarray, bias_rad: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return whether the target's origin is in the field (run, time), and whether its whole hull is.
+
+        Parameters
+        ----------
+        position_m : (run, time, 3) of the follower relative to the target, rtn axes [m]
+        aimed_from_m : (run, time, 3) or (time, 3) where pointing takes the follower to be [m]
+        bias_rad : (run, 2) constant error of the boresight, to the right and down [rad]
+        """
+        from scipy.spatial.transform import Rotation
+
+        aimed = -(aimed_from_m + self._lever_m)
+        aimed = np.broadcast_to(aimed / np.linalg.norm(aimed, axis=-1, keepdims=True), position_m.shape)
+        turn = Rotation.from_rotvec(
+            np.stack([bias_rad[:, 1], -bias_rad[:, 0], 0.0 * bias_rad[:, 0]], axis=1)
+        ).as_matrix()
+        origin, whole = (np.empty(position_m.shape[:2], dtype=bool) for _ in range(2))
+        for k, (toward, half_field) in enumerate(zip(self._toward, self._half_field, strict=True)):
+            # the smallest rotation that takes `aimed` to `toward`, then the axes of the lidar, then its error
+            middle = aimed[:, k] + toward
+            share = 1.0 / np.maximum(1.0 + aimed[:, k] @ toward, 1e-12)[:, None, None]
+            back = np.eye(3) - middle[:, :, None] * middle[:, None, :] * share
+            back = back + 2.0 * toward[:, None] * aimed[:, k, None, :]
+            seen = turn @ (self._lidar_from_rtn[k] @ back)  # (run, 3, 3)
+            at_m = -(position_m[:, k] + self._lever_m[k])
+            origin[:, k] = is_in_field(np.einsum("rij,rj->ri", seen, at_m), half_field)
+            points = np.einsum("rij,rpj->rpi", seen, at_m[:, None] + self._hull_m[:, k])
+            whole[:, k] = is_in_field(points, half_field).all(axis=1)
+        return origin, whole
 
 
 def make_detection(

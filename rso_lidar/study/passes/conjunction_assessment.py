@@ -20,6 +20,9 @@ from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 _DIFFERENT = 0.01  # share by which a figure of the message may differ from its states, beside rounding
 _ROUNDED_M, _ROUNDED_M_S = 1.0, 1.0  # messages state whole metres and metres per second
+_SURE_M = (
+    0.1  # standard deviation of position below which a covariance looks like km2: precise orbits have 0.01 to 0.02 m
+)
 _LATE_S = 1e-2  # time between the message's instant and the closest approach of its states that is worth a note
 _CURVED_S = 60.0  # length of an encounter beyond which straight lines are worth a note
 
@@ -81,6 +84,7 @@ def assess_conjunction(
     *,
     samples: int | None = None,
     seed: int = 0,
+    window_s: float | None = None,
 ) -> ConjunctionAssessment:
     """Compute miss distance, relative speed and probability of collision of a conjunction data message (CDM).
 
@@ -95,6 +99,8 @@ def assess_conjunction(
     ----------------
     samples : number of Monte Carlo draws (None: for some 1000 hits, from 1e5 to 4e6; 0: no Monte Carlo).
     seed : of the draws.
+    window_s : time that Monte Carlo searches on each side of the closest approach (None: as in
+        `rl.orbit.sample_collisions`, at most half a revolution) [s].
 
     Returns
     -------
@@ -103,7 +109,8 @@ def assess_conjunction(
     Raises
     ------
     ScenarioError
-        For a file that is not a CDM, a radius or number of draws without meaning, and covariances of no distribution.
+        For a file that is not a CDM; a radius, window or number of draws without meaning; covariances of no
+        distribution.
     """
     if not isinstance(message, ConjunctionMessage):
         message = ConjunctionMessage.from_file(message)
@@ -122,17 +129,26 @@ def assess_conjunction(
             f"the states are closest {between.closest_s:+.3g} s from the message's time, on straight lines; Foster's "
             "probability holds there"
         )
+    for one, state in ((message.first, first), (message.second, second)):
+        sigma_m = math.sqrt(float(np.diag(state.covariance)[:3].max()))
+        if 0.0 < sigma_m < _SURE_M:
+            notes.append(
+                f"{one.label}: its position is said to be known to {sigma_m:.3g} m, better than precise orbits; as km² the "
+                f"covariance would be that of {1000.0 * sigma_m:.3g} m, and the message has m²"
+            )
     radius, source = _choose_radius(message, radius_m)
     foster, drawn = None, None
     if radius is not None:
         if between.speed_m_s > 0.0:
             foster = foster_probability(first, second, radius)
         if samples is None or samples != 0:
-            drawn = sample_collisions(first, second, radius, rng=np.random.default_rng(int(seed)), samples=samples)
+            rng = np.random.default_rng(int(seed))
+            drawn = sample_collisions(first, second, radius, rng=rng, samples=samples, window_s=window_s)
             if drawn.window_s > _CURVED_S:
                 notes.append(
-                    f"the encounter lasts minutes ({drawn.window_s:,.0f} s on each side): relative motion is not straight, "
-                    "as Foster assumes; Monte Carlo flies two-body orbits"
+                    f"Monte Carlo searches minutes ({drawn.window_s:,.0f} s on each side): relative motion is not straight, "
+                    "as Foster assumes; Monte Carlo flies two-body orbits, and counts every closest approach in its window, "
+                    "also a second one; set the window for one alone"
                 )
     return ConjunctionAssessment(
         message=message,

@@ -50,6 +50,45 @@ def test_draws_are_those_of_the_generator():
     assert hits[0] == hits[1] != hits[2]
 
 
+def test_a_window_holds_the_crossings_within_it_and_no_others():
+    """Circles of one radius meet in both nodes: here 40 degrees of arc before the given instant, and 140 after it."""
+    still = np.diag([1e-8, 1e-8, 1e-8, 1e-12, 1e-12, 1e-12])
+    tilt, rate_rad_s = 1e-3, SPEED / RADIUS
+    c, s = math.cos(math.radians(40.0)), math.sin(math.radians(40.0))
+    first = UncertainState([RADIUS, 0.0, 0.0], [0.0, SPEED, 0.0], still)
+    second = UncertainState([RADIUS, 0.0, RADIUS * tilt * s], [0.0, SPEED, SPEED * tilt * c], still)
+    behind_s = math.radians(40.0) / rate_rad_s
+    hits = [
+        sample_collisions(first, second, 20.0, rng=np.random.default_rng(4), samples=100, window_s=window_s).hits
+        for window_s in (0.97 * behind_s, 1.03 * behind_s)
+    ]
+    assert hits == [0, 100]
+
+
+def test_half_a_revolution_counts_a_second_crossing_with_the_first():
+    """Errors of speed along the track part the draws: most meet at the node at hand, others only at the next one.
+
+    Both fly circles of one radius tilted by 1 mrad; the second is 30 m ahead at its node. A change of speed by dv moves it
+    back by 3 pi dv / n until the opposite node, so that draws with dv near 30 m n / (3 pi) = 3.4 mm/s collide there.
+    """
+    n = SPEED / RADIUS
+    sure = np.diag([1e-8, 1e-8, 1e-8, 1e-14, 1e-14, 1e-14])
+    wide = np.diag([1e-8, 1e-8, 1e-8, 1e-14, 0.004**2, 1e-14])
+    first = UncertainState([RADIUS, 0.0, 0.0], [0.0, SPEED, 0.0], sure)
+    second = UncertainState([RADIUS, 30.0, 0.0], [-30.0 * n, SPEED * math.cos(1e-3), SPEED * math.sin(1e-3)], wide)
+    half_s = math.pi / n
+    near, both = (
+        sample_collisions(first, second, 12.0, rng=np.random.default_rng(4), samples=20_000, window_s=window_s)
+        for window_s in (0.5 * half_s, 1.05 * half_s)
+    )
+    # Clohessy-Wiltshire after half a revolution: 4 dv / n in radius, -3 pi dv / n along the track
+    dv = 0.004 * np.random.default_rng(1).standard_normal(400_000)
+    ahead = np.hypot(4.0 * dv / n, 30.0 - 3.0 * math.pi * dv / n) < 12.0
+    behind = np.hypot(4.0 * dv / n, 30.0 + 3.0 * math.pi * dv / n) < 12.0
+    assert near.hits == 0
+    assert both.probability == pytest.approx(float(np.mean(ahead | behind)), abs=4.0 * both.standard_error)
+
+
 def test_objects_side_by_side_collide_where_their_errors_overlap():
     """No relative velocity, errors of position alone along the radius: a normal number within the radius of the miss."""
     covariance = np.diag([8.0, 1e-12, 1e-12])

@@ -16,6 +16,7 @@ from rso_lidar.orbit.collision.foster import disc_probability
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.processes import open_dask_client
+from rso_lidar.scenario.preview.geometry import preview_mission
 from rso_lidar.study.dispersions import dispersed_mission
 from rso_lidar.study.dispersions.dispersed_mission import nees_bounds
 from rso_lidar.study.dispersions.kept_runs import identify
@@ -199,6 +200,51 @@ def test_pointing_at_the_plan_loses_what_strays():
     assert lost.probability("held_always")[0] < 0.5 < kept.probability("held_always")[0] == 1.0
     # at the start, 1 km away, half the field is 21.8 m: 34 % of a normal distribution of 50 m lie within
     assert lost.table["held_fraction"].min() < 1.0
+
+
+def hold(y_m, dispersion, **target):
+    """Return a mission that waits on the V-bar, before a plate that faces it unless other fields of the target are given."""
+    target = {"attitude": rl.Rtn(euler_zyx_deg=(90.0, 0.0, 0.0))} | target
+    part = rpo.StationKeeping(relative_to="plate", position_m=(0.0, y_m, 0.0), duration_s=3000.0)
+    scenario = make_scenario(part, dispersion)
+    return scenario.replace(target=[scenario.target[0].replace(**target)])
+
+
+def test_without_errors_the_whole_body_is_in_the_field_where_check_says_so():
+    """A stage turns end over end in a field narrower than its length. The lidar is mounted beside the centre."""
+    spin = rl.Spin(axis=(0, 0, 1), rate_deg_s=0.13, axes="rtn")
+    scenario = hold(-300.0, rl.Dispersion(), attitude=spin, model="rocket_body")
+    scenario = scenario.replace(lidar=scenario.lidar.replace(mount=rl.Mount(position_m=(0.0, 1.5, 0.7))))
+    (seen,) = preview_mission(scenario).targets
+    assert 0.2 < np.mean(seen.all_in_field) < 0.8 and seen.in_field.all()
+    made = rl.study.disperse(scenario, 2)
+    assert made.table["held_fraction"].tolist() == [1.0, 1.0]
+    assert made.table["whole_held_fraction"] == pytest.approx([np.mean(seen.all_in_field)] * 2, rel=1e-12)
+
+
+def test_pointing_by_navigation_loses_the_origin_as_often_as_its_errors_say():
+    """A square field of half angle h at range R holds an error in each axis: erf(R tan h / (sigma sqrt 2))^2."""
+    wild = rpo.NavigationErrors(position_sigma_m=2.0)
+    made = rl.study.disperse(hold(-100.0, rl.Dispersion(navigation=wild)), 250)
+    half_m = 100.0 * math.tan(math.radians(1.25))
+    share = math.erf(half_m / 2.0 / math.sqrt(2.0)) ** 2
+    samples = 250 * 30
+    found = float(np.mean(made.table["held_fraction"]))
+    assert found == pytest.approx(share, abs=4.0 * math.sqrt(share * (1.0 - share) / samples))
+    assert np.all(made.table["whole_held_fraction"] <= made.table["held_fraction"])
+    text = made.describe()
+    assert "P(origin held in the field) 0 " in text and "P(whole body held) 0 " in text
+    assert "pointed where navigation takes the target to be" in text
+    ideal = rl.study.disperse(hold(-100.0, rl.Dispersion(navigation=wild, pointing="target")), 2)
+    assert ideal.table["held_fraction"].tolist() == [1.0, 1.0] and "pointed ideally, at the target" in ideal.describe()
+
+
+def test_a_constant_error_of_the_boresight_is_about_both_axes_of_the_field():
+    """The edge of the field is at 1.25 degrees in both axes: erf(1.25 / (sigma sqrt 2))^2 of the runs hold the origin."""
+    made = rl.study.disperse(hold(-100.0, rl.Dispersion(pointing_sigma_deg=1.0)), 1000)
+    share = math.erf(1.25 / math.sqrt(2.0)) ** 2
+    assert made.probability("held_always")[0] == pytest.approx(share, abs=4.0 * math.sqrt(share * (1.0 - share) / 1000))
+    assert set(np.unique(made.table["held_fraction"])) == {0.0, 1.0}
 
 
 def test_what_is_drawn_and_told(mission, tmp_path):

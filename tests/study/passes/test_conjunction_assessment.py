@@ -1,5 +1,7 @@
 """A conjunction assessed: its geometry, both probabilities, what is noted, and the scenario that is written."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,26 @@ def test_the_shipped_conjunction():
     assert found.notes == ()
     assert "Pc by Foster     0.0008" in found.text()
     assert "100,000 draws" in found.text()
+
+
+def test_a_covariance_in_square_kilometres_is_asked_about():
+    small = re.sub(
+        r"^(C[RTN]_[RTN] = )(\S+)", lambda found: f"{found[1]}{float(found[2]) * 1e-8:g}", TEXT, flags=re.MULTILINE
+    )
+    sigma_m = np.sqrt(np.diag(assess(TEXT).first.covariance)[:3].max())
+    notes = [note for note in assess(small).notes if "as km²" in note]
+    assert (
+        len(notes) == 2
+        and f"known to {sigma_m * 1e-4:.3g} m" in notes[0]
+        and f"that of {sigma_m / 10.0:.3g} m" in notes[0]
+    )
+
+
+def test_the_window_of_monte_carlo_is_the_users():
+    own, set_ = (assess(TEXT, samples=2000, **more) for more in ({}, {"window_s": 90.0}))
+    assert own.monte_carlo.window_s < 60.0 and own.notes == ()
+    assert set_.monte_carlo.window_s == 90.0 and "within 90 s of the closest approach" in set_.text()
+    assert "note: Monte Carlo searches minutes (90 s on each side)" in set_.text() and "a second one" in set_.text()
 
 
 def test_the_radius_is_the_users_then_the_messages_then_that_of_areas():
