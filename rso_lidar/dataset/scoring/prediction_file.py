@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import DatasetError, did_you_mean
+from rso_lidar.export.reader.hdf5_stream import check_size, open_checked
 from rso_lidar.files import check_regular, expand_user, read_arrays, read_text
 
 SUFFIXES = (".csv", ".parquet", ".npz", ".h5", ".hdf5")
@@ -115,14 +116,19 @@ def _read_hdf5(path: Path) -> tuple[dict[str, Any], str]:
     import h5py
 
     try:
-        file = h5py.File(path, "r")
+        file = open_checked(path)
         columns: dict[str, Any] = {}
+        left = _MOST_MEMORY_BYTES
         for name, found in file.items():
             if isinstance(found, h5py.Dataset):
+                check_size(found)
+                left -= 0 if name in PIXELS else found.nbytes
+                if left < 0:
+                    raise DatasetError(f"{path}: has columns of more than 1 GiB, {name} among them; split the file")
                 is_text = h5py.check_string_dtype(found.dtype) is not None
                 columns[name] = found if name in PIXELS else found.asstr()[()] if is_text else found[()]
         return columns, str(file.attrs.get(IDENTITY, ""))
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, KeyError, TypeError) as error:
         raise DatasetError(f"{path}: is not an HDF5 file ({_first_line(error)}); write it again") from None
 
 

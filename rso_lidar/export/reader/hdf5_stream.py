@@ -1,0 +1,178 @@
+"""The bytes of an HDF5 file on their way to libhdf5: heaps of texts are checked before it walks them.
+
+The global heap holds texts and references of variable length. It is the only metadata of HDF5 without a checksum, and
+libhdf5 never returns from a heap in which an object has no size. It then holds the interpreter's lock, so that no
+signal ends the process. Every heap is therefore walked here when libhdf5 reads it.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import struct
+import time
+from pathlib import Path
+from typing import Any
+
+from rso_lidar.export.layout.checksum import compute_lookup3
+
+SUPERBLOCK_BYTES = 48
+CACHE_BYTES = 2**20  # of chunks that libhdf5 keeps for each dataset
+_VERSION, _MARKS, _SUM = 8, 11, 44  # places in a superblock: its version, the marks of a writer, and its checksum
+_HEAP = b"GCOL"
+_HEADER = struct.Struct("<4sB3xQ")  # of a heap: signature, version, size with this header
+_OBJECT = struct.Struct("<HH4xQ")  # of an object: index, references, size; index 0 is free space, with this header
+_SMALL_BYTES, _MOST_RATIO = 2**24, 1100  # deflate makes data at most 1032 times smaller (zlib, Technical Details)
+_ATTEMPTS, _PAUSE_S = 5, 0.002  # a writer replaces metadata in microseconds
+
+
+class CheckedStream(io.RawIOBase):
+    """A file for reading that raises `OSError` where libhdf5 reads a damaged heap.
+
+    Parameters
+    ----------
+    path : of the file.
+    as_closed : show the file as if no writer had it open.
+    """
+
+    def __init__(self, path: Path, *, as_closed: bool = False) -> None:
+        self._file = path.open("rb", buffering=0)
+        self._path, self._as_closed, self._place = path, as_closed, 0
+
+    def __repr__(self) -> str:  # which h5py takes for the name of the file
+        return str(self._path)
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def seekable(self) -> bool:
+        """Return True."""
+        return True
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Set the place of the next reading [bytes]."""
+        start = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._measure()}[whence]
+        self._place = start + offset
+        return self._place
+
+    def tell(self) -> int:
+        """Return the place of the next reading [bytes]."""
+        return self._place
+
+    def readinto(self, buffer: Any, /) -> int:
+        """Read bytes into a buffer, and return their number."""
+        view = memoryview(buffer).cast("B")
+        count = self._read_at(self._place, view)
+        if view[:4] == _HEAP:
+            self._check_heap(self._place)
+        if self._as_closed and self._place == 0 and count >= SUPERBLOCK_BYTES and view[_VERSION] >= 2:
+            view[_MARKS] = 0
+            view[_SUM:SUPERBLOCK_BYTES] = compute_lookup3(bytes(view[:_SUM])).to_bytes(4, "little")
+        self._place += count
+        return count
+
+    def close(self) -> None:
+        """Close the file."""
+        if not self.closed:
+            self._file.close()
+        super().close()
+
+    def _measure(self) -> int:
+        return os.fstat(self._file.fileno()).st_size
+
+    def _read_at(self, place: int, view: memoryview) -> int:
+        """Read bytes of a place into a view; forked processes share the place of the system's file."""
+        if hasattr(os, "preadv"):
+            return os.preadv(self._file.fileno(), [view], place)
+        self._file.seek(place)
+        return self._file.readinto(view) or 0
+
+    def _check_heap(self, place: int) -> None:
+        """Walk the objects of the heap at a place; raise an `OSError` where they do not fill it."""
+        header = bytearray(_HEADER.size)
+        self._read_at(place, memoryview(header))
+        _, version, size = _HEADER.unpack(header)
+        if version != 1 or not _HEADER.size <= size <= self._measure() - place:
+            return  # no heap, but data that begin like one; libhdf5 refuses it as a heap
+        heap = bytearray(size)
+        self._read_at(place, memoryview(heap))
+        at = _HEADER.size
+        while at + _OBJECT.size <= size:
+            number, _, length = _OBJECT.unpack_from(heap, at)
+            step = _OBJECT.size + (length + 7) // 8 * 8 if number else length
+            if not 0 < step <= size - at:
+                raise OSError(f"the heap of texts at byte {place} has an object of {length} bytes at byte {place + at}")
+            at += step
+
+
+def open_checked(path: Path, *, as_closed: bool = False, cache_bytes: int = CACHE_BYTES) -> Any:
+    """Open an HDF5 file for reading, with its heaps checked when they are read.
+
+    Parameters
+    ----------
+    path : of the file.
+    as_closed : open it also while a writer has it open, without following its changes.
+    cache_bytes : of chunks that libhdf5 keeps for each dataset [bytes].
+
+    Returns
+    -------
+    h5py.File
+        The open file. Its errors are those of h5py: OSError, RuntimeError, KeyError and ValueError.
+    """
+    import h5py
+
+    stream = CheckedStream(path, as_closed=as_closed)
+    try:
+        return h5py.File(stream, "r", rdcc_nbytes=cache_bytes)
+    except BaseException:
+        stream.close()
+        raise
+
+
+def check_growing(path: Path) -> None:
+    """Check all heaps of a file that a writer may be extending; raise an `OSError` where one is damaged.
+
+    libhdf5 reads such a file without a stream of Python. The writer makes no new heaps. Metadata that it is replacing
+    are read again.
+
+    Parameters
+    ----------
+    path : of the file.
+    """
+    for left in reversed(range(_ATTEMPTS)):
+        try:
+            with open_checked(path, as_closed=True) as file:
+                _read_attributes("/", file)
+                file.visititems(_read_attributes)
+            return
+        except (OSError, RuntimeError, KeyError, ValueError, TypeError):
+            if not left:
+                raise
+            time.sleep(_PAUSE_S)
+
+
+def _read_attributes(_name: str, place: Any) -> None:
+    for name in place.attrs:
+        place.attrs[name]
+
+
+def check_size(dataset: Any) -> None:
+    """Check that a dataset is not much larger than its file, before memory is taken for it.
+
+    A dataset without stored data is read as fill values: a file of 1 kB can declare terabytes of them.
+
+    Parameters
+    ----------
+    dataset : of h5py.
+
+    Raises
+    ------
+    OSError
+        If it is larger than 16 MiB and than what fits into the file with the strongest compression.
+    """
+    size = dataset.dtype.itemsize * math.prod(dataset.shape)
+    stored = dataset.file.id.get_filesize()
+    if size > _SMALL_BYTES + _MOST_RATIO * stored:
+        raise OSError(f"{dataset.name} declares {size:,} bytes, in a file of {stored:,}")
