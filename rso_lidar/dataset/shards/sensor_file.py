@@ -12,11 +12,11 @@ import numpy as np
 
 from rso_lidar.dataset.shards.shard_file import CONVENTIONS, hash_file
 from rso_lidar.errors import DatasetError
-from rso_lidar.export.reader.hdf5_stream import check_size, open_checked
+from rso_lidar.export.reader.hdf5_checks import check_size, open_checked
 from rso_lidar.files import write_atomically, write_text
 
 SENSOR_FILE = "sensor.h5"
-SENSOR_HASH = "sensor.h5.sha256"  # as `sha256sum` writes it; libhdf5 may hang on a damaged file, so it is hashed first
+SENSOR_HASH = "sensor.h5.sha256"  # as `sha256sum` writes it; libhdf5 may read wrong numbers from a damaged file
 _LISTS = ("classes", "models", "sensors", "part_classes", "splits")
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, describe_array
 from rso_lidar.errors import DatasetError
-from rso_lidar.export.reader.hdf5_stream import CACHE_BYTES, open_checked
+from rso_lidar.export.reader.hdf5_checks import CACHE_BYTES, open_checked
 from rso_lidar.export.writer.chunks import ImageEncoder
 from rso_lidar.files import write_atomically
 from rso_lidar.records.schema import specs

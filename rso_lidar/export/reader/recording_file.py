@@ -17,8 +17,8 @@ from rso_lidar.export.layout import intermediates
 from rso_lidar.export.layout.checksum import compute_texts_crc32
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, NODE, POINTING, READING
 from rso_lidar.export.layout.target_table import read_targets
+from rso_lidar.export.reader.hdf5_checks import check_size
 from rso_lidar.export.reader.hdf5_file import TEMPORARY, open_hdf5
-from rso_lidar.export.reader.hdf5_stream import check_size
 from rso_lidar.export.reader.zarr_file import SUFFIX, open_zarr
 from rso_lidar.records import SCHEMA_VERSION, Source
 

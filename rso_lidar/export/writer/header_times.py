@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rso_lidar.export.layout.checksum import compute_lookup3
-from rso_lidar.export.reader.hdf5_stream import SUPERBLOCK_BYTES
+from rso_lidar.export.reader.hdf5_checks import SUPERBLOCK_BYTES
 
 _EXTENSION = slice(20, 28)  # of a superblock (version 2 or 3): the address of its extension
 _STORES_TIMES, _STORES_PHASES, _WIDTH = 0x20, 0x10, 0x03  # flags of an object header (version 2)

@@ -1,8 +1,8 @@
-"""The bytes of an HDF5 file on their way to libhdf5: heaps of texts are checked before it walks them.
+"""HDF5 files opened with care: heaps of texts are walked here before libhdf5 walks them, and declared sizes are bounded.
 
 The global heap holds texts and references of variable length. It is the only metadata of HDF5 without a checksum, and
 libhdf5 never returns from a heap in which an object has no size. It then holds the interpreter's lock, so that no
-signal ends the process. Every heap is therefore walked here when libhdf5 reads it.
+signal ends the process. A file is therefore opened first through a stream that walks every heap that libhdf5 reads.
 """
 
 from __future__ import annotations
@@ -12,8 +12,11 @@ import math
 import os
 import struct
 import time
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from rso_lidar.export.layout.checksum import compute_lookup3
 
@@ -21,6 +24,7 @@ SUPERBLOCK_BYTES = 48
 CACHE_BYTES = 2**20  # of chunks that libhdf5 keeps for each dataset
 _VERSION, _MARKS, _SUM = 8, 11, 44  # places in a superblock: its version, the marks of a writer, and its checksum
 _HEAP = b"GCOL"
+_HAS_PREADV = hasattr(os, "preadv")  # not on Windows
 _HEADER = struct.Struct("<4sB3xQ")  # of a heap: signature, version, size with this header
 _OBJECT = struct.Struct("<HH4xQ")  # of an object: index, references, size; index 0 is free space, with this header
 _SMALL_BYTES, _MOST_RATIO = 2**24, 1100  # deflate makes data at most 1032 times smaller (zlib, Technical Details)
@@ -38,6 +42,7 @@ class CheckedStream(io.RawIOBase):
 
     def __init__(self, path: Path, *, as_closed: bool = False) -> None:
         self._file = path.open("rb", buffering=0)
+        self._descriptor = self._file.fileno()
         self._path, self._as_closed, self._place = path, as_closed, 0
 
     def __repr__(self) -> str:  # which h5py takes for the name of the file
@@ -63,14 +68,14 @@ class CheckedStream(io.RawIOBase):
 
     def readinto(self, buffer: Any, /) -> int:
         """Read bytes into a buffer, and return their number."""
-        view = memoryview(buffer).cast("B")
-        count = self._read_at(self._place, view)
+        place, view = self._place, memoryview(buffer).cast("B")  # h5py gives a type of its own, unequal to all bytes
+        count = self._read_at(place, view)
         if view[:4] == _HEAP:
-            self._check_heap(self._place)
-        if self._as_closed and self._place == 0 and count >= SUPERBLOCK_BYTES and view[_VERSION] >= 2:
+            self._check_heap(place)
+        if self._as_closed and place == 0 and count >= SUPERBLOCK_BYTES and view[_VERSION] >= 2:
             view[_MARKS] = 0
             view[_SUM:SUPERBLOCK_BYTES] = compute_lookup3(bytes(view[:_SUM])).to_bytes(4, "little")
-        self._place += count
+        self._place = place + count
         return count
 
     def close(self) -> None:
@@ -80,12 +85,12 @@ class CheckedStream(io.RawIOBase):
         super().close()
 
     def _measure(self) -> int:
-        return os.fstat(self._file.fileno()).st_size
+        return os.fstat(self._descriptor).st_size
 
     def _read_at(self, place: int, view: memoryview) -> int:
         """Read bytes of a place into a view; forked processes share the place of the system's file."""
-        if hasattr(os, "preadv"):
-            return os.preadv(self._file.fileno(), [view], place)
+        if _HAS_PREADV:
+            return os.preadv(self._descriptor, (view,), place)
         self._file.seek(place)
         return self._file.readinto(view) or 0
 
@@ -107,55 +112,91 @@ class CheckedStream(io.RawIOBase):
             at += step
 
 
-def open_checked(path: Path, *, as_closed: bool = False, cache_bytes: int = CACHE_BYTES) -> Any:
-    """Open an HDF5 file for reading, with its heaps checked when they are read.
+def open_checked(path: Path, *, cache_bytes: int = CACHE_BYTES) -> Any:
+    """Open an HDF5 file for reading, after its heaps were checked.
 
     Parameters
     ----------
     path : of the file.
-    as_closed : open it also while a writer has it open, without following its changes.
     cache_bytes : of chunks that libhdf5 keeps for each dataset [bytes].
 
     Returns
     -------
     h5py.File
-        The open file. Its errors are those of h5py: OSError, RuntimeError, KeyError and ValueError.
+        The open file. Its errors are those of h5py: OSError, RuntimeError, KeyError, ValueError and TypeError.
     """
     import h5py
 
-    stream = CheckedStream(path, as_closed=as_closed)
-    try:
-        return h5py.File(stream, "r", rdcc_nbytes=cache_bytes)
-    except BaseException:
-        stream.close()
-        raise
+    check_heaps(path)
+    return h5py.File(path, "r", locking="best-effort", rdcc_nbytes=cache_bytes)
 
 
-def check_growing(path: Path) -> None:
-    """Check all heaps of a file that a writer may be extending; raise an `OSError` where one is damaged.
+def check_heaps(path: Path, *, is_growing: bool = False) -> None:
+    """Check all heaps that attributes and datasets refer to; raise an error of h5py where one is damaged.
 
-    libhdf5 reads such a file without a stream of Python. The writer makes no new heaps. Metadata that it is replacing
-    are read again.
+    A file is checked again only after it has changed.
 
     Parameters
     ----------
     path : of the file.
+    is_growing : whether a writer may be extending it. Metadata that it is replacing are read again.
     """
-    for left in reversed(range(_ATTEMPTS)):
+    status = path.stat()
+    stamp = status.st_mtime_ns, status.st_size, status.st_ino
+    for left in reversed(range(_ATTEMPTS if is_growing else 1)):
         try:
-            with open_checked(path, as_closed=True) as file:
-                _read_attributes("/", file)
-                file.visititems(_read_attributes)
-            return
+            _walk_heaps(path.absolute(), stamp, is_growing)
+            break
         except (OSError, RuntimeError, KeyError, ValueError, TypeError):
             if not left:
                 raise
             time.sleep(_PAUSE_S)
 
 
-def _read_attributes(_name: str, place: Any) -> None:
-    for name in place.attrs:
-        place.attrs[name]
+@lru_cache(maxsize=4096)
+def _walk_heaps(path: Path, _stamp: tuple[int, int, int], as_closed: bool) -> None:
+    """Let libhdf5 read all data of variable length in a file through a stream that checks heaps.
+
+    Parameters
+    ----------
+    path : of the file.
+    _stamp : time of its last change, size and number, the key of the cache.
+    as_closed : open it also while a writer has it open.
+    """
+    import h5py
+
+    # This file is closed again here: at the end of the interpreter, h5py crashes where such a stream is still open.
+    with CheckedStream(path, as_closed=as_closed) as stream, h5py.File(stream, "r") as file:
+        _read_texts(file.id)
+        h5py.h5o.visit(file.id, lambda name: _read_texts(h5py.h5o.open(file.id, name)))
+
+
+def _read_texts(place: Any) -> None:
+    """Read the attributes of variable length of an object, and the object if it is a dataset of that kind.
+
+    Parameters
+    ----------
+    place : identifier of the object, of h5py.
+    """
+    import h5py
+
+    for number in range(h5py.h5a.get_num_attrs(place)):
+        attribute = h5py.h5a.open(place, index=number)
+        if _is_variable(attribute.get_type()):
+            attribute.read(np.empty(attribute.shape, attribute.dtype))
+    if isinstance(place, h5py.h5d.DatasetID) and _is_variable(place.get_type()):
+        check_size(h5py.Dataset(place))
+        h5py.Dataset(place)[()]
+
+
+def _is_variable(kind: Any) -> bool:
+    """Return whether data of an HDF5 type may lie in a heap; numbers and texts of fixed length do not."""
+    import h5py
+
+    return not (
+        isinstance(kind, h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID | h5py.h5t.TypeEnumID)
+        or (isinstance(kind, h5py.h5t.TypeStringID) and not kind.is_variable_str())
+    )
 
 
 def check_size(dataset: Any) -> None:
