@@ -1,5 +1,6 @@
 """Files: read whole and within bounds, written whole or not at all, and locked while they are written."""
 
+from rso_lidar.files.array_files import read_array, read_arrays
 from rso_lidar.files.locks import hold_lock, is_locked
 from rso_lidar.files.reading import (
     MOST_BYTES,
@@ -41,6 +42,8 @@ __all__ = [
     "is_locked",
     "is_same",
     "make_write_error",
+    "read_array",
+    "read_arrays",
     "read_bytes",
     "read_text",
     "write_atomically",

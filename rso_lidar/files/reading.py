@@ -156,8 +156,13 @@ def _too_large(path: Path, size: int, most_bytes: int, what: str) -> str:
     path, size : the file, and its size [byte].
     most_bytes, what : largest allowed size [byte], and the kind of the file.
     """
-    limit = f"{most_bytes / _MIB:,.0f} MiB" if most_bytes >= _MIB else f"{most_bytes:,} bytes"
+    limit = describe_size(most_bytes)
     return f"{path}: has {size / _MIB:,.1f} MiB or more, over the {limit} that a {what} may have; give a smaller one"
+
+
+def describe_size(size: int) -> str:
+    """Return a size as text: in MiB, or in bytes below 1 MiB."""
+    return f"{size / _MIB:,.0f} MiB" if size >= _MIB else f"{size:,} bytes"
 
 
 def _reason(problem: BaseException) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.files.reading import check_regular, expand_user, read_text
+from rso_lidar.export.reader.hdf5_checks import check_size, open_checked
+from rso_lidar.files import check_regular, expand_user, read_arrays, read_text
 
 SUFFIXES = (".csv", ".parquet", ".npz", ".h5", ".hdf5")
 IDENTITY = "dataset"  # name under which a file carries the identity of the dataset that it is about
 PIXELS = ("part_class_id", "oversampled_range_m", "oversampled_photons")
 _VECTORS = {"position_m": ("x_m", "y_m", "z_m"), "quaternion_xyzw": ("qx", "qy", "qz", "qw")}
-_MOST_TEXT_BYTES = 2**30
+_MOST_MEMORY_BYTES = 2**30  # of a CSV or NPZ file, and of the columns of HDF5; images in HDF5 are read in parts
 _MOST_BYTES = 2**38
 
 
@@ -64,7 +64,7 @@ def read_columns(path: Path) -> tuple[dict[str, Any], str]:
 
 def _read_csv(path: Path) -> tuple[dict[str, Any], str]:
     """Read a CSV file; lines that start with # are comments, one of which may state the dataset."""
-    lines = read_text(path, _MOST_TEXT_BYTES, DatasetError, "CSV file").splitlines(keepends=True)
+    lines = read_text(path, _MOST_MEMORY_BYTES, DatasetError, "CSV file").splitlines(keepends=True)
     identity = ""
     for line in lines:
         if line.startswith("#") and line[1:].strip().startswith(f"{IDENTITY}:"):
@@ -107,13 +107,7 @@ def _read_parquet(path: Path) -> tuple[dict[str, Any], str]:
 
 def _read_npz(path: Path) -> tuple[dict[str, Any], str]:
     """Read arrays that `numpy.savez` wrote."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            columns = {name: file[name] for name in file.files}
-    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise DatasetError(
-            f"{path}: is not an NPZ file of plain arrays ({_first_line(error)}); write it again"
-        ) from None
+    columns: dict[str, Any] = dict(read_arrays(path, DatasetError, most_bytes=_MOST_MEMORY_BYTES))
     return columns, str(columns.pop(IDENTITY, ""))
 
 
@@ -122,14 +116,19 @@ def _read_hdf5(path: Path) -> tuple[dict[str, Any], str]:
     import h5py
 
     try:
-        file = h5py.File(path, "r")
+        file = open_checked(path)
         columns: dict[str, Any] = {}
+        left = _MOST_MEMORY_BYTES
         for name, found in file.items():
             if isinstance(found, h5py.Dataset):
+                check_size(found)
+                left -= 0 if name in PIXELS else found.nbytes
+                if left < 0:
+                    raise DatasetError(f"{path}: has columns of more than 1 GiB, {name} among them; split the file")
                 is_text = h5py.check_string_dtype(found.dtype) is not None
                 columns[name] = found if name in PIXELS else found.asstr()[()] if is_text else found[()]
         return columns, str(file.attrs.get(IDENTITY, ""))
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, KeyError, TypeError) as error:
         raise DatasetError(f"{path}: is not an HDF5 file ({_first_line(error)}); write it again") from None
 
 

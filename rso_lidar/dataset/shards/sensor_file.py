@@ -12,10 +12,11 @@ import numpy as np
 
 from rso_lidar.dataset.shards.shard_file import CONVENTIONS, hash_file
 from rso_lidar.errors import DatasetError
+from rso_lidar.export.reader.hdf5_checks import check_size, open_checked
 from rso_lidar.files import write_atomically, write_text
 
 SENSOR_FILE = "sensor.h5"
-SENSOR_HASH = "sensor.h5.sha256"  # as `sha256sum` writes it; libhdf5 may hang on a damaged file, so it is hashed first
+SENSOR_HASH = "sensor.h5.sha256"  # as `sha256sum` writes it; libhdf5 may read wrong numbers from a damaged file
 _LISTS = ("classes", "models", "sensors", "part_classes", "splits")
 
 
@@ -82,14 +83,12 @@ def read_constants(folder: Path) -> Constants:
     DatasetError
         If the folder is no dataset, or the file is damaged.
     """
-    import h5py
-
     place = folder / SENSOR_FILE
     if not folder.is_dir() or not place.is_file():
         raise DatasetError(f"{folder}: is not the folder of a dataset; `rso-lidar dataset make` makes one")
     _check_hash(folder)
     try:
-        with h5py.File(place, "r") as file:
+        with open_checked(place) as file:
             if file.attrs["Conventions"] != CONVENTIONS:
                 raise DatasetError(
                     f"{place}: is of '{file.attrs['Conventions']}', and this rso_lidar reads '{CONVENTIONS}': upgrade "
@@ -97,6 +96,8 @@ def read_constants(folder: Path) -> Constants:
                 )
             lists = {name: tuple(json.loads(file.attrs[name])) for name in _LISTS}
             groups = {name: file[f"sensors/{name}"] for name in lists["sensors"]}
+            for group in groups.values():
+                check_size(group["line_of_sight"])
             return Constants(
                 sha256=str(file.attrs["dataset_sha256"]),
                 title=str(file.attrs["title"]),

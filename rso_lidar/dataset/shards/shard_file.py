@@ -12,13 +12,13 @@ import numpy as np
 
 from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, describe_array
 from rso_lidar.errors import DatasetError
+from rso_lidar.export.reader.hdf5_checks import CACHE_BYTES, open_checked
 from rso_lidar.export.writer.chunks import ImageEncoder
 from rso_lidar.files import write_atomically
 from rso_lidar.records.schema import specs
 
 CONVENTIONS = "rso_lidar dataset 1"
 _IMAGE_DIMENSIONS = 2
-_MOST_CACHE = 2**20  # bytes of chunks that libhdf5 keeps for each array of an open shard, by default
 _BLOCK = 2**20  # bytes of a file that are read at once
 
 
@@ -84,7 +84,7 @@ def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
     dataset.attrs["dims"] = " ".join(("frame", *spec.dims))
 
 
-def open_shard(path: Path, dataset: str | None, cache_bytes: int = _MOST_CACHE) -> Any:
+def open_shard(path: Path, dataset: str | None, cache_bytes: int = CACHE_BYTES) -> Any:
     """Open a shard with h5py to read.
 
     Parameters
@@ -98,10 +98,8 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = _MOST_CACHE) 
     DatasetError
         If the file is absent, damaged, or of another dataset.
     """
-    import h5py
-
     try:
-        file = h5py.File(path, "r", rdcc_nbytes=min(cache_bytes, _MOST_CACHE))
+        file = open_checked(path, cache_bytes=min(cache_bytes, CACHE_BYTES))
         found = None if dataset is None else file.attrs.get("dataset_sha256")
     except FileNotFoundError:
         raise DatasetError(f"{path}: the shard is missing; run `rso-lidar dataset make` again with --resume") from None

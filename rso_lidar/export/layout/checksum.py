@@ -1,4 +1,4 @@
-"""Checksums of a recording: Fletcher-32 of each chunk, and CRC-32 of the texts in its attributes."""
+"""Checksums of a recording: Fletcher-32 of each chunk, CRC-32 of the texts in its attributes, lookup3 of metadata."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ CHECKSUM_BYTES = 4  # of a checksum behind a chunk
 _LARGE = 2**36  # as much as 2**21 words make; 2**63 / 2**36 words more would be needed for too large a sum
 TEXTS = ("title", "scenario", "start_utc", "seed", "versions", "targets")  # attributes of the root
 OPTIONAL_TEXTS = ("sensors",)
+_MASK = 0xFFFFFFFF
 TREE = ("tree", "states")  # attributes of /truth
 
 
@@ -75,3 +76,37 @@ def compute_texts_crc32(file: Any) -> int:
 
 def _list_texts(attributes: Any, names: Iterable[str]) -> list[str]:
     return [f"{name}={attributes[name]}" for name in names]
+
+
+def compute_lookup3(data: bytes | bytearray) -> int:
+    """Compute the checksum of HDF5's metadata: lookup3 of Bob Jenkins (2006), `hashlittle`, from 0."""
+    a = b = c = (0xDEADBEEF + len(data)) & _MASK
+    whole = max((len(data) - 1) // 12, 0) * 12
+    for at in range(0, whole, 12):
+        a, b, c = ((one + word) & _MASK for one, word in zip((a, b, c), _read_words(data[at : at + 12]), strict=True))
+        for turn_a, turn_b, turn_c in ((4, 6, 8), (16, 19, 4)):
+            a = ((a - c) ^ _rotate(c, turn_a)) & _MASK
+            c = (c + b) & _MASK
+            b = ((b - a) ^ _rotate(a, turn_b)) & _MASK
+            a = (a + c) & _MASK
+            c = ((c - b) ^ _rotate(b, turn_c)) & _MASK
+            b = (b + a) & _MASK
+    if not data:
+        return c
+    rest = bytes(data[whole:]).ljust(12, b"\0")
+    a, b, c = ((one + word) & _MASK for one, word in zip((a, b, c), _read_words(rest), strict=True))
+    c = ((c ^ b) - _rotate(b, 14)) & _MASK
+    a = ((a ^ c) - _rotate(c, 11)) & _MASK
+    b = ((b ^ a) - _rotate(a, 25)) & _MASK
+    c = ((c ^ b) - _rotate(b, 16)) & _MASK
+    a = ((a ^ c) - _rotate(c, 4)) & _MASK
+    b = ((b ^ a) - _rotate(a, 14)) & _MASK
+    return ((c ^ b) - _rotate(b, 24)) & _MASK
+
+
+def _read_words(twelve: bytes | bytearray) -> tuple[int, ...]:
+    return tuple(int.from_bytes(twelve[at : at + 4], "little") for at in (0, 4, 8))
+
+
+def _rotate(word: int, bits: int) -> int:
+    return ((word << bits) | (word >> (32 - bits))) & _MASK

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import RecordingError
+from rso_lidar.export.reader.hdf5_checks import CACHE_BYTES, SUPERBLOCK_BYTES, check_heaps, open_checked
 
 TEMPORARY = re.compile(r"\.tmp-[0-9a-zA-Z]+(\.starting)?$")
 
-SUPERBLOCK_BYTES = 48
 # HDF5 reads metadata again where its checksum is wrong, as it is while a writer replaces it. It waits 1 ns, then twice as
 # long each time: 34 ms in all with 25 attempts. The default of 100 attempts would never end.
 _READ_ATTEMPTS = 25
@@ -55,15 +55,16 @@ def open_hdf5(path: Path, *, swmr: bool) -> Any:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the name and its rights") from error
     try:
         if swmr:
+            check_heaps(path, is_growing=True)
             return _open_growing(path)
-        file = h5py.File(path, "r", locking="best-effort", rdcc_nbytes=2**20)
+        file = open_checked(path)
         if not file.swmr_mode:
             return file
         # This process still has the file open from the time when it grew. HDF5 then shares what it knew, such as fewer
         # frames, among all who open it by one driver. Another driver reads the file anew.
         file.close()
-        return h5py.File(path, "r", driver="stdio", locking="best-effort", rdcc_nbytes=2**20)
-    except (OSError, RuntimeError) as error:
+        return h5py.File(path, "r", driver="stdio", locking="best-effort", rdcc_nbytes=CACHE_BYTES)
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         if "h5clear" in str(error) or "already open" in str(error):
             raise RecordingError(f"{path}: is still being written, or its run was killed; wait or resume") from error
         what = " ".join(str(error).split())[:120]

@@ -17,9 +17,12 @@ from rso_lidar.export.layout import intermediates
 from rso_lidar.export.layout.checksum import compute_texts_crc32
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, NODE, POINTING, READING
 from rso_lidar.export.layout.target_table import read_targets
+from rso_lidar.export.reader.hdf5_checks import check_size
 from rso_lidar.export.reader.hdf5_file import TEMPORARY, open_hdf5
 from rso_lidar.export.reader.zarr_file import SUFFIX, open_zarr
 from rso_lidar.records import SCHEMA_VERSION, Source
+
+_NUMBERS = "fiub"  # kinds of the types of all datasets
 
 
 class RecordingFile:
@@ -45,6 +48,7 @@ class RecordingFile:
         self._absolute = self.path.absolute()  # for another process, whose working folder may differ
         self.complete = TEMPORARY.search(self.path.name) is None
         zarr = self.path.suffix.lower() == SUFFIX
+        self._is_hdf5 = not zarr
         self._file: Any = open_zarr(self.path) if zarr else open_hdf5(self.path, swmr=not self.complete)
         try:
             with self.watched():
@@ -207,6 +211,11 @@ class RecordingFile:
         paths += [path for path, _, _ in POINTING] if self._ptu else []
         self._need(*paths)
         self._datasets = {path: self._file[path] for path in paths}
+        for dataset in (*self._datasets.values(), self._file["line_of_sight"]):
+            if dataset.dtype.kind not in _NUMBERS:
+                raise ValueError(f"{dataset.name} holds {dataset.dtype}, not numbers")
+            if self._is_hdf5:
+                check_size(dataset)
         self._constants = {
             group: {name: float(self._file[group].attrs[name]) for name in intermediates.CONSTANTS.get(group, ())}
             for group in self.kept

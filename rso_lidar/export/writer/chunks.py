@@ -12,6 +12,9 @@ from rso_lidar.export.layout.datasets import Variable
 from rso_lidar.export.writer.deflate import bound_stream, deflate_planes
 from rso_lidar.kernels import kernel, packed
 
+_HEAD, _TAIL = 7, 4 + CHECKSUM_BYTES  # bytes before and after a small entry
+_FRAMING = _HEAD + _TAIL
+
 
 class ImageEncoder:
     """Encoder of images as HDF5's filters shuffle, gzip and fletcher32 store them, at a fraction of their cost.
@@ -51,7 +54,7 @@ class ChunkWriter:
         self._datasets = {path: (file[path].id, one.shape, (0,) * len(one.shape)) for path, one in variables.items()}
         self._images = [path for path, one in variables.items() if one.is_compressed]
         self._small = [path for path, one in variables.items() if not one.is_compressed]
-        self._small_ends = np.cumsum([variables[path].frame_bytes + CHECKSUM_BYTES for path in self._small])
+        self._small_ends = np.cumsum([variables[path].frame_bytes + _FRAMING for path in self._small])
         self._encoder = ImageEncoder(max((variables[path].frame_bytes for path in self._images), default=0))
 
     def append(self, entries: Mapping[str, np.ndarray], place: int) -> None:
@@ -86,18 +89,37 @@ class ChunkWriter:
         dataset.write_direct_chunk((place, *corner), chunk)
 
     def _encode_small(self, entries: Mapping[str, np.ndarray]) -> dict[str, memoryview]:
-        """Encode all entries that are not images with the filter fletcher32."""
-        room = bytes(CHECKSUM_BYTES)
-        data = bytearray(room.join([*(entries[path].tobytes() for path in self._small), b""]))
-        write_checksums(np.frombuffer(data, np.uint8), self._small_ends)
+        """Encode all entries that are not images, as the filters gzip and fletcher32 store them without compression."""
+        room = bytes(_FRAMING)
+        data = bytearray(bytes(_HEAD) + room.join(entries[path].tobytes() for path in self._small) + bytes(_TAIL))
+        frame_streams(np.frombuffer(data, np.uint8), self._small_ends)
         ends, chunks = self._small_ends.tolist(), memoryview(data)
         return {path: chunks[start:end] for path, start, end in zip(self._small, [0, *ends], ends, strict=False)}
 
 
 @kernel
-def write_checksums(data: np.ndarray, ends: np.ndarray) -> None:
-    """Write the checksum of each chunk into its last bytes; the chunks are adjacent and end at `ends` [bytes]."""
+def frame_streams(data: np.ndarray, ends: np.ndarray) -> None:
+    """Write the head and the checksums of each chunk; the chunks are adjacent and end at `ends` [bytes].
+
+    A chunk is a zlib stream (RFC 1950) of one stored block (RFC 1951, sec. 3.2.4) and the checksum of fletcher32.
+    """
     start = 0
     for end in ends:
-        append_fletcher32(data, start, end - CHECKSUM_BYTES)
+        size = end - start - _FRAMING
+        data[start], data[start + 1], data[start + 2] = (
+            0x78,
+            0x01,
+            1,
+        )  # deflate in 32 kB, fastest; the last block, stored
+        data[start + 3], data[start + 4] = size & 0xFF, size >> 8
+        data[start + 5], data[start + 6] = ~size & 0xFF, (~size >> 8) & 0xFF
+        low, high = 1, 0  # Adler-32 (RFC 1950, sec. 8.2); below 2**63 for all sizes of a stored block
+        tail = start + _HEAD + size
+        for k in range(start + _HEAD, tail):
+            low += int(data[k])
+            high += low
+        low, high = low % 65521, high % 65521
+        data[tail], data[tail + 1] = high >> 8, high & 0xFF
+        data[tail + 2], data[tail + 3] = low >> 8, low & 0xFF
+        append_fletcher32(data, start, tail + 4)
         start = end

@@ -85,7 +85,7 @@ def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], chan
     squeeze = {"compression": "gzip", "shuffle": True, "fletcher32": True, "dtype": stated.dtype}
     if changing:  # not a dimension `lens`, for HDF5 calls a dimension by its scale, and /lens is another dataset
         grows: Any = {"shape": (0,), "maxshape": (None,), "chunks": (1,)}
-        number = file.create_dataset("lens_number", dtype="i4", fletcher32=True, **grows)
+        number = file.create_dataset("lens_number", dtype="i4", compression="gzip", fletcher32=True, **grows)
         _write_attributes(number, {"units": "1", "long_name": "number of a lens, in the order of first use"})
         number.make_scale("lens_number")
         scales["lens_number"], dims = number, ("lens_number", *dims)
@@ -123,7 +123,7 @@ def _make_scale(group: Any, dim: str, size: int) -> Any:
     dim : name of the dimension.
     size : of the dimension.
     """
-    made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", fletcher32=True)
+    made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", compression="gzip", fletcher32=True)
     _write_attributes(made, {"units": "1", "long_name": get_scale_meaning(made.name.strip("/"))})
     made.make_scale(dim)
     return made
@@ -138,7 +138,6 @@ def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) 
     variable : shape, dtype, chunks and fill value.
     attributes : to write.
     """
-    squeeze = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if variable.is_compressed else {}
     made = file.create_dataset(
         variable.path,
         shape=(0, *variable.shape),
@@ -146,8 +145,11 @@ def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) 
         chunks=variable.chunk,
         dtype=variable.spec.dtype,
         fillvalue=variable.fill,
+        # Small entries are zlib streams, too, though not smaller: to fletcher32 alone, a chunk of zeros is valid.
+        compression="gzip",
+        compression_opts=1,
+        shuffle=variable.is_compressed,
         fletcher32=True,
-        **squeeze,
     )
     _write_attributes(made, attributes)
     if variable.fill is not None:

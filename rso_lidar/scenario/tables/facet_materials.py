@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import MeshError, ScenarioError, add_place, did_you_mean
-from rso_lidar.files import MOST_BYTES, check_regular, read_text
+from rso_lidar.files import MOST_BYTES, read_array, read_text
 from rso_lidar.part import Part, Text
 from rso_lidar.scene import AnyMaterial, Material, Named, Surface, complete, library
 from rso_lidar.scene.meshes.mesh import format_colours, read_facet_colours
@@ -122,15 +122,9 @@ def _read_facet_words(path: Path, facets: int) -> np.ndarray:
 
 
 def _read_array(path: Path, facets: int) -> np.ndarray:
-    try:
-        check_regular(path, MOST_BYTES, MeshError, "array (.npy)")
-        numbers = np.load(path, mmap_mode="r", allow_pickle=False)
-    except MeshError:
-        raise
-    except Exception:  # NumPy reads the header as Python's: a broken one fails in a dozen ways
-        raise MeshError(f"{path.name}: is not a NumPy array; write it with numpy.save") from None
-    if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iu" or numbers.shape != (facets,):
-        got = f"{numbers.dtype} {numbers.shape}" if isinstance(numbers, np.ndarray) else "an archive"
+    numbers = read_array(path, MeshError)
+    if numbers.dtype.kind not in "iu" or numbers.shape != (facets,):
+        got = f"{numbers.dtype} {numbers.shape}"
         raise MeshError(f"{path.name}: holds {got}; give one integer for each of the {facets:,} facets of the mesh")
     return np.where(numbers < 0, "", numbers.astype(str)).astype(object)
 

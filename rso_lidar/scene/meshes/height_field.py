@@ -3,7 +3,6 @@
 import hashlib
 import struct
 import warnings
-import zipfile
 import zlib
 from functools import lru_cache
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import MeshError
+from rso_lidar.files import read_array, read_arrays
 from rso_lidar.scene.meshes.mesh import Mesh
 
 SUFFIXES = (".npy", ".npz", ".png")
@@ -70,24 +70,13 @@ def _load_cached(path: Path, cell_m: float, height_scale_m: float, _stamp: tuple
 def _array(path: Path) -> np.ndarray:
     """Read the numbers (row, col) of a .npy, or of a .npz that holds one array."""
     limit = 16 * MOST_CELLS  # bytes, of the widest numbers
-    try:
-        if path.suffix.lower() == ".npz":
-            with zipfile.ZipFile(path) as archive:
-                arrays = archive.infolist()
-                if len(arrays) != 1:
-                    raise MeshError(f"{path.name}: contains {len(arrays)} arrays; save only the heights in it")
-                if arrays[0].file_size > limit:
-                    raise MeshError(f"{path.name}: is of more than {MOST_CELLS:,} cells; {_CURE}")
-            with np.load(path, allow_pickle=False) as arrays:
-                values = arrays[arrays.files[0]]
-        else:
-            if path.stat().st_size > limit:
-                raise MeshError(f"{path.name}: is of more than {MOST_CELLS:,} cells; {_CURE}")
-            values = np.load(path, allow_pickle=False, mmap_mode="r")  # gives the shape before the numbers are read
-    except MeshError:
-        raise
-    except (OSError, ValueError, EOFError, KeyError, SyntaxError, zipfile.BadZipFile, zlib.error):
-        raise MeshError(f"{path.name}: is not an array of NumPy; write it with numpy.save") from None
+    if path.suffix.lower() == ".npz":
+        arrays = list(read_arrays(path, MeshError, most_bytes=limit).values())
+        if len(arrays) != 1:
+            raise MeshError(f"{path.name}: contains {len(arrays)} arrays; save only the heights in it")
+        values = arrays[0]
+    else:
+        values = read_array(path, MeshError, most_bytes=limit)
     _check_shape(path, values.shape)
     if values.dtype.kind not in "fiu":
         raise MeshError(f"{path.name}: contains {values.dtype} and not numbers; save heights as float or integer")

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
-import zipfile
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rso_lidar.files import write_atomically
+from rso_lidar.errors import RunError
+from rso_lidar.files import read_arrays, write_atomically
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.mission_disperser import Block
 from rso_lidar.study.dispersions.target_errors import resolve_element_sets
+
+_MOST_BYTES = 2**30  # of all finished runs, held in memory
 
 
 def identify(scenario: Scenario, target: str) -> str:
@@ -36,10 +37,12 @@ def identify(scenario: Scenario, target: str) -> str:
 def read_blocks(path: Path) -> dict[int, Block]:
     """Read the finished blocks of a file; a damaged one has none."""
     blocks: dict[int, Block] = {}
-    with suppress(OSError, ValueError, KeyError, zipfile.BadZipFile), np.load(path, allow_pickle=False) as file:
-        for name in file.files:
+    try:
+        for name, values in read_arrays(path, RunError, most_bytes=_MOST_BYTES).items():
             begin, _, column = name.partition(":")
-            blocks.setdefault(int(begin), {})[column] = file[name]
+            blocks.setdefault(int(begin), {})[column] = values
+    except (RunError, ValueError):
+        return {}
     return blocks
 
 

@@ -7,7 +7,8 @@ import pytest
 from frames_for_tests import make_frames
 
 from rso_lidar import export
-from rso_lidar.export.writer.header_times import clear_header_times, compute_lookup3
+from rso_lidar.export.layout.checksum import compute_lookup3
+from rso_lidar.export.writer.header_times import clear_header_times
 
 
 @pytest.mark.parametrize(

@@ -36,15 +36,6 @@ def test_a_table_from_a_spreadsheet_begins_with_a_mark(tmp_path):
     assert np.flatnonzero(sat.lambertian_per_sr * np.pi < 0.3).tolist() == [3]
 
 
-@pytest.mark.parametrize("header", [b"((((", b"{'descr': '<i8', 'fortran_order': False, 'shape': (99999999999,), }"])
-def test_a_broken_array_is_one_line(tmp_path, header):
-    head = header + b" " * (118 - len(header)) + b"\n"
-    (tmp_path / "a.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head)
-    with pytest.raises(rl.MeshError, match=r"a\.npy: is not a NumPy array") as caught:
-        apply_facet_materials(SAT, rl.FacetMaterials(file="a.npy"), lambda file: tmp_path / file, 1064e-9)
-    assert "\n" not in str(caught.value)
-
-
 def test_an_array_holds_a_number_for_each_facet(tmp_path):
     numbers = np.full(12, -1)
     numbers[[3, 11]] = 1
