@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from rso_lidar.dataset import DatasetSpec
+from rso_lidar.dataset.drawing.plan import DatasetPlan
 
 SCENARIO = """
 version = 1
@@ -43,3 +46,9 @@ def make_spec(folder: Path, text: str = SPEC, **changes) -> DatasetSpec:
     (folder / "spec.toml").write_text(text, encoding="utf-8")
     spec = DatasetSpec.load(folder / "spec.toml")
     return spec.replace(**changes) if changes else spec
+
+
+def find_sample(plan: DatasetPlan, k: int, number: int) -> int:
+    """Return the number in the dataset of a sample of a class, by its number in the class."""
+    classes, numbers, _ = plan.membership
+    return int(np.flatnonzero((classes == k) & (numbers == number))[0])

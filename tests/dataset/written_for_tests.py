@@ -98,8 +98,8 @@ def make_frame(number):
     )
 
 
-def make_dataset(folder):
-    """Write a dataset of ten frames in three shards, and return its folder."""
+def make_dataset(folder, shards=SHARDS, make_frame=make_frame):
+    """Write a dataset, of ten frames in three shards if not said otherwise, and return its folder."""
     folder.mkdir()
     spec = DatasetSpec.loads(SPEC)
     (folder / "dataset.toml").write_text(spec.dumps(), encoding="utf-8")
@@ -110,7 +110,7 @@ def make_dataset(folder):
         "models": MODELS,
         "sensors": ("sensor",),
         "part_classes": PART_CLASSES,
-        "splits": tuple(SHARDS),
+        "splits": tuple(shards),
     }
     constants = Constants(
         sha256=SHA256,
@@ -123,7 +123,7 @@ def make_dataset(folder):
     )
     write_constants(folder, constants)
     number = 0
-    for split, sizes in SHARDS.items():
+    for split, sizes in shards.items():
         (folder / split).mkdir()
         for shard, size in enumerate(sizes):
             place = folder / split / f"{shard:06d}.h5"

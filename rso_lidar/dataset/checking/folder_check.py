@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rso_lidar.dataset.checking.order_leaks import find_order_leaks
 from rso_lidar.dataset.checking.statistics import COLUMNS, LabelStatistics
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
@@ -16,33 +17,37 @@ from rso_lidar.dataset.reading.random_access import SPEC_FILE, Dataset, Split
 from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame
 from rso_lidar.dataset.shards.shard_file import hash_file
 from rso_lidar.dataset.specification.spec import DatasetSpec
-from rso_lidar.errors import DatasetError, suppress_warnings
+from rso_lidar.errors import DatasetError, RsoLidarError, suppress_warnings
 from rso_lidar.records.schema import specs
 from rso_lidar.scenario.mission.named_files import list_dynamics
 
 
 @dataclass(frozen=True, eq=False)
 class FolderCheck:
-    """Result of the check of a folder: damaged and missing shards, frames that differ when made again, and statistics."""
+    """Result of the check of a folder: damaged and missing shards, frames that differ when made again, and statistics.
+
+    `n_shards` is None where the specification is not the one that made the folder.
+    """
 
     dataset: Dataset
-    n_shards: int
+    n_shards: int | None
     problems: tuple[str, ...]
     remade: int
     statistics: LabelStatistics | None
+    order_leaks: tuple[str, ...] = ()
 
     def describe(self) -> str:
         """Return shards, frames, remade frames, balance, warnings and problems as text."""
         made = self.dataset.records
         lines = [
-            f"{self.dataset.constants.title}: {len(made):,} of {self.n_shards:,} shards, "
+            f"{self.dataset.constants.title}: {len(made):,} of {self.n_shards or len(made):,} shards, "
             f"{sum(one.frames for one in made):,} frames, {sum(one.size_bytes for one in made) / 1e6:,.1f} MB",
             f"{self.remade:,} frames were made again and compared bit for bit"
             + (": all are the same" if self.remade and not self.problems else ""),
         ]
         if self.statistics is not None:
             lines += ["", *self.statistics.tabulate()]
-            lines += [f"warning: {line}" for line in self.statistics.warn()]
+            lines += [f"warning: {line}" for line in (*self.order_leaks, *self.statistics.warn())]
         return "\n".join([*lines, *(f"problem: {line}" for line in self.problems)])
 
 
@@ -55,7 +60,10 @@ def check_folder(
     on_shard: Callable[[int, int], None] | None = None,
     trust_fmu: bool = False,
 ) -> FolderCheck:
-    """Check a dataset: hash every shard, and make random samples again.
+    """Check a dataset: hash every shard, make random samples again, and look for leaks.
+
+    A dataset that this version of rso_lidar cannot make again, such as one whose meshes are not here, has that as a problem
+    and is searched for leaks nevertheless.
 
     Parameters
     ----------
@@ -73,11 +81,15 @@ def check_folder(
     Raises
     ------
     DatasetError
-        If the folder is no dataset, or was made from files that have changed.
+        If the folder is no dataset, or its scenario names code that is not run.
     """
     dataset = Dataset(folder)
-    plan = load_plan(dataset, files, trust_fmu=trust_fmu)
     problems: list[str] = []
+    plan = None
+    try:
+        plan = load_plan(dataset, files, trust_fmu=trust_fmu)
+    except RsoLidarError as error:
+        problems.append(str(error))
     tell = on_shard or (lambda done, count: None)
     for done, record in enumerate(dataset.records, 1):
         path = dataset.folder / record.path
@@ -86,19 +98,21 @@ def check_folder(
         elif hash_file(path) != record.sha256:
             problems.append(f"{path}: differs from its hash in the manifest; delete it, and make with --resume")
         tell(done, len(dataset.records))
-    is_readable = not problems
-    missing = plan.n_shards - len(dataset.records)
-    if missing > 0:
+    is_readable = len(problems) == (plan is None)
+    if plan is not None and plan.n_shards > len(dataset.records):
+        missing = plan.n_shards - len(dataset.records)
         problems.append(f"{dataset.folder}: {missing:,} of {plan.n_shards:,} shards are not made; make with --resume")
-    if samples and (code := _find_code(plan)):
+    if plan is not None and samples and (code := _find_code(plan)):
         raise DatasetError(
             f"{dataset.folder}: its scenario names the Python code '{code}', which is not run; where you trust it, name its "
             "folder by --files, or take --samples 0"
         )
+    n_shards = None if plan is None else plan.n_shards
     if not is_readable:
-        return FolderCheck(dataset, plan.n_shards, tuple(problems), 0, None)
-    remade, unlike = _make_again(dataset, plan, samples, np.random.default_rng(seed))
-    return FolderCheck(dataset, plan.n_shards, (*problems, *unlike), remade, collect_statistics(dataset))
+        return FolderCheck(dataset, n_shards, tuple(problems), 0, None)
+    remade, unlike = (0, []) if plan is None else _make_again(dataset, plan, samples, np.random.default_rng(seed))
+    statistics = collect_statistics(dataset)
+    return FolderCheck(dataset, n_shards, (*problems, *unlike), remade, statistics, _find_order_leaks(dataset))
 
 
 def load_plan(dataset: Dataset, files: Path | None = None, *, trust_fmu: bool = False) -> DatasetPlan:
@@ -125,8 +139,8 @@ def load_plan(dataset: Dataset, files: Path | None = None, *, trust_fmu: bool = 
         plan = replace(plan, file_sha256=dict(dataset.constants.file_sha256))
     if plan.sha256 != dataset.constants.sha256:
         raise DatasetError(
-            f"{dataset.folder}: its {SPEC_FILE}, its scenario or a file that they name is not the one that made its shards; "
-            "restore it, or make the dataset in another folder"
+            f"{dataset.folder}: its {SPEC_FILE}, its scenario or a file that they name is not the one that made its shards, or "
+            "an earlier version of rso_lidar made them in another order; restore it, or make the dataset in another folder"
         )
     return plan
 
@@ -150,6 +164,23 @@ def collect_statistics(dataset: Dataset) -> LabelStatistics | None:
     return LabelStatistics(
         {name.removeprefix(VARIABLE_PREFIX): values for name, values in columns.items()}, dataset.classes
     )
+
+
+def _find_order_leaks(dataset: Dataset) -> tuple[str, ...]:
+    """Return a line for each order of the samples that tells their class: their numbers, and their places in each split."""
+    splits = [dataset.split(name) for name in dataset.splits]
+    columns = [{name: split.column(name) for name in ("sample", "class_id", "step", "draw")} for split in splits]
+    chosen = [(one["step"] == 0) & (one["draw"] == 0) for one in columns]  # one frame of each sample
+    sizes = [int(rows.sum()) for rows in chosen]
+    if not sum(sizes):
+        return ()
+    group = np.concatenate([one["class_id"][rows] for one, rows in zip(columns, chosen, strict=True)])
+    sample = np.concatenate([one["sample"][rows] for one, rows in zip(columns, chosen, strict=True)])
+    orders = {"the number of a sample": sample}
+    for number, split in enumerate(splits):
+        places = [np.arange(size) if k == number else np.full(size, -1) for k, size in enumerate(sizes)]
+        orders[f"the place of a sample in {split.name}"] = np.concatenate(places)
+    return tuple(find_order_leaks(orders, group.astype(np.int64) + 1))  # class -1 has no target, and is a class here
 
 
 def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.Generator) -> tuple[int, list[str]]:

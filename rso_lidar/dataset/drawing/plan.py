@@ -6,7 +6,6 @@ import copy
 import dataclasses
 import hashlib
 import json
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rso_lidar.dataset.drawing.inputs import find_meshes, hash_named_files, list_models
+from rso_lidar.dataset.drawing.sample_order import assign_splits, shuffle_samples
 from rso_lidar.dataset.drawing.uniform_numbers import draw_shares
 from rso_lidar.dataset.specification.spec import DatasetSpec, check_model_split
 from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, ModelSplit, RandomSplit
@@ -24,6 +24,10 @@ from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import apply_setting, read_toml
 from rso_lidar.shipped import find
+
+
+_DRAWING = 2  # version of the rules by which a specification becomes samples; a part of the hash of a dataset
+_CHUNK = 4096  # samples whose classes are found at once where one of them is looked for
 
 
 class Membership(NamedTuple):
@@ -96,7 +100,7 @@ class DatasetPlan:
     def sha256(self) -> str:
         """Hash of all inputs of the samples: the specification, the base scenario, the meshes and all other files."""
         own = self.spec.model_dump(exclude_none=True, exclude={"scenario", "set"})  # both are in the tables
-        inputs = [own, self.mesh_sha256, self.tables, *([self.file_sha256] if self.file_sha256 else [])]
+        inputs = [_DRAWING, own, self.mesh_sha256, self.tables, *([self.file_sha256] if self.file_sha256 else [])]
         text = json.dumps(inputs, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -122,12 +126,9 @@ class DatasetPlan:
     def membership(self) -> Membership:
         """Class, number and split of all samples.
 
-        Classes are interleaved evenly, and a class that gets more samples keeps those that it had.
+        The order of samples is random, and a class that gets more samples keeps those that it had.
         """
-        owner, rank, period = self._pattern
-        rounds = self.spec.n_samples // len(owner)
-        target_class = np.tile(owner, rounds)
-        number = (np.arange(rounds)[:, None] * period[owner] + rank).ravel()
+        target_class, number = self._find_classes(np.arange(self.spec.n_samples))
         split = np.zeros(len(number), np.int8)
         for k, one in enumerate(self.spec.classes):
             mine = np.flatnonzero(target_class == k)
@@ -135,18 +136,21 @@ class DatasetPlan:
         return Membership(target_class, number, split)
 
     @cached_property
-    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Order of the classes, which repeats: class and rank of each sample of a round, and samples of each class in it."""
-        counts = np.array([one.samples for one in self.spec.classes])
-        period = counts // math.gcd(*counts.tolist())
-        place = np.concatenate([(np.arange(n) + 0.5) / n for n in period])
-        owner = np.repeat(np.arange(len(period)), period)
-        order = np.lexsort((owner, place))
-        owner = owner[order].astype(np.int16)
-        rank = np.empty(len(owner), np.int64)
-        for k in range(len(period)):
-            rank[owner == k] = np.arange(period[k])
-        return owner, rank, period
+    def _ends(self) -> np.ndarray:
+        """Number of samples of each class and of all before it (class)."""
+        return np.cumsum([one.samples for one in self.spec.classes])
+
+    def _find_classes(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the class (sample) of samples, and their numbers in it.
+
+        Parameters
+        ----------
+        index : (sample) numbers of the samples.
+        """
+        number = shuffle_samples(self.spec.seed, index, self.spec.n_samples)
+        target_class = np.searchsorted(self._ends, number, side="right").astype(np.int16)
+        number -= np.concatenate(([0], self._ends[:-1]))[target_class]
+        return target_class, number
 
     def place_sample(self, index: int) -> tuple[int, int, str]:
         """Return the class of a sample, its number in the class and its split, without those of all others.
@@ -155,15 +159,17 @@ class DatasetPlan:
         ----------
         index : number of the sample.
         """
-        owner, rank, period = self._pattern
-        rounds, at = divmod(index, len(owner))
-        k = int(owner[at])
-        number = rounds * int(period[k]) + int(rank[at])
-        return k, number, SPLITS[int(self._assign(self.spec.classes[k], k, np.array([number]))[0])]
+        target_class, number = self._find_classes(np.array([index]))
+        k = int(target_class[0])
+        return k, int(number[0]), SPLITS[int(self._assign(self.spec.classes[k], k, number)[0])]
 
     def find_first(self, k: int) -> int:
-        """Return the number of the first sample of a class."""
-        return int((self._pattern[0] == k).argmax())
+        """Return the number of the first sample of a class, without the classes of all others."""
+        for begin in range(0, self.spec.n_samples, _CHUNK):
+            target_class, _ = self._find_classes(np.arange(begin, min(begin + _CHUNK, self.spec.n_samples)))
+            if (target_class == k).any():
+                return begin + int((target_class == k).argmax())
+        raise DatasetError(f"{self.spec.where}: has no sample of class {k}; choose one of its classes")
 
     def _assign(self, one: ClassOfTargets, k: int, number: np.ndarray) -> np.ndarray:
         """Return the split (sample) of samples of one class.
@@ -175,8 +181,7 @@ class DatasetPlan:
         """
         rule = self.spec.split
         if isinstance(rule, RandomSplit):
-            share = draw_shares(self.spec.seed, one.name, number, "split")[:, 0]
-            return np.where(share < rule.test, 2, np.where(share < rule.test + rule.val, 1, 0))
+            return assign_splits(self.spec.seed, one.name, number, rule.val, rule.test)
         if isinstance(rule, ModelSplit):
             names = list(self.class_models[k])
             chosen = self.choose_model(k, number)
@@ -314,7 +319,8 @@ def _check_split(plan: DatasetPlan) -> None:
         else:
             wanted = [True, bool(rule.val), bool(rule.test)]
         for split in np.flatnonzero(np.array(wanted) & (counts[k] == 0)).tolist():
+            least = f"{sum(wanted)} samples or more" if isinstance(rule, RandomSplit) else "more samples"
             raise DatasetError(
-                f"{spec.where}: split: no sample of class '{one.name}' is in {SPLITS[split]}; give it more samples, or "
-                "another share"
+                f"{spec.where}: split: no sample of class '{one.name}' is in {SPLITS[split]}; give it {least}, or leave out "
+                "a split"
             )

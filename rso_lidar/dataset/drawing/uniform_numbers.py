@@ -24,8 +24,8 @@ def hash_name(name: str) -> int:
 
 
 @lru_cache(maxsize=64)
-def _key(seed: int) -> np.ndarray:
-    """Return the key of Philox for the seed of a dataset."""
+def find_key(seed: int) -> np.ndarray:
+    """Return the key (2) uint32 of Philox for the seed of a dataset."""
     return packed(np.random.SeedSequence(seed).generate_state(2, np.uint32))
 
 
@@ -41,7 +41,7 @@ def draw_shares(seed: int, group: str, number: np.ndarray, variable: str, dimens
     dimensions : number of numbers for each sample.
     """
     shares = np.empty((len(number), dimensions))
-    fill_shares(_key(seed), packed(np.asarray(number, np.int64)), hash_name(group), hash_name(variable), shares)
+    fill_shares(find_key(seed), packed(np.asarray(number, np.int64)), hash_name(group), hash_name(variable), shares)
     return shares
 
 
@@ -54,7 +54,7 @@ def draw_seed(seed: int, group: str, number: int, draw: int) -> int:
     group, number : name of the class, and number of the sample in it.
     draw : number of the noise draw.
     """
-    words = draw_block(_key(seed), draw, number, hash_name(group), hash_name("noise"))
+    words = draw_block(find_key(seed), draw, number, hash_name(group), hash_name("noise"))
     return (int(words[0]) << 32 | int(words[1])) % _MOST_SEED
 
 

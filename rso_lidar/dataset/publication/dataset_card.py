@@ -147,8 +147,8 @@ def _explain_splits(data: Dataset) -> str:
     rule = data.spec.split
     if isinstance(rule, RandomSplit):
         how = (
-            "Samples are assigned by a hash of their class and number. A model can be in every split, so the test measures "
-            "new views of known craft."
+            "Each class is divided at random by the shares of the splits. A model can be in every split, so the test "
+            "measures new views of known craft."
         )
     else:
         what = "model" if isinstance(rule, ModelSplit) else "sensor"

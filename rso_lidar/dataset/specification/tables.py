@@ -215,11 +215,11 @@ class DrawnField(Part):
 
 
 class RandomSplit(Part):
-    """Samples are assigned by a hash of the sample, so that a set that grows moves none."""
+    """Each class is divided at random by its shares. A sample keeps its split when its class grows."""
 
     type: Literal["random"] = "random"
-    val: Fraction = Field(default=0.0, description="Share of the samples for validation.")
-    test: Fraction = Field(default=0.4, description="Share of the samples for the test.")
+    val: Fraction = Field(default=0.0, description="Share of each class for validation.")
+    test: Fraction = Field(default=0.4, description="Share of each class for the test.")
 
     @model_validator(mode="after")
     def _room(self) -> Self:

@@ -1,12 +1,15 @@
 """The check of a folder: a byte that changed, a shard that is missing, and frames made again."""
 
 import shutil
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import rso_lidar as rl
 from rso_lidar.dataset.checking.folder_check import check_folder
 from tests.dataset.bench_for_tests import make_spec
+from tests.dataset.written_for_tests import make_dataset, make_frame
 
 
 def test_a_whole_folder_has_no_problems(made):
@@ -45,13 +48,31 @@ def test_a_frame_that_was_changed_differs_when_it_is_made_again(made, tmp_path):
     assert found.problems and all("differs in position_m;" in line for line in found.problems)
 
 
-def test_a_specification_that_was_changed_is_refused(made, tmp_path):
+def test_a_specification_that_was_changed_is_a_problem(made, tmp_path):
     folder = tmp_path / "copy"
     shutil.copytree(made[0].folder, folder)
     spec = folder / "dataset.toml"
     spec.write_text(spec.read_text().replace("seed = 11", "seed = 12"))
-    with pytest.raises(rl.DatasetError, match="is not the one that made its shards"):
-        check_folder(folder)
+    found = check_folder(folder)
+    (problem,) = found.problems
+    assert "is not the one that made its shards" in problem and found.n_shards is None and found.remade == 0
+    assert found.statistics is not None and f"problem: {problem}" in found.describe()
+
+
+def test_classes_that_follow_from_the_number_of_the_sample_are_found(tmp_path):
+    def make_cyclic(number):
+        return replace(make_frame(number), class_id=np.array(number // 2 % 3))
+
+    folder = make_dataset(
+        tmp_path / "foreign", {"train": (72, 72), "test": (96,)}, make_cyclic
+    )  # two draws of 120 samples
+    found = check_folder(folder)
+    assert len(found.problems) == 1  # its meshes and scenario are not here
+    orders = ("number of a sample", "place of a sample in train", "place of a sample in test")
+    assert [line.partition(" tells")[0] for line in found.order_leaks] == [f"the {order}" for order in orders]
+    said = "its number modulo 3 predicts it in 100% of 60 samples, and the most frequent class is right in 33%"
+    assert said in found.order_leaks[0]
+    assert f"warning: {found.order_leaks[0]}" in found.describe()
 
 
 CODE = """

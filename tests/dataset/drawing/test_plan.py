@@ -1,9 +1,10 @@
-"""The plan of a dataset: classes interleaved, splits by hash, models and sensors kept apart."""
+"""The plan of a dataset: samples in random order, classes divided by shares, models and sensors kept apart."""
 
 import pickle
 
 import numpy as np
 import pytest
+from scipy.stats import chi2_contingency
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
@@ -17,13 +18,22 @@ def classes(counts, **further):
     return [{"name": name, "models": ["plate"], "samples": count, **further} for name, count in counts.items()]
 
 
-def test_classes_are_interleaved(tmp_path):
-    plan = make_plan(make_spec(tmp_path, classes=classes({"a": 40, "b": 20})))
-    owner = plan.membership.target_class
-    for stop in range(3, 60, 3):  # every third sample is of the smaller class
-        assert (owner[:stop] == 1).sum() == stop // 3
-    for k in (0, 1):
-        assert np.array_equal(plan.membership.number[owner == k], np.arange((owner == k).sum()))
+def test_each_class_has_its_samples_once(tmp_path):
+    membership = make_plan(make_spec(tmp_path, classes=classes({"a": 40, "b": 21}))).membership
+    for k, count in ((0, 40), (1, 21)):
+        assert sorted(membership.number[membership.target_class == k]) == list(range(count))
+
+
+def test_the_number_of_a_sample_tells_nothing_of_its_class(tmp_path):
+    counts = dict.fromkeys("abcdefg", 400)
+    plan = make_plan(make_spec(tmp_path, classes=classes(counts), split={"type": "random", "test": 0.4}))
+    owner, index = plan.membership.target_class, np.arange(2800)
+    for cells in (*(index % n for n in range(2, 15)), index // 100, np.roll(owner, 1)):
+        table = np.histogram2d(cells, owner, (int(cells.max()) + 1, 7))[0]
+        assert chi2_contingency(table).pvalue > 1e-5  # a false alarm in 1 of 7,000 seeds, and the seed is fixed
+    assert (np.bincount(owner) == 400).all()
+    other = make_plan(make_spec(tmp_path, classes=classes(counts), seed=12)).membership.target_class
+    assert 280 < (owner == other).sum() < 520  # 400 expected of independent orders, 6 sigma
 
 
 def test_a_set_that_grows_moves_no_sample(tmp_path):
@@ -35,11 +45,20 @@ def test_a_set_that_grows_moves_no_sample(tmp_path):
         assert before.items() <= after.items()
 
 
-def test_shares_of_a_random_split(tmp_path):
+def test_a_random_split_divides_each_class_by_its_shares(tmp_path):
     split = {"type": "random", "val": 0.1, "test": 0.4}
-    plan = make_plan(make_spec(tmp_path, classes=classes({"a": 3000, "b": 3000}), split=split))
-    shares = plan.count_samples() / 3000.0
-    assert np.abs(shares - [0.5, 0.1, 0.4]).max() < 5 * np.sqrt(0.25 / 3000)
+    plan = make_plan(make_spec(tmp_path, classes=classes({"a": 3000, "b": 70, "c": 10}), split=split))
+    assert plan.count_samples().tolist() == [[1500, 300, 1200], [35, 7, 28], [5, 1, 4]]
+
+
+def test_no_split_is_empty_where_a_class_has_a_sample_for_each(tmp_path):
+    split = {"type": "random", "val": 0.05, "test": 0.1}
+    for seed in range(20):
+        plan = make_plan(make_spec(tmp_path, classes=classes({"a": 3, "b": 4, "c": 11}), split=split, seed=seed))
+        assert (plan.count_samples() >= 1).all()
+    said = "split: no sample of class 'b' is in [a-z]+; give it 3 samples or more"
+    with pytest.raises(rl.DatasetError, match=said):
+        make_plan(make_spec(tmp_path, classes=classes({"a": 3, "b": 2}), split=split))
 
 
 def test_one_sample_is_placed_without_the_others(tmp_path):

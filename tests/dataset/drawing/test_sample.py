@@ -9,7 +9,7 @@ import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.simulation.run import simulate
-from tests.dataset.bench_for_tests import SCENARIO, make_spec
+from tests.dataset.bench_for_tests import SCENARIO, find_sample, make_spec
 
 
 def test_a_view_places_the_target(tmp_path):
@@ -35,9 +35,7 @@ def test_a_sample_depends_on_its_class_and_number_only(tmp_path):
     few = make_plan(spec)
     more = make_plan(spec.replace(classes=[spec.classes[1].replace(samples=40), spec.classes[0]]))
     for k, name in ((0, "plate"), (1, "round")):
-        index = int(np.flatnonzero(few.membership.target_class == k)[3])
-        other = int(np.flatnonzero(more.membership.target_class == 1 - k)[3])
-        one, again = draw_sample(few, index), draw_sample(more, other)
+        one, again = draw_sample(few, find_sample(few, k, 3)), draw_sample(more, find_sample(more, 1 - k, 3))
         assert one.values == again.values and one.seeds == again.seeds and one.model == again.model, name
 
 

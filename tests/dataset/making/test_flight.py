@@ -10,7 +10,7 @@ from rso_lidar.dataset.making.flight import fly_sample, label, list_kept
 from rso_lidar.detector.bench import scatter_table
 from rso_lidar.records.schema import specs
 from rso_lidar.simulation.run import simulate
-from tests.dataset.bench_for_tests import make_spec
+from tests.dataset.bench_for_tests import find_sample, make_spec
 
 GSFL = 'lidar.detector={type="gsfl"}'
 SUNLIT = (GSFL, "world.sun_direction=[-1, 0.2, 0.1]", "lidar.receiver.filter_width_nm=10.0")
@@ -30,7 +30,7 @@ ALL_LABELS = {"part_visibility": True, "oversampled": True}
 def test_each_draw_is_the_frame_of_its_seed(tmp_path, monkeypatch, settings, casts):
     spec = make_spec(tmp_path, draws=3, set=settings, labels=ALL_LABELS, sequence={"frames": 2})
     plan = make_plan(spec)
-    sample = draw_sample(plan, 0)
+    sample = draw_sample(plan, find_sample(plan, 0, 0))
     cast, calls = sampling.cast_pixels, []
 
     def count(*given, **chosen):
@@ -70,7 +70,7 @@ def test_no_table_is_filled_for_a_detector_of_one_sample(tmp_path, field, law, i
         return
     plan = make_plan(spec)
     filled = scatter_table._try_levels.cache_info().misses
-    ((frame, _),) = fly_sample(plan, draw_sample(plan, 0))
+    ((frame, _),) = fly_sample(plan, draw_sample(plan, find_sample(plan, 0, 0)))
     assert scatter_table._try_levels.cache_info().misses == filled
     lit = frame.detection_probability > 0.9
     assert lit.any() and (0.003 < frame.range_sigma_m[lit]).all() and (frame.range_sigma_m[lit] < 0.3).all()
