@@ -37,16 +37,18 @@ def advise_on_write(number: int | None) -> str:
 
 
 @contextmanager
-def write_atomically(place: Path) -> Iterator[Path]:
+def write_atomically(place: Path, *, keep_suffix: bool = True) -> Iterator[Path]:
     """Create a file beside `place` to write to, and rename it to `place` when the context ends without an error.
 
     A run that stops half way leaves no partial file, and an older file stays until the new one is complete. The
-    temporary name is the first free one of x.part.png, x.part1.png, and so on. If another program replaces that file,
-    nothing is renamed.
+    temporary name is the first free one of x.part.png, x.part1.png, and so on, or of x.png.part, x.png.part1, and so on.
+    If another program replaces that file, nothing is renamed.
 
     Parameters
     ----------
     place : of the output.
+    keep_suffix : whether the temporary name has the suffix of the output, from which some libraries take the format.
+        Without it, no pattern such as ``*.h5`` matches what a killed run leaves.
 
     Yields
     ------
@@ -71,7 +73,7 @@ def write_atomically(place: Path) -> Iterator[Path]:
     try:
         with remove_on_signal(remove):
             with defer_signals():
-                draft, stream = _new(place)
+                draft, stream = _new(place, keep_suffix)
                 _drafts[draft] = os.fstat(stream.fileno())
                 held.enter_context(stream)
                 if os.name != "posix":  # an open file cannot be renamed
@@ -293,10 +295,11 @@ def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
     return place
 
 
-def _new(place: Path) -> tuple[Path, IO[bytes]]:
-    """Create an empty file beside `place`, with its suffix and a name that is free; return its path and the open file."""
+def _new(place: Path, keep_suffix: bool) -> tuple[Path, IO[bytes]]:
+    """Create an empty file beside `place`, with a name that is free; return its path and the open file."""
     for number in itertools.count():
-        draft = place.with_name(f"{place.stem}.part{number or ''}{place.suffix}")
+        part = f".part{number or ''}"
+        draft = place.with_name(f"{place.stem}{part}{place.suffix}" if keep_suffix else f"{place.name}{part}")
         try:
             return draft, draft.open("xb")  # never through a link
         except FileExistsError:

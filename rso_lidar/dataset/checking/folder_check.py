@@ -15,7 +15,7 @@ from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, list_names
 from rso_lidar.dataset.reading.random_access import SPEC_FILE, Dataset, Split
 from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame
-from rso_lidar.dataset.shards.shard_file import hash_file
+from rso_lidar.dataset.shards.shard_file import hash_file, list_drafts
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, RsoLidarError, suppress_warnings
 from rso_lidar.records.schema import specs
@@ -45,6 +45,11 @@ class FolderCheck:
             f"{self.remade:,} frames were made again and compared bit for bit"
             + (": all are the same" if self.remade and not self.problems else ""),
         ]
+        if drafts := list_drafts(self.dataset.folder):
+            lines.append(
+                f"ignored: temporary files of running or killed runs: {len(drafts):,}, such as {drafts[0]}; make with "
+                "--resume removes them"
+            )
         if self.statistics is not None:
             lines += ["", *self.statistics.tabulate()]
             lines += [f"warning: {line}" for line in (*self.order_leaks, *self.statistics.warn())]
@@ -139,8 +144,8 @@ def load_plan(dataset: Dataset, files: Path | None = None, *, trust_fmu: bool = 
         plan = replace(plan, file_sha256=dict(dataset.constants.file_sha256))
     if plan.sha256 != dataset.constants.sha256:
         raise DatasetError(
-            f"{dataset.folder}: its {SPEC_FILE}, its scenario or a file that they name is not the one that made its shards, or "
-            "an earlier version of rso_lidar made them in another order; restore it, or make the dataset in another folder"
+            f"{dataset.folder}: its {SPEC_FILE}, its scenario or a file that they name is not the one that made its shards, "
+            "or an earlier version of rso_lidar ordered them otherwise; restore it, or make the dataset in another folder"
         )
     return plan
 

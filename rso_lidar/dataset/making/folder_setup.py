@@ -14,6 +14,7 @@ from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.reading.random_access import SPEC_FILE
 from rso_lidar.dataset.shards.manifest import MANIFEST, ShardRecord, read_manifest
 from rso_lidar.dataset.shards.sensor_file import SENSOR_FILE, SENSOR_HASH, Constants, read_constants, write_constants
+from rso_lidar.dataset.shards.shard_file import list_drafts
 from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
 from rso_lidar.files import advise_on_write, hold_lock, write_text
@@ -149,8 +150,7 @@ def remove_drafts(folder: Path, finished: dict[str, ShardRecord]) -> None:
     folder : of the dataset.
     finished : records of the finished shards, by path.
     """
-    for split in SPLITS:
-        for draft in (folder / split).glob("*.part*.h5"):
-            if f"{split}/{draft.name.partition('.')[0]}.h5" in finished:
-                with suppress(OSError):
-                    draft.unlink()
+    for draft in list_drafts(folder):
+        if f"{draft.parent.name}/{draft.name.partition('.')[0]}.h5" in finished:
+            with suppress(OSError):
+                draft.unlink()

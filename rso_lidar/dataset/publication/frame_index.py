@@ -59,7 +59,10 @@ def write_frame_index(data: Dataset) -> Path:
     place = data.folder / INDEX
     columns = list_index_columns(data)
     schema = _make_schema(data, columns)
-    with write_atomically(place) as draft, pyarrow.parquet.ParquetWriter(draft, schema, compression="zstd") as writer:
+    with (
+        write_atomically(place, keep_suffix=False) as draft,
+        pyarrow.parquet.ParquetWriter(draft, schema, compression="zstd") as writer,
+    ):
         waiting: list[Any] = []
         for table in _read_tables(data, list(columns), schema):
             waiting.append(table)

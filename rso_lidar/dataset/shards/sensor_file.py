@@ -53,7 +53,7 @@ def write_constants(folder: Path, constants: Constants) -> None:
     """
     import h5py
 
-    with write_atomically(folder / SENSOR_FILE) as draft:
+    with write_atomically(folder / SENSOR_FILE, keep_suffix=False) as draft:
         with h5py.File(draft, "w", libver=("v110", "v110")) as file:
             file.attrs["Conventions"] = CONVENTIONS
             file.attrs["dataset_sha256"], file.attrs["title"] = constants.sha256, constants.title

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, describe_array
+from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
 from rso_lidar.export.reader.hdf5_checks import CACHE_BYTES, open_checked
 from rso_lidar.export.writer.chunks import ImageEncoder
@@ -43,7 +44,7 @@ def write_shard(
     import h5py
 
     rows = list(frames)
-    with write_atomically(path) as draft:
+    with write_atomically(path, keep_suffix=False) as draft:
         with h5py.File(draft, "w", libver=("v110", "v110")) as file:
             file.attrs["Conventions"] = CONVENTIONS
             file.attrs["dataset_sha256"] = dataset
@@ -111,6 +112,22 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = CACHE_BYTES) 
         file.close()
         raise DatasetError(f"{path}: belongs to another dataset; move it away")
     return file
+
+
+def list_drafts(folder: Path) -> list[Path]:
+    """List the temporary files of shards that running or killed runs have left in the folder of a dataset.
+
+    Parameters
+    ----------
+    folder : of the dataset.
+    """
+    # .part.h5 is the name that earlier versions gave them
+    return sorted(
+        draft
+        for split in SPLITS
+        for pattern in ("*.h5.part*", "*.part*.h5")
+        for draft in (folder / split).glob(pattern)
+    )
 
 
 def hash_file(path: Path) -> str:

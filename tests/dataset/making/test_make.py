@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.dataset.checking.folder_check import check_folder
 from rso_lidar.dataset.drawing.plan import make_plan
 from rso_lidar.dataset.making.folder_setup import list_constants
 from rso_lidar.dataset.making.make import choose_shards
+from rso_lidar.dataset.shards import shard_file
 from rso_lidar.dataset.shards.manifest import MANIFEST
 from tests.dataset.bench_for_tests import make_spec
+from tests.dataset.written_for_tests import SHA256, make_frame
 
 
 def hashes(folder):
@@ -47,13 +50,31 @@ def test_an_interrupted_set_continues(made, tmp_path):
     for path in folder.glob("*/*.h5"):
         if path.relative_to(folder).as_posix() not in kept:
             path.unlink()
-    (folder / "train" / "000001.part.h5").write_bytes(b"killed")
+    for draft in ("000001.h5.part", "000001.h5.part1", "000001.part.h5"):  # the last by an earlier version
+        (folder / "train" / draft).write_bytes(b"killed")
     with pytest.raises(rl.DatasetError, match="--resume"):
         rl.dataset.make(spec, folder, workers=1)
     seen = []
     rl.dataset.make(spec, folder, workers=1, resume=True, on_shard=lambda done, count: seen.append((done, count)))
     assert seen[0] == (2, len(lines)) and seen[-1] == (len(lines), len(lines))
     assert hashes(folder) == hashes(dataset.folder) and not list(folder.glob("*/*.part*"))
+
+
+def test_no_documented_pattern_matches_a_shard_that_is_being_written(original, tmp_path, monkeypatch):
+    folder = shutil.copytree(original, tmp_path / "folder")
+    (folder / "train" / "000000.h5").unlink()
+    write_array, seen = shard_file._write_array, set()
+
+    def watch(*given):
+        seen.update(path.name for path in folder.rglob("*.part*"))
+        assert not list(folder.glob("train/000000*.h5")) and not list(folder.glob("train/.*"))
+        write_array(*given)
+
+    monkeypatch.setattr(shard_file, "_write_array", watch)
+    shard_file.write_shard(folder / "train/000000.h5", [make_frame(0)], [{}], (), dataset=SHA256)
+    assert seen == {"000000.h5.part"} and not list(folder.rglob("*.part*"))
+    (folder / "train" / "000000.h5.part").write_bytes(b"killed")
+    assert "ignored: temporary files of running or killed runs: 1, such as" in check_folder(folder).describe()
 
 
 def test_another_specification_is_refused(made):
