@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,7 +13,7 @@ from rso_lidar.errors import DatasetError, did_you_mean
 
 
 class Augmentation(Protocol):
-    """A random change of one frame.
+    """A random change of one frame. A plain function of a frame and a random generator is one, too: see `FrameDataset`.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Augmentation(Protocol):
 
 
 class Transform(Protocol):
-    """A fixed change of one frame, such as a crop.
+    """A fixed change of one frame, such as a crop. A plain function of a frame is one, too: see `FrameDataset`.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ class FrameDataset:
         split: Split,
         fields: Sequence[str] = ("range_m", "intensity_counts", "class_id"),
         *,
-        augmentations: Sequence[Augmentation] = (),
-        transforms: Sequence[Transform] = (),
+        augmentations: Sequence[Augmentation | Callable[..., dict[str, np.ndarray]]] = (),
+        transforms: Sequence[Transform | Callable[..., dict[str, np.ndarray]]] = (),
         seed: int = 0,
     ) -> None:
         """Make a PyTorch dataset of a split.
@@ -72,19 +72,24 @@ class FrameDataset:
 
         Other Parameters
         ----------------
-        augmentations, transforms : changes of each frame. Arrays that only they need are read and not returned.
+        augmentations, transforms : changes of each frame. Arrays that only they need are read and not returned. Plain
+            functions ``augment(frame, rng)`` and ``transform(frame)``, which state neither `needs` nor `makes`, get the
+            arrays of `fields`. They return the frame, and what they add to it is returned, too.
         seed : random seed of the augmentations.
 
         Raises
         ------
         DatasetError
-            If the split lacks an array that is needed, or an augmentation refuses one of the fields.
+            If the split lacks an array that is needed, an augmentation refuses one of the fields, or a change is no
+            function.
         """
         self.split, self.fields, self.seed = split, tuple(fields), int(seed)
-        self.augmentations, self.transforms = tuple(augmentations), tuple(transforms)
-        made = {name for one in self.transforms for name in one.makes}
-        changes: tuple[Augmentation | Transform, ...] = (*self.augmentations, *self.transforms)
-        needed = [name for one in changes for name in one.needs]
+        self.augmentations = _list_changes(augmentations, "augmentations")
+        self.transforms = _list_changes(transforms, "transforms")
+        changes = (*self.augmentations, *self.transforms)
+        made = {name for one in changes for name in getattr(one, "makes", ())}
+        self._adds_any = not all(hasattr(one, "needs") for one in changes)  # plain functions do not state what they add
+        needed = [name for one in changes for name in getattr(one, "needs", ())]
         self._read = tuple(dict.fromkeys(name for name in (*self.fields, *needed) if name not in made))
         self._given = tuple(dict.fromkeys((*self.fields, *sorted(made))))
         for name in self._read:
@@ -128,11 +133,58 @@ class FrameDataset:
         if self.augmentations:
             entropy = (self.seed, index.epoch, index.frame) if isinstance(index, Visit) else None
             rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(entropy)))
-            for augmentation in self.augmentations:
-                frame = augmentation(frame, rng)
-        for transform in self.transforms:
-            frame = transform(frame)
-        return {name: frame[name] for name in self._given}
+            for k, augmentation in enumerate(self.augmentations):
+                frame = self._check_frame(augmentation(frame, rng), augmentation, f"augmentations[{k}]")
+        for k, transform in enumerate(self.transforms):
+            frame = self._check_frame(transform(frame), transform, f"transforms[{k}]")
+        added = [name for name in frame if name not in self._read] if self._adds_any else []
+        return {name: frame[name] for name in dict.fromkeys((*self._given, *added))}
+
+    def _check_frame(self, frame: Any, change: Any, place: str) -> dict[str, np.ndarray]:
+        """Return the frame of a change, or raise `DatasetError` if it is none, or lacks an array.
+
+        Parameters
+        ----------
+        frame, change : what was returned, and what returned it.
+        place : of the change among the arguments.
+        """
+        if not isinstance(frame, dict):
+            raise DatasetError(
+                f"{place}: returned {frame!r:.40}, not a frame; return the dict of arrays that it is given"
+            )
+        kept = [name for name in self._given if name in self._read]
+        for name in (*kept, *getattr(change, "makes", ())):
+            if name not in frame:
+                raise DatasetError(f"{place}: returned a frame without '{name}'; return all arrays of fields and makes")
+        return frame
+
+
+def _list_changes(changes: Any, place: str) -> tuple[Any, ...]:
+    """Return the changes of a frame, or raise `DatasetError` if one cannot be called with a frame.
+
+    Parameters
+    ----------
+    changes : what the user gave.
+    place : name of the argument.
+    """
+    if callable(changes) or not isinstance(changes, Iterable):
+        raise DatasetError(f"{place}: is {changes!r:.60}; give a list of functions or of objects such as CropReturns()")
+    listed = tuple(changes)
+    for k, one in enumerate(listed):
+        if isinstance(one, type):
+            raise DatasetError(
+                f"{place}[{k}]: is the class {one.__name__}; give an object of it, such as {one.__name__}()"
+            )
+        if not callable(one):
+            raise DatasetError(
+                f"{place}[{k}]: is {one!r:.60}, which is no function; give one that takes a frame, a dict of arrays, and "
+                "returns it"
+            )
+        for key in ("needs", "makes"):
+            names = getattr(one, key, ())
+            if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+                raise DatasetError(f"{place}[{k}]: its {key} is {names!r:.60}; give a tuple of names of arrays")
+    return listed
 
 
 def stack_frames(frames: Iterable[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:

@@ -47,23 +47,62 @@ def test_what_only_a_transform_needs_is_not_returned(made, train):
         FrameDataset(train, ("rang_m",))
 
 
+def test_plain_functions_change_frames(train):
+    def halve(frame):
+        return frame | {"range_m": 0.5 * frame["range_m"], "half": np.float32(2.0)}
+
+    def shift(frame, rng):
+        frame["range_m"] = frame["range_m"] + np.float32(rng.random())
+        return frame
+
+    frames = FrameDataset(train, ("range_m",), augmentations=[shift], transforms=[CropReturns(16), halve], seed=3)
+    row = int(train.column("reporting_pixels").argmax())
+    frame, plain = frames[Visit(row, 0)], train.read([row], ("range_m",))["range_m"][0]
+    assert set(frame) == {"range_m", "image", "half"} and frame["half"] == 2.0  # not the counts that the crop needs
+    shifts = 2.0 * frame["range_m"] - plain
+    assert 0.0 < np.nanmin(shifts) and np.nanmax(shifts) - np.nanmin(shifts) < 1e-4
+    assert stack_frames(frames.__getitems__([0, 1]))["half"].shape == (2,)
+
+
+@pytest.mark.parametrize(
+    ("transforms", "said"),
+    [
+        (lambda frame: frame, r"^transforms: is <function .*; give a list of functions"),
+        (3, r"^transforms: is 3; give a list"),
+        ([CropReturns], r"^transforms\[0\]: is the class CropReturns; give an object of it"),
+        (
+            [CropReturns(), "range_m"],
+            r"^transforms\[1\]: is 'range_m', which is no function; give one that takes a frame",
+        ),
+        ([CropReturns(needs="range_m")], r"^transforms\[0\]: its needs is 'range_m'; give a tuple"),
+        ([lambda frame: None], r"^transforms\[0\]: returned None, not a frame"),
+        ([lambda frame: {}], r"^transforms\[0\]: returned a frame without 'class_id'; return all arrays"),
+    ],
+)
+def test_what_is_no_transform_is_refused_in_one_line(train, transforms, said):
+    with pytest.raises(rl.DatasetError, match=said) as caught:
+        FrameDataset(train, ("class_id",), transforms=transforms)[0]
+    assert "\n" not in str(caught.value)
+
+
 def test_random_numbers_follow_from_seed_epoch_and_frame(train):
+    other, row = np.argsort(train.column("reporting_pixels"))[-2:].tolist()
     frames = FrameDataset(train, FIELDS, augmentations=[Shift()], seed=5)
     again = pickle.loads(pickle.dumps(frames))
 
     def read(source, *visits):
         return [frame["range_m"] for frame in source.__getitems__(list(visits))]
 
-    first, second = read(frames, Visit(1, 0), Visit(2, 0))
-    np.testing.assert_array_equal(read(again, Visit(2, 0))[0], second)
-    np.testing.assert_array_equal(read(again, Visit(1, 0))[0], first)
-    plain = train.read([1], ("range_m",))["range_m"][0]
+    first, second = read(frames, Visit(row, 0), Visit(other, 0))
+    np.testing.assert_array_equal(read(again, Visit(other, 0))[0], second)
+    np.testing.assert_array_equal(read(again, Visit(row, 0))[0], first)
+    plain = train.read([row], ("range_m",))["range_m"][0]
     shift = np.nanmean(first - plain)
     others = [
-        np.nanmean(read(frames, Visit(1, 1))[0] - plain),
-        np.nanmean(read(FrameDataset(train, FIELDS, augmentations=[Shift()]), Visit(1, 0))[0] - plain),
-        np.nanmean(read(frames, 1)[0] - plain),
-        np.nanmean(read(frames, 1)[0] - plain),
+        np.nanmean(read(frames, Visit(row, 1))[0] - plain),
+        np.nanmean(read(FrameDataset(train, FIELDS, augmentations=[Shift()]), Visit(row, 0))[0] - plain),
+        np.nanmean(read(frames, row)[0] - plain),
+        np.nanmean(read(frames, row)[0] - plain),
     ]
     assert len({round(float(value), 4) for value in (shift, *others)}) == 5
 
