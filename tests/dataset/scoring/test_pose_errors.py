@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.distance import cdist, pdist
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface, find_pose_errors
 from rso_lidar.records import Symmetry
-from rso_lidar.track.pose.sampled_mesh import sample_mesh
+from rso_lidar.track.pose.sampled_mesh import SampledMesh, sample_mesh
 from rso_lidar.units import DEG
 from tests.dataset.scoring.frames import by_name, make_card, make_truth
 
@@ -45,6 +46,77 @@ def test_adds_of_a_sphere_depends_on_the_shift_alone():
         # distance of a shifted point from a unit sphere, averaged over the sphere
         cosines = np.linspace(-1.0, 1.0, 20001)
         assert adds == pytest.approx(np.mean(np.abs(np.sqrt(1.0 + 0.04 + 0.4 * cosines) - 1.0)), abs=FLOOR_M)
+
+
+def make_craft(count=1700):
+    """Return points of a craft without any symmetry: a small dense bus, a long boom, and a plate at its side."""
+    rng = np.random.default_rng(8)
+    bus = rng.uniform([-0.5, -0.4, -0.3], [0.5, 0.4, 0.3], (count - 900, 3))
+    boom = rng.uniform([0.5, -0.05, 0.1], [7.0, 0.05, 0.2], (300, 3))
+    plate = rng.uniform([-0.2, 0.4, -0.1], [0.6, 3.0, -0.08], (600, 3))
+    points_m = rng.permutation(np.concatenate([bus, boom, plate]))
+    return ModelSurface(SampledMesh(points_m, np.zeros_like(points_m)))
+
+
+CRAFT = make_craft()
+POSES = [
+    (pose((0.4, -0.2, 300.0), (0.3, 1.0, -0.2)), pose((0.1, 0.3, 301.0), (0.3, 0.7, -0.4))),
+    (pose((-2.0, 1.0, 80.0), (2.0, 0.4, 0.9)), pose((-2.5, 0.2, 82.0), (-1.1, 0.3, 2.0))),
+    (pose((0.0, 0.0, 50.0), (0.0, 0.0, 1.4)), pose((1.0, 0.0, 50.0), (0.0, 0.0, 0.0))),
+]
+
+
+def compute_by_brute_force(points_m, found, true):
+    """Return ADD and ADD-S [m] of 500 points by their definitions, in lidar axes: from true points to estimated ones."""
+    chosen = points_m[:: len(points_m) // 500][:500]
+    add = np.mean([np.linalg.norm(found.apply(point) - true.apply(point)) for point in chosen])
+    adds = cdist(true.apply(chosen), found.apply(points_m)).min(axis=1).mean()
+    return float(add), float(adds)
+
+
+@pytest.mark.parametrize(("found", "true"), POSES)
+def test_distances_of_a_craft_without_symmetry_are_those_of_brute_force(found, true):
+    expected = compute_by_brute_force(CRAFT.mesh.points_m, found, true)
+    assert CRAFT.find_distances(found, true) == pytest.approx(expected, rel=1e-9)
+    other_way = compute_by_brute_force(CRAFT.mesh.points_m, true, found)
+    assert other_way[0] == pytest.approx(expected[0]) and abs(other_way[1] / expected[1] - 1.0) > 0.02  # not symmetric
+
+
+def test_every_frame_has_the_distances_of_its_own_poses_and_model():
+    truth = make_truth(9)
+    turn = Rotation.from_rotvec(np.linspace(0.1, 0.9, 9)[:, None] * [0.3, 0.5, -0.8])
+    position = truth.position_m + np.linspace(0.2, 0.6, 9)[:, None] * [1.0, -2.0, 0.5]
+    quaternion = (turn * Rotation.from_quat(truth.quaternion_xyzw)).as_quat()
+    surfaces = {0: CRAFT, 1: BOX}  # that of model 2 is not known
+    errors = find_pose_errors(truth, position, quaternion, surfaces, [None] * 3)
+    assert {*truth.model_id.tolist()} == {0, 1, 2}
+    for k, model in enumerate(truth.model_id.tolist()):
+        if model == 2:
+            assert np.isnan([errors.add_m[k], errors.adds_m[k], errors.diameter_m[k]]).all()
+            continue
+        found = RigidTransform.from_components(position[k], Rotation.from_quat(quaternion[k]))
+        true = RigidTransform.from_components(truth.position_m[k], Rotation.from_quat(truth.quaternion_xyzw[k]))
+        expected = compute_by_brute_force(surfaces[model].mesh.points_m, found, true)
+        assert (errors.add_m[k], errors.adds_m[k]) == pytest.approx(expected, rel=1e-9)
+        assert errors.diameter_m[k] == surfaces[model].diameter_m
+
+
+def test_the_diameter_is_that_of_brute_force():
+    assert CRAFT.diameter_m == pytest.approx(pdist(CRAFT.mesh.points_m).max(), rel=2e-3)
+    few = SampledMesh(np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]]), np.zeros((3, 3)))
+    assert ModelSurface(few).diameter_m == pytest.approx(5.0) and len(ModelSurface(few).points_m) == 3
+
+
+def test_a_box_on_its_head_is_right_by_the_closest_points_only():
+    truth = make_truth(40)
+    turn = Rotation.from_rotvec([np.pi, 0.0, 0.0])
+    columns = pose_columns(truth.position_m, (Rotation.from_quat(truth.quaternion_xyzw) * turn).as_quat())
+    card = make_card(truth, columns, surfaces=dict.fromkeys(range(3), BOX), replicates=100)
+    found = by_name(card)
+    assert found["add_recall"].value.value == found["add_area"].value.value == 0.0
+    assert found["adds_recall"].value.value == 1.0 and 0.9 < found["adds_area"].value.value < 1.0
+    (recall,) = (values for bins, values in card.binned if bins.name == "pose_recall" and bins.quantity == "range")
+    assert {value.value for value in recall["ADD"]} == {0.0} and {value.value for value in recall["ADD-S"]} == {1.0}
 
 
 def test_a_box_may_stand_on_its_head():
