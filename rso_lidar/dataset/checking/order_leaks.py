@@ -23,7 +23,7 @@ class _Trial(NamedTuple):
 
     rule: str
     hits: int
-    count: int
+    tried: int
 
 
 def find_order_leaks(orders: Mapping[str, np.ndarray], group: np.ndarray) -> list[str]:
@@ -48,7 +48,7 @@ def find_order_leaks(orders: Mapping[str, np.ndarray], group: np.ndarray) -> lis
             continue
         counts = np.bincount(group[orders[name] >= 0])
         guess = float(counts.max() / counts.sum())
-        chances = [float(binom.sf(trial.hits - 1, trial.count, guess)) for trial in tried]
+        chances = [float(binom.sf(trial.hits - 1, trial.tried, guess)) for trial in tried]
         best = int(np.argmin(chances))
         if chances[best] * tests < _CHANCE:
             rule, hits, count = tried[best]

@@ -50,5 +50,5 @@ def read_attribution(folder: Path) -> Attribution:
             creators=tuple(one["name"] for one in found.get("creator", [])),
             url=found.get("url"),
         )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return Attribution()

@@ -14,11 +14,13 @@ from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.reading.random_access import SPEC_FILE, Dataset
 from rso_lidar.dataset.scoring.ground_truth import COLUMNS, MIN_LIT_PIXELS, FrameTruth
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface
+from rso_lidar.dataset.scoring.prediction_file import PIXELS, Extent
 from rso_lidar.dataset.scoring.prediction_table import Predictions, check_predictions, load_predictions, match_frames
 from rso_lidar.dataset.scoring.scorecard import CONFIDENCE, REPLICATES, Benchmark, Scorecard, score_run
 from rso_lidar.errors import DatasetError, RsoLidarError, warn
 from rso_lidar.track.pose.sampled_mesh import sample_mesh
 
+_ROW_BYTES, _CLASS_BYTES = 4096, 256  # of a row of predictions: all its numbers and texts, and more for each class
 _LEAST_HASH = 8  # letters of a dataset's hash that identify it
 
 PredictionSource = str | os.PathLike[str] | Mapping[str, Any]
@@ -100,7 +102,7 @@ def _take_predictions(given: PredictionSource, number: int, dataset: Dataset) ->
     """
     if isinstance(given, Mapping):
         return check_predictions(given, dataset.classes, f"predictions {number + 1}")
-    found = load_predictions(Path(given), dataset.classes)
+    found = load_predictions(Path(given), dataset.classes, _find_extent(dataset))
     known = dataset.constants.sha256
     stated = found.dataset.strip().lower()
     if stated and (len(stated) < _LEAST_HASH or not known.startswith(stated)):
@@ -108,6 +110,14 @@ def _take_predictions(given: PredictionSource, number: int, dataset: Dataset) ->
             f"{found.name}: is about the dataset {stated:.12}, and {dataset.folder} is {known[:12]}; score it with its own"
         )
     return found
+
+
+def _find_extent(dataset: Dataset) -> Extent:
+    """Return the most that a file of predictions for a dataset holds: each frame once, and its images of 64 bits."""
+    frames = dataset.split(dataset.splits[0])
+    images = frames.read([0], [name for name in PIXELS if name in frames.names])
+    row_bytes = _ROW_BYTES + _CLASS_BYTES * len(dataset.classes) + sum(8 * image.size for image in images.values())
+    return Extent.of(sum(record.frames for record in dataset.records), row_bytes)
 
 
 def _sample_surfaces(dataset: Dataset, truth: FrameTruth) -> dict[int, ModelSurface]:

@@ -6,28 +6,53 @@ import csv
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.export.reader.hdf5_checks import check_size, open_checked
 from rso_lidar.files import check_regular, expand_user, read_arrays, read_text
+from rso_lidar.files.reading import describe_size
 
 SUFFIXES = (".csv", ".parquet", ".npz", ".h5", ".hdf5")
 IDENTITY = "dataset"  # name under which a file carries the identity of the dataset that it is about
 PIXELS = ("part_class_id", "oversampled_range_m", "oversampled_photons")
+_PARQUET_BYTES = 8  # of a value, which may be stored in a fraction of a bit
 _VECTORS = {"position_m": ("x_m", "y_m", "z_m"), "quaternion_xyzw": ("qx", "qy", "qz", "qw")}
 _MOST_MEMORY_BYTES = 2**30  # of a CSV or NPZ file, and of the columns of HDF5; images in HDF5 are read in parts
+_SPARE_BYTES = 2**22  # beside the columns that are known, such as columns that are ignored
 _MOST_BYTES = 2**38
 
 
-def read_columns(path: Path) -> tuple[dict[str, Any], str]:
+class Extent(NamedTuple):
+    """The most that predictions for a dataset hold: rows, and bytes of memory for all columns that are read at once."""
+
+    rows: int
+    size_bytes: int
+
+    @staticmethod
+    def of(rows: int, row_bytes: int) -> Extent:
+        """Return the extent of predictions for some frames.
+
+        Parameters
+        ----------
+        rows : number of frames.
+        row_bytes : of all columns of a frame [byte].
+        """
+        return Extent(rows, min(rows * row_bytes + _SPARE_BYTES, _MOST_MEMORY_BYTES))
+
+
+_ANY_EXTENT = Extent(2**40, _MOST_MEMORY_BYTES)
+
+
+def read_columns(path: Path, most: Extent = _ANY_EXTENT) -> tuple[dict[str, Any], str]:
     """Read the columns of a file of predictions.
 
     Parameters
     ----------
     path : of the file.
+    most : that the file may hold; more is refused before memory is taken for it.
 
     Returns
     -------
@@ -45,11 +70,11 @@ def read_columns(path: Path) -> tuple[dict[str, Any], str]:
         guess = did_you_mean(suffix, SUFFIXES)
         raise DatasetError(f"{path}: unknown suffix '{path.suffix}'{guess} (known: {', '.join(SUFFIXES)})")
     if suffix == ".csv":
-        columns, identity = _read_csv(path)
+        columns, identity = _read_csv(path, most)
     else:
         check_regular(path, _MOST_BYTES, DatasetError, "file of predictions")
         readers = {".parquet": _read_parquet, ".npz": _read_npz}
-        columns, identity = readers.get(suffix, _read_hdf5)(path)
+        columns, identity = readers.get(suffix, _read_hdf5)(path, most)
     columns = _split_vectors(path, columns)
     sizes = {name: np.shape(values)[0] if np.ndim(values) else -1 for name, values in columns.items()}
     first = next(iter(sizes), "")
@@ -62,9 +87,11 @@ def read_columns(path: Path) -> tuple[dict[str, Any], str]:
     return columns, identity
 
 
-def _read_csv(path: Path) -> tuple[dict[str, Any], str]:
+def _read_csv(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
     """Read a CSV file; lines that start with # are comments, one of which may state the dataset."""
-    lines = read_text(path, _MOST_MEMORY_BYTES, DatasetError, "CSV file").splitlines(keepends=True)
+    lines = read_text(path, most.size_bytes, DatasetError, "file of predictions for this dataset").splitlines(
+        keepends=True
+    )
     identity = ""
     for line in lines:
         if line.startswith("#") and line[1:].strip().startswith(f"{IDENTITY}:"):
@@ -89,7 +116,7 @@ def _read_csv(path: Path) -> tuple[dict[str, Any], str]:
     return {name: np.array(column, dtype=str) for name, column in zip(names, cells, strict=True)}, identity
 
 
-def _read_parquet(path: Path) -> tuple[dict[str, Any], str]:
+def _read_parquet(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
     """Read a Parquet file, whose metadata may state the dataset."""
     try:
         import pyarrow
@@ -97,39 +124,93 @@ def _read_parquet(path: Path) -> tuple[dict[str, Any], str]:
     except ImportError:
         raise DatasetError(f"{path}: Parquet needs an extra: pip install rso-lidar[parquet], or write .csv") from None
     try:
+        _check_parquet(path, pyarrow.parquet.read_metadata(path), most)
         table = pyarrow.parquet.read_table(path)
         columns = {name: np.array(table.column(name).to_pylist()) for name in table.column_names}
+    except DatasetError:
+        raise
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         raise DatasetError(f"{path}: is not a Parquet table ({_first_line(error)}); write it again") from None
     identity = (table.schema.metadata or {}).get(IDENTITY.encode(), b"")
     return columns, identity.decode("utf-8", "replace")
 
 
-def _read_npz(path: Path) -> tuple[dict[str, Any], str]:
+def _read_npz(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
     """Read arrays that `numpy.savez` wrote."""
-    columns: dict[str, Any] = dict(read_arrays(path, DatasetError, most_bytes=_MOST_MEMORY_BYTES))
+    columns: dict[str, Any] = dict(read_arrays(path, DatasetError, most_bytes=most.size_bytes))
     return columns, str(columns.pop(IDENTITY, ""))
 
 
-def _read_hdf5(path: Path) -> tuple[dict[str, Any], str]:
+def _read_hdf5(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
     """Read the datasets of an HDF5 file; arrays of pixels are kept open and read when they are scored."""
     import h5py
 
     try:
         file = open_checked(path)
         columns: dict[str, Any] = {}
-        left = _MOST_MEMORY_BYTES
+        left = most.size_bytes
         for name, found in file.items():
             if isinstance(found, h5py.Dataset):
                 check_size(found)
+                _check_rows(path, name, found.shape[0] if found.shape else 0, most)
                 left -= 0 if name in PIXELS else found.nbytes
                 if left < 0:
-                    raise DatasetError(f"{path}: has columns of more than 1 GiB, {name} among them; split the file")
+                    raise _make_size_error(path, name, most)
                 is_text = h5py.check_string_dtype(found.dtype) is not None
                 columns[name] = found if name in PIXELS else found.asstr()[()] if is_text else found[()]
         return columns, str(file.attrs.get(IDENTITY, ""))
-    except (OSError, RuntimeError, KeyError, TypeError) as error:
-        raise DatasetError(f"{path}: is not an HDF5 file ({_first_line(error)}); write it again") from None
+    except DatasetError:
+        raise
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:  # of h5py, and of texts in another code
+        raise DatasetError(
+            f"{path}: is not an HDF5 file of numbers and texts, or is damaged ({_first_line(error)}); write it again"
+        ) from None
+
+
+def _check_parquet(path: Path, metadata: Any, most: Extent) -> None:
+    """Check the rows of a Parquet file, and the values of each column, before they are decompressed.
+
+    Parameters
+    ----------
+    path, metadata : of the file.
+    most : that it may hold.
+    """
+    _check_rows(path, "the table", metadata.num_rows, most)
+    left = most.size_bytes
+    for group in range(metadata.num_row_groups):
+        for place in range(metadata.num_columns):
+            column = metadata.row_group(group).column(place)
+            left -= max(_PARQUET_BYTES * column.num_values, column.total_uncompressed_size)
+            if left < 0:
+                raise _make_size_error(path, column.path_in_schema, most)
+
+
+def _check_rows(path: Path, name: str, rows: int, most: Extent) -> None:
+    """Raise `DatasetError` if a column has more rows than the dataset has frames.
+
+    Parameters
+    ----------
+    path, name : of the file, and of the column.
+    rows, most : its rows, and what the file may hold.
+    """
+    if rows > most.rows:
+        raise DatasetError(
+            f"{path}: {name} has {rows:,} rows, and the dataset {most.rows:,} frames; give one row for each"
+        )
+
+
+def _make_size_error(path: Path, name: str, most: Extent) -> DatasetError:
+    """Return the error for columns that are larger than predictions can be.
+
+    Parameters
+    ----------
+    path, name : of the file, and of the column.
+    most : that it may hold.
+    """
+    return DatasetError(
+        f"{path}: has columns of more than {describe_size(most.size_bytes)}, {name} among them; give the columns that are "
+        "scored, one row for each frame"
+    )
 
 
 def _split_vectors(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:

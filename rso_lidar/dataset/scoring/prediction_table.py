@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.dataset.scoring.prediction_file import PIXELS, read_columns
+from rso_lidar.dataset.scoring.prediction_file import PIXELS, Extent, read_columns
 from rso_lidar.errors import DatasetError, did_you_mean, warn
 
 KEYS = ("sample", "step", "draw")
@@ -39,13 +39,14 @@ class Predictions:
     dataset: str = ""
 
 
-def load_predictions(path: str | Path, classes: Sequence[str]) -> Predictions:
+def load_predictions(path: str | Path, classes: Sequence[str], most: Extent | None = None) -> Predictions:
     """Load a file of predictions and check it.
 
     Parameters
     ----------
     path : of a CSV, Parquet, NPZ or HDF5 file.
     classes : names of the classes of the dataset, by number.
+    most : that the file may hold (None: 1 GiB of columns).
 
     Returns
     -------
@@ -56,7 +57,7 @@ def load_predictions(path: str | Path, classes: Sequence[str]) -> Predictions:
     DatasetError
         For a file that cannot be read, an unknown class, a number that is not finite, or a frame that occurs twice.
     """
-    columns, identity = read_columns(Path(path))
+    columns, identity = read_columns(Path(path)) if most is None else read_columns(Path(path), most)
     return check_predictions(columns, classes, str(path), identity)
 
 
@@ -98,6 +99,9 @@ def check_predictions(
     position_m = quaternion_xyzw = None
     if "x_m" in columns:
         position_m, quaternion_xyzw = _read_pose(columns, name, keys)
+    for one in PIXELS:
+        if one in columns and (kind := getattr(columns[one], "dtype", np.dtype(object))).kind not in "biuf":
+            raise DatasetError(f"{name}: {one} has values of {kind}; give an array of real numbers")
     return Predictions(
         name=name,
         keys=keys,

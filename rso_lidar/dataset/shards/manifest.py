@@ -57,7 +57,7 @@ def read_manifest(folder: Path, dataset: str) -> dict[str, ShardRecord]:
             record = json.loads(line)
             of = record.pop("dataset")
             found[record["path"]] = _check_record(ShardRecord(**record))
-        except (ValueError, TypeError, KeyError, AttributeError):
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise DatasetError(f"{place}: line {number} is damaged; delete the line, and make with --resume") from None
         if of != dataset:
             raise DatasetError(f"{place}: line {number} belongs to another dataset; choose another folder")
@@ -65,10 +65,13 @@ def read_manifest(folder: Path, dataset: str) -> dict[str, ShardRecord]:
 
 
 def _check_record(record: ShardRecord) -> ShardRecord:
-    """Return a record, or raise `ValueError` if its path is not that of a shard or a count is not a positive integer."""
+    """Return a record, or raise an error if its path is no shard's, a count is not positive, or versions are no table."""
     counts = (record.frames, record.samples, record.size_bytes)
     if not _SHARD.fullmatch(record.path) or any(type(count) is not int or count < 1 for count in counts):
         raise ValueError(record.path)
+    for version in json.loads(record.versions).values():
+        if not isinstance(version, str):
+            raise ValueError(record.versions)
     return record
 
 

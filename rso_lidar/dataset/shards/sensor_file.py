@@ -94,26 +94,41 @@ def read_constants(folder: Path) -> Constants:
                     f"{place}: is of '{file.attrs['Conventions']}', and this rso_lidar reads '{CONVENTIONS}': upgrade "
                     "rso_lidar, or make the dataset again"
                 )
-            lists = {name: tuple(json.loads(file.attrs[name])) for name in _LISTS}
+            lists = {name: _load_names(file.attrs[name]) for name in _LISTS}
             groups = {name: file[f"sensors/{name}"] for name in lists["sensors"]}
             for group in groups.values():
                 check_size(group["line_of_sight"])
+            lidars = {name: str(group.attrs["lidar"]) for name, group in groups.items()}
+            tables = [json.loads(file.attrs["symmetries"]), json.loads(file.attrs.get("file_sha256", "{}"))]
+            for table in (*tables, *map(json.loads, lidars.values())):
+                if not isinstance(table, dict):
+                    raise ValueError(f"{table!r:.40} is not a table")
+            if missing := {*lists["models"]} - tables[0].keys():
+                raise ValueError(f"no symmetry of {min(missing)}")
             return Constants(
                 sha256=str(file.attrs["dataset_sha256"]),
                 title=str(file.attrs["title"]),
                 **lists,
                 model_parts={name: tuple(parts) for name, parts in json.loads(file.attrs["model_parts"]).items()},
-                symmetries=json.loads(file.attrs["symmetries"]),
-                file_sha256=json.loads(file.attrs.get("file_sha256", "{}")),
+                symmetries=tables[0],
+                file_sha256=tables[1],
                 line_of_sight={name: np.asarray(group["line_of_sight"]) for name, group in groups.items()},
-                lidars={name: str(group.attrs["lidar"]) for name, group in groups.items()},
+                lidars=lidars,
             )
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         if isinstance(error, DatasetError):
             raise
         raise DatasetError(
             f"{place}: is damaged ({' '.join(str(error).split()):.80}); delete it, and make with --resume"
         ) from None
+
+
+def _load_names(text: str) -> tuple[str, ...]:
+    """Return the names in a list as JSON, or raise `ValueError` if it is another value."""
+    names = json.loads(text)
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{text:.40} is not a list of names")
+    return tuple(names)
 
 
 def _check_hash(folder: Path) -> None:

@@ -3,6 +3,7 @@
 import shutil
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
@@ -32,8 +33,6 @@ def test_a_changed_byte_and_a_missing_shard_are_found(made, tmp_path):
 
 
 def test_a_frame_that_was_changed_differs_when_it_is_made_again(made, tmp_path):
-    import h5py
-
     from rso_lidar.dataset.shards.shard_file import hash_file
 
     folder = tmp_path / "copy"
@@ -75,6 +74,28 @@ def test_classes_that_follow_from_the_number_of_the_sample_are_found(tmp_path):
     assert f"warning: {found.order_leaks[0]}" in found.describe()
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("classes", "[" * 5000, "recursion"),
+        ("classes", '{"a": 1}', "is not a list of names"),
+        ("part_classes", "[1]", "is not a list of names"),
+        ("model_parts", "[3]", "'list' object has no attribute 'items'"),
+        ("symmetries", "{}", "no symmetry of capsule"),
+        ("file_sha256", "3", "3 is not a table"),
+        ("sensors", '["nope"]', "'nope' doesn't exist"),
+    ],
+)
+def test_a_sensor_file_that_lies_is_damaged(made, tmp_path, name, value, said):
+    folder = shutil.copytree(made[0].folder, tmp_path / "copy")
+    with h5py.File(folder / "sensor.h5", "r+") as file:
+        file.attrs[name] = value
+    (folder / "sensor.h5.sha256").unlink()
+    with pytest.raises(rl.DatasetError, match="is damaged") as caught:
+        check_folder(folder, samples=0)
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
 CODE = """
 def drift(t, x, u):
     return [*x[3:], 0.0, 0.0, 0.0]
@@ -100,6 +121,8 @@ def test_code_that_a_folder_names_is_not_run_unless_its_files_are_named(tmp_path
         ('"path": "test/000000.h5"', '"path": 5', "line . is damaged"),
         ('"frames": ', '"frames": -', "line 1 is damaged"),
         ('"frames": ', '"frames": 1', "and the manifest says 1"),
+        ('"versions": "{', '"versions": "[', "line 1 is damaged"),
+        ('{"dataset": ', "[" * 100_000, "line 1 is damaged"),
     ],
 )
 def test_lines_of_the_manifest_that_cannot_be(made, tmp_path, old, new, said):
