@@ -50,7 +50,6 @@ from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds
 from rso_lidar.orbit.screening.scheduled_fleet import STEP_S, ScheduledFleet, ScreenedObject
 from rso_lidar.orbit.screening.trajectory_piece import BRIEF_S, CUT
 from rso_lidar.orbit.sets.fleet import Fleet
-from rso_lidar.orbit.sets.teme import describe_error
 
 _MOST_STATES = 400_000  # propagated at a time: some 50 MB
 _SPEED_OFF_M_S = 5.0
@@ -159,7 +158,8 @@ def _screen_one_set(
     if bad.any():
         at = int(np.argmax(bad))
         instant, what = format_utc(lead.start_utc, float(instants[at])), int(error[0, at])
-        why = f": {describe_error(what)}; take an element set nearer to the span, or" if what > 0 else "; take"
+        reason = lead.fleet.describe_loss(one, float(instants[at]), what)[1]
+        why = f": {reason}; take an element set nearer to the span, or" if what > 0 else "; take"
         raise PropagationError(
             f"follower {lead.fleet.sets[one].label}: {'SGP4 ' * (what > 0)}has no state at {instant}{why} a shorter span",
             bad,
