@@ -47,7 +47,7 @@ from rso_lidar.orbit.screening.close_approach import (
 )
 from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
 from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds
-from rso_lidar.orbit.screening.scheduled_fleet import STEP_S, ScheduledFleet, ScreenedObject
+from rso_lidar.orbit.screening.scheduled_fleet import STEP_S, ScheduledFleet, ScreenedObject, check_object
 from rso_lidar.orbit.screening.trajectory_piece import BRIEF_S, CUT
 from rso_lidar.orbit.sets.fleet import Fleet
 
@@ -105,6 +105,7 @@ def screen(
     PropagationError
         if SGP4 has no state of the follower, or its trajectory has none in the whole span
     """
+    check_object(follower, "follower")
     lead, flights = (ScheduledFleet(some, start_utc, duration_s, step_s) for some in ([follower], objects))
     if not len(lead.fleet):
         raise PropagationError(f"follower {lead.gaps[0][0]}: {lead.gaps[0][1]}; shift or shorten the span")
