@@ -53,6 +53,7 @@ def check_folder(
     files: Path | None = None,
     seed: int = 0,
     on_shard: Callable[[int, int], None] | None = None,
+    trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> FolderCheck:
     """Check a dataset: hash every shard, and make random samples again.
@@ -64,7 +65,7 @@ def check_folder(
     files : folder in which relative paths of meshes and orbit files start (None: the dataset's folder).
     seed : random seed of the choice of these samples.
     on_shard : called after each shard with the number of hashed shards and the number of all shards.
-    trust_fmu : whether the native code of FMUs that its scenario names may run.
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that its scenario names may run.
 
     Returns
     -------
@@ -76,7 +77,7 @@ def check_folder(
         If the folder is no dataset, or was made from files that have changed.
     """
     dataset = Dataset(folder)
-    plan = load_plan(dataset, files, trust_fmu=trust_fmu)
+    plan = load_plan(dataset, files, trust_code=trust_code, trust_fmu=trust_fmu)
     problems: list[str] = []
     tell = on_shard or (lambda done, count: None)
     for done, record in enumerate(dataset.records, 1):
@@ -92,8 +93,8 @@ def check_folder(
         problems.append(f"{dataset.folder}: {missing:,} of {plan.n_shards:,} shards are not made; make with --resume")
     if samples and (code := _find_code(plan)):
         raise DatasetError(
-            f"{dataset.folder}: its scenario names the Python code '{code}', which is not run; where you trust it, name its "
-            "folder by --files, or take --samples 0"
+            f"{dataset.folder}: its scenario names the Python code '{code}', which runs only where it is trusted; give "
+            "--trust-code, with --files for its folder, or take --samples 0"
         )
     if not is_readable:
         return FolderCheck(dataset, plan.n_shards, tuple(problems), 0, None)
@@ -101,15 +102,17 @@ def check_folder(
     return FolderCheck(dataset, plan.n_shards, (*problems, *unlike), remade, collect_statistics(dataset))
 
 
-def load_plan(dataset: Dataset, files: Path | None = None, *, trust_fmu: bool = False) -> DatasetPlan:
+def load_plan(
+    dataset: Dataset, files: Path | None = None, *, trust_code: bool = False, trust_fmu: bool = False
+) -> DatasetPlan:
     """Load the plan of a dataset in a folder.
 
     Parameters
     ----------
     dataset : the dataset.
-    files : folder in which relative paths start (None: the dataset's). Without it, the folder may come from somebody
-        else: Python code that its scenario names is not run, and files other than meshes are not compared with their hash.
-    trust_fmu : whether FMUs that its scenario names may run.
+    files : folder in which relative paths start (None: the dataset's). Without it, files other than meshes are not
+        compared with their hash.
+    trust_code, trust_fmu : whether Python code and FMUs that its scenario names may run.
 
     Raises
     ------
@@ -117,7 +120,7 @@ def load_plan(dataset: Dataset, files: Path | None = None, *, trust_fmu: bool = 
         If the shards were made from other inputs, such as another mesh of the same name.
     """
     plan = make_plan(
-        DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=files is not None, trust_fmu=trust_fmu
+        DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=trust_code, trust_fmu=trust_fmu
     )
     if (
         files is None
