@@ -266,8 +266,8 @@ class Mission(Part):
             )
         if not self._trust_code and part is not None and (named := list_dynamics(part)):
             raise ScenarioError(
-                f"dynamics: names the Python code '{named[0]}', which runs only where it is trusted; give --trust-code, or in "
-                "Python trust_code=True"
+                f"dynamics: names the Python code '{named[0]}', which runs only where it is trusted; give --trust-code, or "
+                "in Python trust_code=True"
             )
 
     def locate_errors(self, place: str = "") -> AbstractContextManager[None]:
