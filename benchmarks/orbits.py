@@ -203,7 +203,9 @@ def flown():
     drive = 'ptu={response={type="second_order", natural_hz=4, damping=0.7, max_rate_deg_s=30}}'
     units = '{type="gyro", name="gyro", rate_hz=100}', '{type="accelerometer", name="accelerometer", rate_hz=100}'
     scenario = rl.Scenario.load(
-        examples / "thrusters.toml", ("time.frame_rate_hz=0.1", drive, f"sensor=[{', '.join(units)}]")
+        examples / "thrusters.toml",
+        ("time.frame_rate_hz=0.1", drive, f"sensor=[{', '.join(units)}]"),
+        trust_code=True,
     )
     body = motion.StateSpace(
         dynamics=rigid_body,

@@ -93,7 +93,9 @@ class Hold:
 
 
 if __name__ == "__main__":
-    flown = rl.Scenario.load(Path(__file__).with_suffix(".toml"))  # the same; its dynamics are found beside it
+    flown = rl.Scenario.load(
+        Path(__file__).with_suffix(".toml"), trust_code=True
+    )  # its dynamics are those of this file
     for title, controller in (("drifting", None), ("holding", Hold())):
         print(f"\n{title}:")
         for frame in rl.simulate(flown, controller):

@@ -279,7 +279,7 @@ def test_a_repeated_step_does_not_step_twice(example, scenario):
 
 def test_thrust_reaches_the_body_and_mode_1_flies_by_itself(example):
     settings = (*SMALL, *limit_pixels(8, 1))
-    scenario = rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=settings)
+    scenario = rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=settings, trust_code=True)
     inputs = b"follower".ljust(24, b"\0") + bytes([3]) + bytes(7) + struct.pack(">3d", 0.02, 0.0, 0.0)
     session = rl.loop.Session(rl.Simulation(scenario, threads=1), serves_truth=True)
     with serving(scenario, session=session) as server, rl.loop.Client(server.endpoint) as client:

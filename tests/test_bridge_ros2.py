@@ -139,7 +139,7 @@ def test_truth_is_not_published_where_it_is_switched_off(example, scenario, flow
 
 
 def test_thrust_reaches_the_body_and_an_impossible_command_is_discarded(example):
-    scenario = rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=SMALL)
+    scenario = rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=SMALL, trust_code=True)
     lidar, simulation = example.SteppedLidar(scenario, 0.5), rl.Simulation(scenario)
     lidar.push("follower", [0.02, 0.0, -0.01])
     for _ in range(2):
@@ -160,7 +160,7 @@ def test_releases_agree_on_the_bytes(example, scenario, flown, release):
 
 
 def test_requests_that_are_wrong_have_one_line_and_the_run_goes_on(example):
-    lidar = example.SteppedLidar(rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=SMALL), 0.5)
+    lidar = example.SteppedLidar(rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=SMALL, trust_code=True), 0.5)
     for line in (
         b"",
         b"[]",
@@ -184,10 +184,10 @@ def test_the_process_behind_the_node_flies_the_same(example, tmp_path):
     path.write_text(whole.replace("rays_per_pixel      = 4", "rays_per_pixel = 1\nn_rows = 16\nn_cols = 16"))
     (tmp_path / "thrusters.py").write_bytes((EXAMPLES / "thrusters.py").read_bytes())
     requests = [b'{"inputs": {"follower": [0.02, 0, 0]}}', b"{}", b"{}"]
-    command = [sys.executable, FOLDER / "messages.py", path, "--step", "0.4", "--no-truth"]
+    command = [sys.executable, FOLDER / "messages.py", path, "--step", "0.4", "--no-truth", "--trust-code"]
     run = subprocess.run(command, input=b"\n".join(requests), capture_output=True, timeout=60)
     assert (run.returncode, run.stderr) == (0, b"")
-    lidar = example.SteppedLidar(rl.Scenario.load(path), 0.4, publishes_truth=False)
+    lidar = example.SteppedLidar(rl.Scenario.load(path, trust_code=True), 0.4, publishes_truth=False)
     expected = [b'{"inputs": ["follower"]}\n']
     for line in requests:
         expected += example.answer(lidar, line)

@@ -30,8 +30,8 @@ Settings = Annotated[
 TrustFmu = Annotated[
     bool, typer.Option("--trust-fmu", help="Run the native code of FMUs that the scenario names, because you trust it.")
 ]
-NoCode = Annotated[
-    bool, typer.Option("--no-code", help="Run no Python code that the file names, because it comes from somebody else.")
+TrustCode = Annotated[
+    bool, typer.Option("--trust-code", help="Run the Python code that the scenario names, because you trust it.")
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")]

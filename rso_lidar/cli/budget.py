@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rso_lidar.cli.arguments import Dark, Overwrite, Settings, choose_scheme, parse_length_m
+from rso_lidar.cli.arguments import Dark, Overwrite, Settings, TrustCode, TrustFmu, choose_scheme, parse_length_m
 from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
@@ -72,6 +72,8 @@ def budget(
         typer.Option("--attitudes", metavar="N|run", help="With --find: number of attitudes, or those of the run."),
     ] = None,
     settings: Settings = None,
+    trust_code: TrustCode = False,
+    trust_fmu: TrustFmu = False,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png) or table (.csv).")] = None,
     dark: Dark = False,
     overwrite: Overwrite = False,
@@ -95,9 +97,10 @@ def budget(
         if given is not None and given != []:
             cure = "leave it out, or add --find" if find is None else "leave it out, or leave out --find"
             raise ScenarioError(f"{name}: is for {'a whole body' if find is None else 'one pixel'}; {cure}")
+    loaded = _load_camera(camera, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
     if find is not None:
         _find(
-            _load_camera(camera, tuple(settings or ())),
+            loaded,
             find,
             probability=0.9 if probability is None else probability,
             range_m=None if range_ is None else _parse_range_m(range_),
@@ -109,7 +112,7 @@ def budget(
         )
         return
     made = worked_out(
-        _load_camera(camera, tuple(settings or ())),
+        loaded,
         range_m=None if range_ is None else _parse_range_m(range_),
         materials=material or None,
         tilt_deg=tilt_deg or 0.0,
@@ -173,11 +176,18 @@ def _find(
         echo(f"{output}")
 
 
-def _load_camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str:
+def _load_camera(text: str, settings: tuple[str, ...], *, trust_code: bool, trust_fmu: bool) -> Lidar | Scenario | str:
+    """Load a camera by name, or a scenario.
+
+    Parameters
+    ----------
+    text, settings : as the user gave them.
+    trust_code, trust_fmu : whether code that the scenario names may run.
+    """
     if text in load_presets():
         return validate_toml(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text
     if Path(text).suffix.lower() == ".toml" or Path(text).exists():
-        return Scenario.load(text, settings)
+        return Scenario.load(text, settings, trust_code=trust_code, trust_fmu=trust_fmu)
     raise ScenarioError(
         f"{text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
         "or a scenario file)"

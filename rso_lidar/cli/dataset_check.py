@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import TrustFmu
+from rso_lidar.cli.arguments import TrustCode, TrustFmu
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.dataset.checking.folder_check import check_folder
@@ -25,6 +25,7 @@ def check(
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed that chooses these samples.")] = 0,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
 ) -> None:
     """Check a specification (sizes, time, balance, leaks) or a folder (hashes, random samples made again bit for bit).
@@ -33,9 +34,9 @@ def check(
     """
     with announce_compiling():
         if not path.is_dir():
-            echo(check_spec(path, trust_fmu=trust_fmu).describe())
+            echo(check_spec(path, trust_code=trust_code, trust_fmu=trust_fmu).describe())
             return
-        found = check_folder(path, samples=samples, files=files, seed=seed, trust_fmu=trust_fmu)
+        found = check_folder(path, samples=samples, files=files, seed=seed, trust_code=trust_code, trust_fmu=trust_fmu)
     echo(found.describe())
     if found.problems:
         raise typer.Exit(1)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import dataset
-from rso_lidar.cli.arguments import NoCode, TrustFmu, choose_scheduler
+from rso_lidar.cli.arguments import TrustCode, TrustFmu, choose_scheduler
 from rso_lidar.cli.progress import Bar, announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import DatasetError
@@ -47,8 +47,8 @@ def make(
         ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue a folder that was begun before.")] = False,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
-    no_code: NoCode = False,
 ) -> None:
     """Make a dataset: frames with labels in HDF5 shards, split for training and test.
 
@@ -74,7 +74,7 @@ def make(
             shards=shards,
             resume=resume,
             on_shard=show,
-            trust_code=not no_code,
+            trust_code=trust_code,
             trust_fmu=trust_fmu,
         )
     for name in made.splits:

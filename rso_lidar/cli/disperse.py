@@ -9,11 +9,12 @@ import typer
 
 from rso_lidar.cli.arguments import (
     Dark,
-    NoCode,
     Overwrite,
     ScenarioFile,
     Seed,
     Settings,
+    TrustCode,
+    TrustFmu,
     choose_scheduler,
     choose_scheme,
     join_settings,
@@ -56,7 +57,8 @@ def disperse(
     ] = None,
     seed: Seed = None,
     settings: Settings = None,
-    no_code: NoCode = False,
+    trust_code: TrustCode = False,
+    trust_fmu: TrustFmu = False,
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -69,7 +71,7 @@ def disperse(
         tubes = check_writable(tubes, (".csv",), overwrite=overwrite)
     scheme = choose_scheme(dark, [output])
     by = choose_scheduler(engine, scheduler)
-    scenario = Scenario.load(file, join_settings(settings, seed), trust_code=not no_code)
+    scenario = Scenario.load(file, join_settings(settings, seed), trust_code=trust_code, trust_fmu=trust_fmu)
     working = output.with_name(f".{output.stem}.runs")
     set_advice(lambda: to_one_line(f"finished runs are kept beside {output}; the same command goes on"))
     with show_progress(runs, 0, "dispersing", of="run") as bar:

@@ -12,6 +12,8 @@ from rso_lidar import picture, units
 from rso_lidar.cli.arguments import (
     Dark,
     Overwrite,
+    TrustCode,
+    TrustFmu,
     choose_scheme,
     load_lidar,
     name_options,
@@ -148,6 +150,8 @@ def encounters(
             "-o", "--output", help="File to write: the table (.csv), a picture (.png) or, with --scenario, .toml."
         ),
     ] = None,
+    trust_code: TrustCode = False,
+    trust_fmu: TrustFmu = False,
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -188,10 +192,11 @@ def encounters(
             if suffix and place.suffix.lower() != suffix:
                 raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
             check_writable(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
+    trusted = {"trust_code": trust_code, "trust_fmu": trust_fmu}
     with name_options(*_ARGUMENTS):
         table = find(
             catalog[0] if len(catalog) == 1 else catalog,
-            _choose_follower(follower),
+            _choose_follower(follower, trusted),
             within_m=within_m,
             start_utc=start_utc,
             days=days,
@@ -205,6 +210,7 @@ def encounters(
             limit=limit,
             plate=plate,
             finding=finding,
+            **trusted,
         )
     _print_table(table)
     if csv is not None:
@@ -308,9 +314,9 @@ def _load_camera(text: str) -> tuple[Lidar, Constraints | None, Finding | None, 
     return camera, asked, scenario.finding, scenario.time.frame_rate_hz
 
 
-def _choose_follower(text: str | None) -> Any:
+def _choose_follower(text: str | None, trusted: dict[str, bool]) -> Any:
     """Return the follower of an option: a number or a name, or what a file of one object holds."""
-    return load_follower(text) if text is not None and Path(text).is_file() else text
+    return load_follower(text, **trusted) if text is not None and Path(text).is_file() else text
 
 
 def _choose_constraints(

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustFmu
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustCode, TrustFmu
 from rso_lidar.cli.terminal import echo
 from rso_lidar.loop.fmus.fmu_export import write_fmu
 from rso_lidar.scenario import Scenario
@@ -16,6 +16,7 @@ def fmu(
     output: Annotated[Path, typer.Option("-o", "--output", help="FMU to write (.fmu).")],
     version: Annotated[int, typer.Option("--fmi", min=2, max=3, help="Version of FMI.")] = 2,
     settings: Settings = None,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -23,5 +24,5 @@ def fmu(
 
     It runs in the Python of the machine that loads it, which needs rso_lidar.
     """
-    scenario = Scenario.load(file, tuple(settings or ()), trust_fmu=trust_fmu)
+    scenario = Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
     echo(write_fmu(scenario, output, version=version, overwrite=overwrite))

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustFmu
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustCode, TrustFmu
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable
@@ -28,6 +28,7 @@ def parameters(
         ),
     ] = None,
     settings: Settings = None,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -36,7 +37,7 @@ def parameters(
         output = check_writable(output, SUFFIXES, overwrite=overwrite)
     if requirements is not None and (output is None or output.suffix.lower() != ".sysml"):
         raise ScenarioError("--requirements: goes with -o FILE.sysml; `rso-lidar requirements` verifies them")
-    made = list_parameters(Scenario.load(file, tuple(settings or ()), trust_fmu=trust_fmu))
+    made = list_parameters(Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu))
     if output is None:
         echo(made.table())
         return

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.arguments import Overwrite, Settings, TrustFmu
+from rso_lidar.cli.arguments import Overwrite, Settings, TrustCode, TrustFmu
 from rso_lidar.cli.progress import announce_compiling, count_steps
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
@@ -37,6 +37,7 @@ def requirements(
         int | None, typer.Option("--workers", min=1, max=256, help="Processes of a study; changes no result.")
     ] = None,
     settings: Settings = None,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -46,7 +47,7 @@ def requirements(
     """
     places = [check_writable(place, SUFFIXES, overwrite=overwrite) for place in output or ()]
     asked = Requirements.load(file)
-    made = _verify(asked, subject, tuple(settings or ()), workers, trust_fmu=trust_fmu)
+    made = _verify(asked, subject, tuple(settings or ()), workers, trust_code=trust_code, trust_fmu=trust_fmu)
     for place in places:
         made.save(place, overwrite=overwrite)
     echo(made.table())
@@ -57,7 +58,13 @@ def requirements(
 
 
 def _verify(
-    asked: Requirements, subject: Path, settings: tuple[str, ...], workers: int | None, *, trust_fmu: bool
+    asked: Requirements,
+    subject: Path,
+    settings: tuple[str, ...],
+    workers: int | None,
+    *,
+    trust_code: bool,
+    trust_fmu: bool,
 ) -> VerificationMatrix:
     """Load the subject and verify the requirements on it.
 
@@ -66,15 +73,16 @@ def _verify(
     asked, subject : the requirements, and the file of the subject.
     settings : fields of the scenario to change.
     workers : processes of a study.
-    trust_fmu : whether FMUs may run that a scenario or a study names.
+    trust_code, trust_fmu : whether Python code and FMUs may run that a scenario or a study names.
     """
     is_toml = subject.suffix.lower() == ".toml"
     is_study = is_toml and any(key in parse_toml(read_toml(subject), subject.name, ScenarioError) for key in _OF_STUDY)
     if settings and (not is_toml or is_study):
         what = "study has its own set" if is_study else "recording cannot be changed"
         raise ScenarioError(f"--set: changes a scenario; a {what}; leave it out")
-    if trust_fmu and not is_toml:
-        raise ScenarioError("--trust-fmu: is for a scenario or a study; a recording runs no FMU; leave it out")
+    if (trust_code or trust_fmu) and not is_toml:
+        option = "--trust-code" if trust_code else "--trust-fmu"
+        raise ScenarioError(f"{option}: is for a scenario or a study; a recording runs no code; leave it out")
     if workers is not None and not is_study:
         raise ScenarioError("--workers: is for a study; leave it out")
     with announce_compiling():
@@ -83,6 +91,15 @@ def _verify(
                 return verify(asked, read, folder=subject.parent, on_step=step)
         if is_study:
             with count_steps("trading", "run") as step:
-                return verify(asked, Study.load(subject), workers=workers, on_step=step, trust_fmu=trust_fmu)
+                return verify(
+                    asked,
+                    Study.load(subject),
+                    workers=workers,
+                    on_step=step,
+                    trust_code=trust_code,
+                    trust_fmu=trust_fmu,
+                )
         with count_steps("simulating", "frame") as step:
-            return verify(asked, Scenario.load(subject, settings, trust_fmu=trust_fmu), on_step=step)
+            return verify(
+                asked, Scenario.load(subject, settings, trust_code=trust_code, trust_fmu=trust_fmu), on_step=step
+            )

@@ -12,12 +12,12 @@ import typer
 
 from rso_lidar import export
 from rso_lidar.cli.arguments import (
-    NoCode,
     Overwrite,
     ScenarioFile,
     Seed,
     Settings,
     Threads,
+    TrustCode,
     TrustFmu,
     join_settings,
 )
@@ -48,8 +48,8 @@ def run(
         typer.Option("--workers", min=1, max=256, help="Processes in place of threads, for long runs on many cores."),
     ] = None,
     settings: Settings = None,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
-    no_code: NoCode = False,
     keep: Annotated[
         str | None,
         typer.Option(
@@ -65,7 +65,7 @@ def run(
     live_with: LiveWith = None,
 ) -> None:
     """Simulate a scenario and record its frames with truth and labels."""
-    scenario = Scenario.load(file, join_settings(settings, seed), trust_code=not no_code, trust_fmu=trust_fmu)
+    scenario = Scenario.load(file, join_settings(settings, seed), trust_code=trust_code, trust_fmu=trust_fmu)
     numbers = scenario.time.choose_frames(parse_frames(frames))
     kept = _parse_keep(keep)
     if threads is not None and workers is not None:

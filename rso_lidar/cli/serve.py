@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import interruption
-from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Seed, Settings, Threads, TrustFmu, join_settings
+from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Seed, Settings, Threads, TrustCode, TrustFmu, join_settings
 from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view, report_live_view
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
@@ -64,6 +64,7 @@ def serve(
     threads: Threads = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
     live: Live = False,
     live_at: LiveAt = None,
@@ -76,7 +77,7 @@ def serve(
     if late not in POLICIES:
         raise ScenarioError(f"--late {late}: is not {', '.join(POLICIES)}")
     deadlines = None if real_time is None else Deadlines(real_time, late)
-    scenario = Scenario.load(file, join_settings(settings, seed), trust_fmu=trust_fmu)
+    scenario = Scenario.load(file, join_settings(settings, seed), trust_code=trust_code, trust_fmu=trust_fmu)
     recorder = FlightRecorder(output, overwrite=overwrite) if output else None
     signals: list[int] = []
     with ExitStack() as undone:

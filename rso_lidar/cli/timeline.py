@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from rso_lidar.cli.arguments import Dark, NoCode, Overwrite, ScenarioFile, Settings, TrustFmu, choose_scheme
+from rso_lidar.cli.arguments import Dark, Overwrite, ScenarioFile, Settings, TrustCode, TrustFmu, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
 from rso_lidar.picture.style.output import RESULT_SUFFIXES
@@ -32,8 +32,8 @@ def timeline(
     ] = None,
     target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
     settings: Settings = None,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
-    no_code: NoCode = False,
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -43,7 +43,7 @@ def timeline(
     """
     output = check_writable(output or Path(f"{file.stem}_timeline.png"), RESULT_SUFFIXES, overwrite=overwrite)
     scheme = choose_scheme(dark, [output])
-    scenario = Scenario.load(file, tuple(settings or ()), trust_code=not no_code, trust_fmu=trust_fmu)
+    scenario = Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
     made = timeline_of(scenario, target, every_s=every_s)
     made.save(output, scheme)
     mirrored = any(

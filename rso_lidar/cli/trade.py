@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.arguments import Dark, NoCode, Overwrite, TrustFmu, choose_scheme
+from rso_lidar.cli.arguments import Dark, Overwrite, TrustCode, TrustFmu, choose_scheme
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
@@ -47,8 +47,8 @@ def trade(
             help="Least share of pixels on target that report, from which a point is ranked (else the study's).",
         ),
     ] = None,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
-    no_code: NoCode = False,
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -69,7 +69,7 @@ def trade(
         places = [check_writable(place, report.SUFFIXES, overwrite=overwrite) for place in places]
     report.check_formats(places)
     many = workers is not None and workers > 1
-    plan, base = make_plan(study, 1 if many else None, trust_code=not no_code, trust_fmu=trust_fmu)
+    plan, base = make_plan(study, 1 if many else None, trust_code=trust_code, trust_fmu=trust_fmu)
     if new:
         _make_folder(places[0].parent)
     kept = place_row_file(places[0], plan, base)

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from rso_lidar import orbit, picture
-from rso_lidar.cli.arguments import Dark, Overwrite, ScenarioFile, Settings, TrustFmu, choose_scheme
+from rso_lidar.cli.arguments import Dark, Overwrite, ScenarioFile, Settings, TrustCode, TrustFmu, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.formats.czml import choose_samples, write_czml
@@ -65,6 +65,7 @@ def truth(
         ),
     ] = None,
     settings: Settings = None,
+    trust_code: TrustCode = False,
     trust_fmu: TrustFmu = False,
     dark: Dark = False,
     overwrite: Overwrite = False,
@@ -77,7 +78,7 @@ def truth(
     suffix = output.suffix.lower()
     kind = _choose_kind(figure, suffix)
     scheme = choose_scheme(dark, [output])
-    scenario = Scenario.load(file, tuple(settings or ()), trust_fmu=trust_fmu)
+    scenario = Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu)
     frames = np.arange(0, scenario.time.n_frames, _compute_stride(every_s, scenario))
     frames = np.union1d(frames, scenario.time.n_frames - 1)  # the last frame too, so that a table covers the whole run
     if suffix in FIGURE_SUFFIXES:

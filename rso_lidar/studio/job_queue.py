@@ -53,7 +53,6 @@ KINDS = {
 }
 
 
-_FLIES_CODE = ("run", "timeline", "trade", "dataset")  # kinds whose command runs Python code that a scenario names
 FLIES_SCENARIO = ("run", "timeline", "budget")  # kinds whose source is a scenario
 
 
@@ -83,7 +82,6 @@ class JobRequest:
         words = [word.format(source=source, output=output) for word in KINDS[self.kind].command.split()]
         given = {"frames": self.frames, "seed": self.seed, "keep": self.keep} if self.kind == "run" else {}
         words += [f"--{name}={value}" for name, value in given.items() if value]
-        words += ["--no-code"] * (self.kind in _FLIES_CODE)
         words += ["--overwrite"] * (self.overwrite and self.kind != "dataset")
         words += ["--resume"] * (self.resume and self.kind in ("run", "dataset"))
         return [sys.executable, "-P", "-m", "rso_lidar", *words]

@@ -120,7 +120,7 @@ def describe_attitude(craft, **changes):
 
 @pytest.fixture(scope="module")
 def by_equations():
-    return rl.Scenario.load(EXAMPLE, settings=SMALL)
+    return rl.Scenario.load(EXAMPLE, settings=SMALL, trust_code=True)
 
 
 @pytest.fixture(scope="module")

@@ -54,7 +54,7 @@ pictures = 0
     before = sorted((tmp_path / "examples").rglob("*"))
     commands = [
         ["timeline", "examples/bench_plate.toml", "--every", "20"],
-        ["truth", "examples/thrusters.toml", "-o", "truth.csv", "--every", "60"],
+        ["truth", "examples/thrusters.toml", "--trust-code", "-o", "truth.csv", "--every", "60"],
         ["trade", "examples/studies/few.toml"],
     ]
     program = (

@@ -21,8 +21,8 @@ ACROSS = {
 SPANNING = {
     "cli/test_cli.py",
     "cli/test_help.py",
-    "cli/test_no_code.py",
     "cli/test_outputs.py",
+    "cli/test_trust_code.py",
     "detector/chain/test_addressed_noise.py",
     "detector/chain/test_frame_noise.py",
     "detector/chain/test_several_rows.py",

@@ -27,7 +27,9 @@ SMALL = (
 
 
 def load(*sensors, settings=()):
-    return rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=(*SMALL, f"sensor=[{', '.join(sensors)}]", *settings))
+    return rl.Scenario.load(
+        EXAMPLES / "thrusters.toml", settings=(*SMALL, f"sensor=[{', '.join(sensors)}]", *settings), trust_code=True
+    )
 
 
 @pytest.fixture(scope="module")

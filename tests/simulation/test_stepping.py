@@ -21,7 +21,7 @@ ACCELERATION_M_S2 = 0.01
 
 @pytest.fixture(scope="module")
 def thrusters():
-    return rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=SMALL)
+    return rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=SMALL, trust_code=True)
 
 
 @pytest.fixture(scope="module")

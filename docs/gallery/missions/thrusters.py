@@ -26,7 +26,7 @@ folder = Path(tempfile.mkdtemp())
 place = importlib.util.spec_from_file_location("thrusters", shipped("examples/thrusters.py"))
 thrusters = importlib.util.module_from_spec(place)
 place.loader.exec_module(thrusters)
-scenario = rl.Scenario.load("examples/thrusters.toml")
+scenario = rl.Scenario.load("examples/thrusters.toml", trust_code=True)
 
 # %%
 # Twice the same start: without commands, and with the controller.

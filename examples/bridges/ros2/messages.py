@@ -137,9 +137,10 @@ def main():
     parser.add_argument("--step", type=float, default=0.02, help="length of a step [s]")
     parser.add_argument("--release", default="jazzy", help="ROS 2 release")
     parser.add_argument("--no-truth", action="store_true", help="leave out /tf and /labels")
+    parser.add_argument("--trust-code", action="store_true", help="run the Python code that the scenario names")
     given = parser.parse_args()
     try:
-        scenario = rl.Scenario.load(given.scenario)
+        scenario = rl.Scenario.load(given.scenario, trust_code=given.trust_code)
         lidar = SteppedLidar(scenario, given.step, publishes_truth=not given.no_truth, release=given.release)
     except rl.RsoLidarError as error:
         raise SystemExit(f"messages.py: {error}") from None

@@ -33,6 +33,8 @@ class LidarNode(Node):
         command += ["--release", os.environ.get("ROS_DISTRO", "jazzy")]
         if not self.declare_parameter("truth", True).value:
             command.append("--no-truth")
+        if self.declare_parameter("trust_code", False).value:
+            command.append("--trust-code")
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}  # that of ROS's Python
         self.process = subprocess.Popen(command, **pipes, env=variables)

@@ -63,6 +63,7 @@ def check_folder(
     files: Path | None = None,
     seed: int = 0,
     on_shard: Callable[[int, int], None] | None = None,
+    trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> FolderCheck:
     """Check a dataset: hash every shard, make random samples again, and look for leaks.
@@ -77,7 +78,7 @@ def check_folder(
     files : folder in which relative paths of meshes and orbit files start (None: the dataset's folder).
     seed : random seed of the choice of these samples.
     on_shard : called after each shard with the number of hashed shards and the number of all shards.
-    trust_fmu : whether the native code of FMUs that its scenario names may run.
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that its scenario names may run.
 
     Returns
     -------
@@ -92,7 +93,7 @@ def check_folder(
     problems: list[str] = []
     plan = None
     try:
-        plan = load_plan(dataset, files, trust_fmu=trust_fmu)
+        plan = load_plan(dataset, files, trust_code=trust_code, trust_fmu=trust_fmu)
     except RsoLidarError as error:
         problems.append(str(error))
     tell = on_shard or (lambda done, count: None)
@@ -109,8 +110,8 @@ def check_folder(
         problems.append(f"{dataset.folder}: {missing:,} of {plan.n_shards:,} shards are not made; make with --resume")
     if plan is not None and samples and (code := _find_code(plan)):
         raise DatasetError(
-            f"{dataset.folder}: its scenario names the Python code '{code}', which is not run; where you trust it, name its "
-            "folder by --files, or take --samples 0"
+            f"{dataset.folder}: its scenario names the Python code '{code}', which runs only where it is trusted; give "
+            "--trust-code, with --files for its folder, or take --samples 0"
         )
     n_shards = None if plan is None else plan.n_shards
     if not is_readable:
@@ -120,15 +121,17 @@ def check_folder(
     return FolderCheck(dataset, n_shards, (*problems, *unlike), remade, statistics, _find_order_leaks(dataset))
 
 
-def load_plan(dataset: Dataset, files: Path | None = None, *, trust_fmu: bool = False) -> DatasetPlan:
+def load_plan(
+    dataset: Dataset, files: Path | None = None, *, trust_code: bool = False, trust_fmu: bool = False
+) -> DatasetPlan:
     """Load the plan of a dataset in a folder.
 
     Parameters
     ----------
     dataset : the dataset.
-    files : folder in which relative paths start (None: the dataset's). Without it, the folder may come from somebody
-        else: Python code that its scenario names is not run, and files other than meshes are not compared with their hash.
-    trust_fmu : whether FMUs that its scenario names may run.
+    files : folder in which relative paths start (None: the dataset's). Without it, files other than meshes are not
+        compared with their hash.
+    trust_code, trust_fmu : whether Python code and FMUs that its scenario names may run.
 
     Raises
     ------
@@ -136,7 +139,7 @@ def load_plan(dataset: Dataset, files: Path | None = None, *, trust_fmu: bool = 
         If the shards were made from other inputs, such as another mesh of the same name.
     """
     plan = make_plan(
-        DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=files is not None, trust_fmu=trust_fmu
+        DatasetSpec.load(dataset.folder / SPEC_FILE), files=files, trust_code=trust_code, trust_fmu=trust_fmu
     )
     if (
         files is None

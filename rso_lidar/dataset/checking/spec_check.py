@@ -77,13 +77,13 @@ class SpecCheck:
         return "\n".join([*lines, *found])
 
 
-def check_spec(spec: DatasetSpec | str | Path, *, trust_fmu: bool = False) -> SpecCheck:
+def check_spec(spec: DatasetSpec | str | Path, *, trust_code: bool = False, trust_fmu: bool = False) -> SpecCheck:
     """Check a specification: draw a thousand samples, fly some of them, and look for leaks.
 
     Parameters
     ----------
     spec : the specification, or its TOML file.
-    trust_fmu : whether the native code of FMUs that the scenario names may run.
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that the scenario names may run.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def check_spec(spec: DatasetSpec | str | Path, *, trust_fmu: bool = False) -> Sp
     ScenarioError, DatasetError
         For a specification that is not valid.
     """
-    plan = make_plan(spec, trust_fmu=trust_fmu)
+    plan = make_plan(spec, trust_code=trust_code, trust_fmu=trust_fmu)
     check_samples(plan)
     flown: list[LabelledFrame] = []
     numbers: list[dict[str, float]] = []

@@ -68,7 +68,7 @@ class DatasetPlan:
     mesh_sha256: dict[str, str]
     part_names: dict[str, tuple[str, ...]]
     file_sha256: dict[str, str]
-    trust_code: bool = True
+    trust_code: bool = False
     trust_fmu: bool = False
 
     def __getstate__(self) -> dict[str, Any]:
@@ -254,7 +254,7 @@ class DatasetPlan:
 
 
 def make_plan(
-    given: DatasetSpec | str | Path, *, files: Path | None = None, trust_code: bool = True, trust_fmu: bool = False
+    given: DatasetSpec | str | Path, *, files: Path | None = None, trust_code: bool = False, trust_fmu: bool = False
 ) -> DatasetPlan:
     """Check the base scenario, models and split of a specification, and make the plan of its dataset.
 

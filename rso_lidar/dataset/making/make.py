@@ -30,7 +30,7 @@ def make(
     shards: str | None = None,
     resume: bool = False,
     on_shard: Callable[[int, int], None] | None = None,
-    trust_code: bool = True,
+    trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> Dataset:
     """Make a dataset in a folder. Every shard is written completely or not at all, so that a killed run loses one at most.

@@ -133,7 +133,7 @@ def _sample_surfaces(dataset: Dataset, truth: FrameTruth) -> dict[int, ModelSurf
     Surfaces by number of the model; none, with a warning, where the meshes cannot be found.
     """
     try:
-        plan = make_plan(dataset.folder / SPEC_FILE, trust_code=False)  # a folder may come from somebody else
+        plan = make_plan(dataset.folder / SPEC_FILE)
         if plan.sha256 != dataset.constants.sha256:
             raise DatasetError(f"{dataset.folder}: a mesh or {SPEC_FILE} has changed since it was made")
         found = {}

@@ -95,7 +95,7 @@ def _change(part: Any, place: str, **fields: Any) -> Any:
 
 def load_approach() -> Scenario:
     """Load the default scenario of `Approach`: `examples/thrusters.toml` for 300 s, with 32 x 32 pixels."""
-    return Scenario.load(shipped("examples/thrusters.toml"), settings=(*_SMALL, "time.duration_s=300"))
+    return Scenario.load(shipped("examples/thrusters.toml"), settings=(*_SMALL, "time.duration_s=300"), trust_code=True)
 
 
 def draw_approach(scenario: Scenario, rng: np.random.Generator) -> Scenario:

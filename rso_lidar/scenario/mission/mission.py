@@ -81,7 +81,7 @@ class Mission(Part):
 
     @classmethod
     def load(
-        cls, path: str | Path, settings: tuple[str, ...] = (), *, trust_code: bool = True, trust_fmu: bool = False
+        cls, path: str | Path, settings: tuple[str, ...] = (), *, trust_code: bool = False, trust_fmu: bool = False
     ) -> Self:
         """Load a scenario from a TOML file.
 
@@ -90,6 +90,7 @@ class Mission(Part):
         path : of the file; a relative one is looked up in the working folder, then among the shipped data.
         settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
         trust_code, trust_fmu : whether Python code (`dynamics`) and FMUs that the file names may run when it is flown.
+            Otherwise such a scenario can be read but not flown.
 
         Raises
         ------
@@ -171,17 +172,10 @@ class Mission(Part):
         changed._trust_code, changed._trust_fmu = self._trust_code, self._trust_fmu
         return changed
 
-    def without_code(self) -> Self:
-        """Return the scenario with the Python code that it names distrusted: it is read but not flown."""
-        return self._trusting(code=False, fmu=self._trust_fmu)
-
     def with_trusted_fmus(self) -> Self:
         """Return the scenario with its FMUs trusted: their native code runs when it is flown."""
-        return self._trusting(code=self._trust_code, fmu=True)
-
-    def _trusting(self, *, code: bool, fmu: bool) -> Self:
         changed = self.replace()
-        changed._trust_code, changed._trust_fmu = code, fmu
+        changed._trust_fmu = True
         return changed
 
     def with_seed(self, seed: int) -> Self:
@@ -272,8 +266,8 @@ class Mission(Part):
             )
         if not self._trust_code and part is not None and (named := list_dynamics(part)):
             raise ScenarioError(
-                f"dynamics: names the Python code '{named[0]}', and the code that a text names is not run; "
-                "where you trust it, leave out --no-code, or give trust_code=True to Scenario.load or loads"
+                f"dynamics: names the Python code '{named[0]}', which runs only where it is trusted; give --trust-code, or "
+                "in Python trust_code=True"
             )
 
     def locate_errors(self, place: str = "") -> AbstractContextManager[None]:

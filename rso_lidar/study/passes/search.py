@@ -53,6 +53,8 @@ def encounters(
     limit: int | None = None,
     plate: ViewedPlate | None = None,
     finding: Finding | None = None,
+    trust_code: bool = False,
+    trust_fmu: bool = False,
 ) -> Encounters:
     """Find every encounter of `follower` with other objects, or of any two of them, each refined to the millisecond.
 
@@ -79,6 +81,7 @@ def encounters(
     limit : greatest number of rows (None: all).
     plate : what the lidar looks at, and how often (None: all values are assumed).
     finding : when it counts as found (None: one pixel of one flash).
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that scenarios among the files name.
 
     Returns
     -------
@@ -101,7 +104,7 @@ def encounters(
     if lidar is None:
         lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
     light = PlateLight(lidar, plate or ViewedPlate(), finding or Finding())
-    found_objects = collect_objects(catalog)
+    found_objects = collect_objects(catalog, trust_code=trust_code, trust_fmu=trust_fmu)
     lead: Any = None
     found: ScreeningResult | PairScreening
     if follower is None:

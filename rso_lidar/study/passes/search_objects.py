@@ -34,11 +34,14 @@ class SearchObjects:
     entries : the element sets, and `NamedTrajectory` objects
     problems : label and reason of what was left out
     where : name of the source, for messages
+    trust_code, trust_fmu : whether Python code and FMUs may run that scenarios among the files name
     """
 
     entries: list[Any] = field(default_factory=list)
     problems: list[tuple[str, str]] = field(default_factory=list)
     where: str = "catalogue"
+    trust_code: bool = False
+    trust_fmu: bool = False
 
     def find(self, wanted: int | str, source: Any) -> list[Any]:
         """Find the entries of one object: its element sets, or its trajectory.
@@ -87,20 +90,21 @@ class SearchObjects:
         return meant
 
 
-def collect_objects(source: Any) -> SearchObjects:
+def collect_objects(source: Any, *, trust_code: bool = False, trust_fmu: bool = False) -> SearchObjects:
     """Collect the objects of a search.
 
     Parameters
     ----------
     source : path of a file, a catalogue, an iterable of element sets, trajectories and paths, or a mapping of names to
         trajectories.
+    trust_code, trust_fmu : whether Python code and FMUs may run that scenarios among the files name.
 
     Raises
     ------
     CatalogError
         For what is none of these.
     """
-    found = SearchObjects()
+    found = SearchObjects(trust_code=trust_code, trust_fmu=trust_fmu)
     if isinstance(source, str | os.PathLike):
         found.where = str(os.fspath(source))
         _add_file(found, os.fspath(source))
@@ -177,7 +181,7 @@ def _add_file(found: SearchObjects, path: Any) -> None:
     text = str(path)
     kind = _find_kind(text)
     if kind == "scenario":
-        scenario = Scenario.load(text)
+        scenario = Scenario.load(text, trust_code=found.trust_code, trust_fmu=found.trust_fmu)
         orbiting = [body for body in scenario.bodies if body.orbits]
         for body in orbiting or scenario.bodies:
             found.entries.append(_name_body(text, scenario, body.name))
@@ -210,12 +214,13 @@ def _resolve(path: str) -> str:
     return str(Path(path).resolve())
 
 
-def load_follower(path: str) -> Any:
+def load_follower(path: str, *, trust_code: bool = False, trust_fmu: bool = False) -> Any:
     """Load the follower of a search from a file of one object: element sets, an ephemeris, or a scenario's follower.
 
     Parameters
     ----------
     path : of the file.
+    trust_code, trust_fmu : whether Python code and FMUs may run that a scenario names.
 
     Raises
     ------
@@ -223,7 +228,7 @@ def load_follower(path: str) -> Any:
         If the file holds several objects.
     """
     if _find_kind(path) == "scenario":
-        return _name_body(path, Scenario.load(path), _FOLLOWER)
+        return _name_body(path, Scenario.load(path, trust_code=trust_code, trust_fmu=trust_fmu), _FOLLOWER)
     objects = collect_objects(path)
     if not objects.entries:
         label, why = (objects.problems or [("the file", "it holds no object; give another one")])[0]

@@ -295,10 +295,15 @@ class Study(FilePart):
             )
         return path
 
-    def base(self) -> Scenario:
-        """Load the scenario before any axis changes it, and check target and frames."""
+    def base(self, *, trust_code: bool = False, trust_fmu: bool = False) -> Scenario:
+        """Load the scenario before any axis changes it, and check target and frames.
+
+        Parameters
+        ----------
+        trust_code, trust_fmu : whether Python code and FMUs that the scenario names may run.
+        """
         with add_place(self.where):
-            scenario = Scenario.load(self.scenario_file(), self.set)
+            scenario = Scenario.load(self.scenario_file(), self.set, trust_code=trust_code, trust_fmu=trust_fmu)
             self.number(scenario)
             if not any(place.startswith("time.") for place in self.places):
                 self.numbers(scenario)

@@ -173,6 +173,7 @@ def trade(
     workers: int | None = None,
     working: str | Path | None = None,
     on_row: Callable[[int, int], None] | None = None,
+    trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> Trade:
     """Run a trade study: a table of figures of merit with one row for each point and seed.
@@ -185,7 +186,7 @@ def trade(
     working : file in which finished rows are saved. An interrupted study continues from it. Its name is extended by eight
         hex digits that identify the study, so that another study does not use it. It remains until you delete it.
     on_row : called with the number of finished rows and that of all rows, at the start and after each row.
-    trust_fmu : whether the native code of FMUs that the scenario names may run.
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that the scenario names may run.
 
     Returns
     -------
@@ -202,7 +203,8 @@ def trade(
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
     asked = study if isinstance(study, Study) else Study.load(study)
-    plan, base = make_plan(asked, 1 if workers is not None and workers > 1 else None, trust_fmu=trust_fmu)
+    threads = 1 if workers is not None and workers > 1 else None
+    plan, base = make_plan(asked, threads, trust_code=trust_code, trust_fmu=trust_fmu)
     tell = on_row or (lambda done, count: None)
     known: dict[int, Row] = {}
     if working is None:

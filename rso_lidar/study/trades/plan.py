@@ -31,7 +31,7 @@ class TradePlan:
     where: str
     seed: int
     threads: int | None = None
-    trust_code: bool = True
+    trust_code: bool = False
     trust_fmu: bool = False
 
     def scenario(self, row: int) -> Scenario:
@@ -69,7 +69,7 @@ class TradePlan:
 
 
 def make_plan(
-    study: Study, threads: int | None = None, *, trust_code: bool = True, trust_fmu: bool = False
+    study: Study, threads: int | None = None, *, trust_code: bool = False, trust_fmu: bool = False
 ) -> tuple[TradePlan, Scenario]:
     """Make the plan of a study and load its scenario, after a check of every field that changes.
 
@@ -79,9 +79,7 @@ def make_plan(
     threads : of a single computation (None: one per core).
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names.
     """
-    base, path = study.base(), study.scenario_file()
-    base = base if trust_code else base.without_code()
-    base = base.with_trusted_fmus() if trust_fmu else base
+    base, path = study.base(trust_code=trust_code, trust_fmu=trust_fmu), study.scenario_file()
     text, points = read_toml(path), tuple(list_points(study))
     plan = TradePlan(study, points, text, path.parent, path.name, base.seed, threads, trust_code, trust_fmu)
     with suppress_warnings():
@@ -109,7 +107,7 @@ def _check_field(plan: TradePlan, place: str, field: str, text: str) -> None:
     """
     changed = (*plan.study.set, f"{field}={text}")
     try:
-        Scenario.loads(plan.text, folder=plan.folder, where=plan.where, settings=changed, trust_code=True)
+        Scenario.loads(plan.text, folder=plan.folder, where=plan.where, settings=changed)
     except ScenarioError as error:
         key, misfit = _find_misfit(error, field)
         if misfit:

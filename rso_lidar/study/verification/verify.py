@@ -43,6 +43,7 @@ def verify(
     threads: int | None = None,
     workers: int | None = None,
     on_step: Progress | None = None,
+    trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> VerificationMatrix:
     """Verify requirements on a scenario, a trade study or a recording.
@@ -58,7 +59,8 @@ def verify(
     threads : of a simulation (None: one for each core); the result does not depend on it.
     workers : processes of a study.
     on_step : called with the number of finished frames or runs and that of all, at the start and after each.
-    trust_fmu : whether the native code of FMUs may run that the scenario of a study names. A scenario has its own trust.
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario of a study names. A
+        scenario has its own trust.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def verify(
     asked = requirements if isinstance(requirements, Requirements) else Requirements.load(requirements)
     tell = on_step or (lambda done, count: None)
     if isinstance(subject, Study | Trade):
-        return _verify_study(asked, subject, workers, threads, tell, trust_fmu=trust_fmu)
+        return _verify_study(asked, subject, workers, threads, tell, trust_code=trust_code, trust_fmu=trust_fmu)
     if isinstance(subject, Scenario):
         with suppress_warnings():
             return _verify_frames(
@@ -237,6 +239,7 @@ def _verify_study(
     threads: int | None,
     tell: Progress,
     *,
+    trust_code: bool = False,
     trust_fmu: bool = False,
 ) -> VerificationMatrix:
     """Verify requirements at each point of a study.
@@ -247,7 +250,7 @@ def _verify_study(
     study : the study, finished or not.
     workers, threads : processes of the study, and threads of a single computation.
     tell : called with finished runs and all.
-    trust_fmu : as in `verify`.
+    trust_code, trust_fmu : as in `verify`.
     """
     definition = study.study if isinstance(study, Trade) else study
     needed = tuple(dict.fromkeys(one.quantity for one in asked.requirement if one.what.kind == "merit"))
@@ -264,7 +267,8 @@ def _verify_study(
         made = study
     else:
         merits = needed or ("off_boresight_deg",)  # a study computes at least one figure, and this is the cheapest
-        made = trade(definition.replace(merits=merits), workers=workers, on_row=tell, trust_fmu=trust_fmu)
+        chosen = definition.replace(merits=merits)
+        made = trade(chosen, workers=workers, on_row=tell, trust_code=trust_code, trust_fmu=trust_fmu)
     results = []
     for number, one in enumerate(asked.requirement):
         with add_place(_name_place(asked, number)):

@@ -102,16 +102,20 @@ def drift(t, x, u):
 """
 
 
-def test_code_that_a_folder_names_is_not_run_unless_its_files_are_named(tmp_path):
+def test_code_that_a_folder_names_is_not_run_unless_it_is_trusted(tmp_path):
     (tmp_path / "theirs.py").write_text(CODE)
     state = "initial_state=[300, 0, 0, 0, 0, 0]"
     coded = f'target.0.motion={{type="state_space", axes="local", dynamics="theirs.py:drift", {state}}}'
-    folder = rl.dataset.make(make_spec(tmp_path, view=None, set=(coded,)), tmp_path / "made", workers=1).folder
+    folder = rl.dataset.make(
+        make_spec(tmp_path, view=None, set=(coded,)), tmp_path / "made", workers=1, trust_code=True
+    ).folder
     (folder / "theirs.py").write_text('raise SystemExit("it ran")')
-    with pytest.raises(rl.DatasetError, match=r"names the Python code 'theirs\.py:drift', which is not run"):
-        check_folder(folder)
+    with pytest.raises(
+        rl.DatasetError, match=r"names the Python code 'theirs\.py:drift', .* give --trust-code, with --files"
+    ):
+        check_folder(folder, files=tmp_path)
     assert not check_folder(folder, samples=0).problems
-    assert not check_folder(folder, samples=1, files=tmp_path).problems
+    assert not check_folder(folder, samples=1, files=tmp_path, trust_code=True).problems
 
 
 @pytest.mark.parametrize(

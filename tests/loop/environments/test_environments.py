@@ -31,7 +31,7 @@ def passage():
 
 @pytest.fixture(scope="module")
 def thrusters():
-    return rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=(*TINY, "time.duration_s=10"))
+    return rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=(*TINY, "time.duration_s=10"), trust_code=True)
 
 
 @pytest.fixture(scope="module")

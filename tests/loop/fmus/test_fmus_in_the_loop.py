@@ -139,7 +139,7 @@ def test_the_instrument_goes_back_to_its_state(passage, tmp_path, version):
 
 
 def test_inputs_of_state_space_models_are_ports(tmp_path):
-    scenario = rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=(*TINY, "time.duration_s=20"))
+    scenario = rl.Scenario.load(EXAMPLES / "thrusters.toml", settings=(*TINY, "time.duration_s=20"), trust_code=True)
     path = write_fmu(scenario, tmp_path / "thrusters.fmu")
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path / "unpacked")

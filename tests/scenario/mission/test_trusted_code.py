@@ -1,4 +1,4 @@
-"""The text of a recording's scenario runs no code, whatever reads it, unless that is asked for."""
+"""A scenario runs no code that its file or its text names, whatever reads it, unless that code is trusted."""
 
 import sys
 
@@ -37,7 +37,7 @@ def recording(named):
     """Return a recording whose scenario names code, and make sure that the code has not run since it was made."""
     folder, text = named
     (folder / "s.toml").write_text(text)
-    path = rl.save(folder / "x.h5", rl.simulate(rl.Scenario.load(folder / "s.toml"), frames=[0, 1, 2]))
+    path = rl.save(folder / "x.h5", rl.simulate(rl.Scenario.load(folder / "s.toml", trust_code=True), frames=[0, 1, 2]))
     assert (folder / "it_ran").exists()
     (folder / "it_ran").unlink()
     (code,) = folder.glob("strange_dynamics_*.py")
@@ -47,10 +47,13 @@ def recording(named):
     return path
 
 
-def test_a_file_that_a_user_flies_runs_the_code_it_names(named):
+def test_a_file_runs_the_code_it_names_only_where_it_is_trusted(named):
     folder, text = named
     (folder / "s.toml").write_text(text)
-    assert next(rl.simulate(rl.Scenario.load(folder / "s.toml"))).index == 0
+    with pytest.raises(ScenarioError, match=r"^s\.toml: follower\.motion: dynamics: .* in Python trust_code=True$"):
+        next(rl.simulate(rl.Scenario.load(folder / "s.toml")))
+    assert not (folder / "it_ran").exists()
+    assert next(rl.simulate(rl.Scenario.load(folder / "s.toml", trust_code=True))).index == 0
     assert (folder / "it_ran").exists()
 
 

@@ -55,7 +55,9 @@ def test_every_attribute_has_a_type_of_the_libraries(tmp_path):
 
 @pytest.mark.parametrize("name", ["proximity_1570", "lunar_descent", "ghosts_and_glare", "thrusters", "geiger_bench"])
 def test_every_kind_of_scenario_is_read(name, tmp_path):
-    found = typings(read(list_parameters(rl.Scenario.load(f"examples/{name}.toml")).sysml_text(), tmp_path))
+    found = typings(
+        read(list_parameters(rl.Scenario.load(f"examples/{name}.toml", trust_code=True)).sysml_text(), tmp_path)
+    )
     assert len(found) > 80
 
 
