@@ -74,7 +74,7 @@ def encounters(
         list[Path],
         typer.Argument(
             metavar="CATALOG...",
-            help="Files of element sets (TLE, OMM), ephemerides (OEM, CSV) and scenarios (TOML): all bodies in them.",
+            help="Files of element sets (TLE, OMM), orbits (OEM, OPM, CSV) and scenarios (TOML): all bodies in them.",
         ),
     ],
     within: Annotated[str, typer.Option("--within", help="Greatest range, with its unit: 50km, 500m.")],

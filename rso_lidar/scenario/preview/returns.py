@@ -54,8 +54,11 @@ class TargetReturns:
         variance = self.light.photons_variance
         if variance is None or not self.pixel.size or self.photons.sum() <= 0.0:
             return None
-        relative = variance.ravel()[self.pixel] / np.maximum(self.photons, 1e-300)
-        return math.sqrt(float(relative[self.photons > 0.0].sum() / self.photons.sum()))
+        lit = (
+            self.photons > 1e-12 * self.photons.max()
+        )  # what is dimmer is nothing but rounding, and no error is relative to it
+        relative = variance.ravel()[self.pixel[lit]] / self.photons[lit]
+        return math.sqrt(float(relative.sum() / self.photons.sum()))
 
     @property
     def filled_pixels(self) -> float:

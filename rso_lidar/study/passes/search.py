@@ -110,7 +110,8 @@ def encounters(
     if follower is None:
         others = _group_by_object(found_objects.entries)
         if len(others) < 2:
-            raise CatalogError(f"{found_objects.where}: holds {len(others)} object; all pairs need two or more")
+            label, why = next(iter(found_objects.problems), (found_objects.where, "no other object is there"))
+            raise CatalogError(f"{label}: {why}; all pairs need two or more objects, and {len(others)} can be used")
         found = screen_pairs(others, start_utc, days * units.DAY_S, within_m)
     else:
         own = _choose_follower(found_objects, follower, catalog)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
+from rso_lidar.orbit import read_opm
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
 from rso_lidar.orbit.ccsds.reader import read_table_text
@@ -177,7 +178,7 @@ def _add_problems(found: SearchObjects, source: Any) -> None:
 
 
 def _add_file(found: SearchObjects, path: Any) -> None:
-    """Add the objects of a file: targets and follower of a scenario, objects of an ephemeris, or element sets."""
+    """Add the objects of a file: bodies of a scenario, objects of an ephemeris, the state of an OPM, or element sets."""
     text = str(path)
     kind = _find_kind(text)
     if kind == "scenario":
@@ -191,6 +192,8 @@ def _add_file(found: SearchObjects, path: Any) -> None:
             found.entries.append(NamedTrajectory(name, Ephemeris(file=text, object=name), source=_resolve(text)))
         if not names:
             found.entries.append(NamedTrajectory(Path(text).stem, Ephemeris(file=text), source=_resolve(text)))
+    elif kind == "state":
+        found.entries.append(NamedTrajectory(Path(text).stem, read_opm(text), source=_resolve(text)))
     else:
         catalog = Catalog.from_file(path)
         found.entries += list(catalog)
@@ -248,7 +251,7 @@ def is_catalog_file(source: Any) -> bool:
 
 
 def _find_kind(path: str) -> str:
-    """Return what a file holds by its suffix and first lines: "scenario", "ephemeris" or "elements"."""
+    """Return what a file holds by its suffix and first lines: "scenario", "ephemeris", "state" or "elements"."""
     if Path(path).suffix.lower() == ".toml":
         return "scenario"
     if not Path(path).is_file():
@@ -262,4 +265,11 @@ def _find_kind(path: str) -> str:
     words = head.lower()
     columns = {cell.strip() for cell in words.lstrip().splitlines()[0].split(",")} if words.strip() else set()
     is_table = {"x_m", "x_km"} & columns and {"time_s", "utc", "epoch"} & columns
-    return "ephemeris" if is_table or "ccsds_oem_vers" in words or re.search(r"<(\w+:)?oem\b", words) else "elements"
+    if is_table or _names_message("oem", words):
+        return "ephemeris"
+    return "state" if _names_message("opm", words) else "elements"
+
+
+def _names_message(kind: str, words: str) -> bool:
+    """Return whether a text in small letters begins a CCSDS message of a kind, as keyword = value or XML."""
+    return f"ccsds_{kind}_vers" in words or re.search(rf"<(\w+:)?{kind}\b", words) is not None

@@ -157,10 +157,42 @@ def test_all_pairs_have_both_names_and_equal_those_in_turn():
 
 
 def test_one_object_has_no_pairs():
-    with pytest.raises(CatalogError, match="holds 1 object; all pairs need two or more"):
+    with pytest.raises(CatalogError, match="no other object is there; all pairs need two or more objects, and 1 can"):
         encounters([ORBIT], within_m=1e3, start_utc=START, days=0.1)
     with pytest.raises(ScenarioError, match="is not an object; give its catalogue number or its name, or a trajectory"):
         encounters(FLYBY, 3.5, within_m=1e3, start_utc=START, days=0.1)
+
+
+OPM = """CCSDS_OPM_VERS = 3.0
+OBJECT_NAME = ONE
+CENTER_NAME = EARTH
+REF_FRAME = GCRF
+TIME_SYSTEM = UTC
+EPOCH = 2024-09-17T12:00:00
+X = {} [km]
+Y = 0 [km]
+Z = 0 [km]
+X_DOT = 0 [km/s]
+Y_DOT = 7.5 [km/s]
+Z_DOT = 0 [km/s]
+"""
+
+
+def test_states_of_orbit_parameter_messages_are_searched(tmp_path):
+    for name, x_km in (("one.opm", 7000), ("two.txt", 7000.25)):
+        (tmp_path / name).write_text(OPM.format(x_km))
+    table = encounters(
+        [tmp_path / "one.opm", tmp_path / "two.txt"], within_m=1e3, start_utc=START, days=0.001
+    )
+    (row,) = table.rows
+    assert (row.follower_label, row.label) == ("one", "two")
+    assert row.range_m == pytest.approx(250.0, abs=1e-3)
+
+
+def test_cause_why_no_pair_is_left_comes_first(tmp_path):
+    (tmp_path / "mean.kvn").write_text("CCSDS_OMM_VERS = 2.0\nOBJECT_NAME = ONE\nMEAN_MOTION = 15\n")
+    with pytest.raises(CatalogError, match=r"mean.kvn: line 1: NORAD_CAT_ID, .* missing.*; all pairs need two .* 0 can be used$"):
+        encounters(tmp_path / "mean.kvn", within_m=1e3, start_utc=START, days=0.1)
 
 
 def test_equal_trajectories_are_one_object():
