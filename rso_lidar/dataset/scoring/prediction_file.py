@@ -12,8 +12,7 @@ import numpy as np
 
 from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.export.reader.hdf5_checks import check_size, open_checked
-from rso_lidar.files import check_regular, expand_user, read_arrays, read_text
-from rso_lidar.files.reading import describe_size
+from rso_lidar.files import check_regular, describe_size, expand_user, read_arrays, read_text
 
 SUFFIXES = (".csv", ".parquet", ".npz", ".h5", ".hdf5")
 IDENTITY = "dataset"  # name under which a file carries the identity of the dataset that it is about

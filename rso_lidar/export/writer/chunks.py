@@ -106,11 +106,8 @@ def frame_streams(data: np.ndarray, ends: np.ndarray) -> None:
     start = 0
     for end in ends:
         size = end - start - _FRAMING
-        data[start], data[start + 1], data[start + 2] = (
-            0x78,
-            0x01,
-            1,
-        )  # deflate in 32 kB, fastest; the last block, stored
+        # The header of zlib (deflate in a window of 32 kB, fastest), and that of the last block, which is stored.
+        data[start], data[start + 1], data[start + 2] = 0x78, 0x01, 1
         data[start + 3], data[start + 4] = size & 0xFF, size >> 8
         data[start + 5], data[start + 6] = ~size & 0xFF, (~size >> 8) & 0xFF
         low, high = 1, 0  # Adler-32 (RFC 1950, sec. 8.2); below 2**63 for all sizes of a stored block

@@ -311,9 +311,8 @@ def _shares(
     hats = _hats(psf, at, field_rad, azimuth_rad)
     offsets = 2 * reach + 1
     # A sub-cell at i moved by m steps is in the pixel (i + m) // sub: sum the steps that lead to each pixel.
-    low = (
-        sub * np.arange(1, offsets + 1) - np.arange(-margin, sub + margin)[:, None]
-    )  # (cell, offset), the first step's place in hats
+    cells = np.arange(-margin, sub + margin)
+    low = sub * np.arange(1, offsets + 1) - cells[:, None]  # (cell, offset), the first step's place in hats
     high = low + sub
     total = np.zeros((hats.shape[0] + 1, hats.shape[1] + 1))
     total[1:, 1:] = hats.cumsum(axis=0).cumsum(axis=1)

@@ -18,6 +18,7 @@ from rso_lidar.orbit.ccsds.keywords import (
     check_version,
     read_keywords,
 )
+from rso_lidar.orbit.ccsds.message import check_center
 from rso_lidar.orbit.ccsds.reader import find_table, read_table_text
 from rso_lidar.orbit.ccsds.reference_frames import parse_frame, warn_without_orientation
 from rso_lidar.orbit.earth.axes import convert_states
@@ -200,8 +201,8 @@ def _read_object(fields: KeywordBlock, tca_utc: datetime.datetime) -> Conjunctio
     """
     where = fields.where
     center = fields.find("ORBIT_CENTER")
-    if center is not None and center.value.upper() != "EARTH":
-        raise ScenarioError(f"{where}: line {center.line}: ORBIT_CENTER {center.value}: only EARTH is supported")
+    if center is not None:
+        check_center("ORBIT_CENTER", center, where)
     frame = fields.require("REF_FRAME")
     state = [fields.require_number(key, "km" if k < 3 else "km/s") * units.KM for k, key in enumerate(_STATE)]
     position, velocity = _to_gcrs(np.array(state[:3]), np.array(state[3:]), frame, where, tca_utc)

@@ -18,6 +18,7 @@ from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE, interpolate_her
 from rso_lidar.orbit.ccsds.message import (
     Message,
     Segment,
+    check_center,
     check_increasing,
     list_objects,
     parse_number,
@@ -187,9 +188,7 @@ def _read_segment(message: Message, segment: Segment, start_utc: datetime.dateti
         if the centre is not the Earth, the frame is not supported, or a row is invalid
     """
     at = f"{message.where}: line {segment.line}"
-    center = message.require(segment, "CENTER_NAME")
-    if center.value.upper() not in ("EARTH", "EARTH CENTER"):
-        raise ScenarioError(f"{message.where}: line {center.line}: CENTER_NAME {center.value}: only EARTH is supported")
+    check_center("CENTER_NAME", message.require(segment, "CENTER_NAME"), message.where)
     reference = message.require(segment, "REF_FRAME")
     frame = parse_frame(reference.value, f"{message.where}: line {reference.line}")
     system = message.time_system(segment)

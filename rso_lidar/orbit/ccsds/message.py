@@ -59,14 +59,30 @@ class Message:
 
     def time_system(self, segment: Segment) -> str:
         """Return the time system of a segment; `ScenarioError` if it is not one of `TIME_SYSTEMS`."""
-        entry = self.require(segment, "TIME_SYSTEM")
-        system = entry.value.upper()
-        if system not in TIME_SYSTEMS:
-            raise ScenarioError(
-                f"{self.where}: line {entry.line}: TIME_SYSTEM {entry.value} is not supported: write the epochs in "
-                f"{', '.join(TIME_SYSTEMS)}"
-            )
-        return system
+        return read_time_system(self.require(segment, "TIME_SYSTEM"), self.where)
+
+
+def read_time_system(entry: Entry, where: str) -> str:
+    """Return the time system that an entry states; `ScenarioError` if it is not one of `TIME_SYSTEMS`."""
+    system = entry.value.upper()
+    if system not in TIME_SYSTEMS:
+        raise ScenarioError(
+            f"{where}: line {entry.line}: TIME_SYSTEM {entry.value} is not supported: write the epochs in "
+            f"{', '.join(TIME_SYSTEMS)}"
+        )
+    return system
+
+
+def check_center(key: str, entry: Entry, where: str) -> None:
+    """Raise `ScenarioError` if an entry states another centre of an orbit than the Earth.
+
+    Parameters
+    ----------
+    key, entry : the keyword, and what it states
+    where : name of the file, for the message
+    """
+    if entry.value.upper() not in ("EARTH", "EARTH CENTER"):
+        raise ScenarioError(f"{where}: line {entry.line}: {key} {entry.value}: only EARTH is supported")
 
 
 def list_objects(message: Message) -> list[str]:

@@ -89,8 +89,8 @@ def _decompress(content: bytes, path: Path) -> bytes:
             raise ScenarioError(f"{path}: is gzip that is cut short: copy it again")
         content = member.unused_data.lstrip(b"\0")  # padding of some archives
     if left <= 0:
-        limit = files.MOST_BYTES // 2**20
-        raise ScenarioError(f"{path}: holds more than {limit:,} MiB after decompression: give a smaller file")
+        limit = files.describe_size(files.MOST_BYTES)
+        raise ScenarioError(f"{path}: holds more than {limit} after decompression: give a smaller file")
     return b"".join(pieces)
 
 

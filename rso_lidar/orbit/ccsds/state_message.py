@@ -10,11 +10,12 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, warn_of_input
 from rso_lidar.orbit.ccsds.keywords import KeywordBlock, check_version, read_keywords
+from rso_lidar.orbit.ccsds.message import check_center, read_time_system
 from rso_lidar.orbit.ccsds.reader import find_table, read_table_text
 from rso_lidar.orbit.ccsds.reference_frames import freeze_axes, parse_frame, warn_without_orientation
 from rso_lidar.orbit.earth.axes import convert_states
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
-from rso_lidar.orbit.epochs import PS_PER_S, TIME_SYSTEMS, Epochs, floor_to_utc_second, parse_epoch_ps
+from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, parse_epoch_ps
 from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.records import BodyState
 
@@ -75,22 +76,17 @@ def read_opm(path: str | Path, orientation: EarthOrientation | None = None) -> S
     for key, entry in entries:
         if key != "EPOCH" or "X" not in block:
             block.add(key, entry)
-    center, frame, system = (block.require(key) for key in ("CENTER_NAME", "REF_FRAME", "TIME_SYSTEM"))
-    if center.value.upper() not in ("EARTH", "EARTH CENTER"):
-        raise ScenarioError(f"{where}: line {center.line}: CENTER_NAME {center.value}: only EARTH is supported")
+    frame = block.require("REF_FRAME")
+    check_center("CENTER_NAME", block.require("CENTER_NAME"), where)
     axes = parse_frame(frame.value, f"{where}: line {frame.line}")
-    if system.value.upper() not in TIME_SYSTEMS:
-        raise ScenarioError(
-            f"{where}: line {system.line}: TIME_SYSTEM {system.value} is not supported: write the epochs in "
-            f"{', '.join(TIME_SYSTEMS)}"
-        )
+    system = read_time_system(block.require("TIME_SYSTEM"), where)
     epoch = block.require("EPOCH")
-    stamp_ps = parse_epoch_ps(epoch.value, system.value.upper(), f"{where}: line {epoch.line}")
+    stamp_ps = parse_epoch_ps(epoch.value, system, f"{where}: line {epoch.line}")
     values = [block.require_number(key, "km" if k < 3 else "km/s") * units.KM for k, key in enumerate(_STATE)]
     position_m, velocity_m_s = np.array([values[:3]]), np.array([values[3:]])
     fixed = block.find("REF_FRAME_EPOCH")
     if fixed is not None and axes in ("mod", "tod", "teme"):
-        frozen_ps = parse_epoch_ps(fixed.value, system.value.upper(), f"{where}: line {fixed.line}")
+        frozen_ps = parse_epoch_ps(fixed.value, system, f"{where}: line {fixed.line}")
         position_m, velocity_m_s = freeze_axes(position_m, velocity_m_s, axes, frozen_ps)
         axes = "gcrs"
     if axes == "itrs" and orientation is None:

@@ -77,11 +77,8 @@ def walk_message(text: str, kind: str, where: str, elements: Elements) -> str:
         what = expat.ErrorString(error.code)
         raise ScenarioError(f"{where}: line {error.lineno}: is not well-formed XML ({what}): correct it") from None
     if not walker.version:
-        raise ScenarioError(f"{where}: does not contain <{kind.lower()}>: give a file with {_ARTICLES[kind]} {kind}")
+        raise ScenarioError(f"{where}: does not contain <{kind.lower()}>: give a file with one {kind}")
     return walker.version
-
-
-_ARTICLES = {"OEM": "an", "AEM": "an", "OPM": "an", "CDM": "a"}
 
 
 class _Walker:

@@ -20,6 +20,7 @@ from rso_lidar.scene import Surface
 
 _MOST_RAYS = 4_000_000  # in all casts of one line of a description, so that a large, near target takes seconds
 _MOST_ATTITUDES = 48
+_ROUNDING = 1e-12  # of the brightest pixel: the blur by a transform is good to this
 _PATHS_KEY = np.array([0x6265666F, 0x72656C79], np.uint32)  # fixed, so that repeated calls give the same result
 
 
@@ -54,9 +55,7 @@ class TargetReturns:
         variance = self.light.photons_variance
         if variance is None or not self.pixel.size or self.photons.sum() <= 0.0:
             return None
-        lit = (
-            self.photons > 1e-12 * self.photons.max()
-        )  # what is dimmer is nothing but rounding, and no error is relative to it
+        lit = self.photons > _ROUNDING * self.photons.max()  # what is dimmer is rounding, and has no relative error
         relative = variance.ravel()[self.pixel[lit]] / self.photons[lit]
         return math.sqrt(float(relative.sum() / self.photons.sum()))
 

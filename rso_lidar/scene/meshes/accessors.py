@@ -16,9 +16,8 @@ import numpy as np
 from rso_lidar.errors import MeshError
 from rso_lidar.files import read_bytes
 
-MOST_BYTES = (
-    2**29
-)  # of a mesh file and of the data beside it: ten million facets as STL; a reader takes some eight times as much memory
+# Of a mesh file and of the data beside it: ten million facets as STL; a reader takes some eight times as much memory.
+MOST_BYTES = 2**29
 _MOST_COMMAS = 5_000_000  # a list of empty lists takes twenty times its size in memory
 _MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942  # glTF 2.0, section 4.4
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +11,7 @@ import numpy as np
 
 from rso_lidar.scene.meshes.accessors import COMPRESSIONS, GltfFile
 from rso_lidar.scene.meshes.node_tree import check_tree, count_instances, find_users, place_instances, place_nodes
-from rso_lidar.scene.meshes.polygons import MOST_FACETS, MeshPiece
+from rso_lidar.scene.meshes.polygons import MeshPiece, check_facet_count
 
 _MOST_PRIMITIVES = 50_000
 _TRIANGLES, _STRIP, _MODES = 4, 5, 7  # modes; those below are points and lines, and the last one is a fan
@@ -69,8 +68,7 @@ def read_gltf(path: Path, blob: bytes) -> list[MeshPiece]:
     for own, of in zip(users, shapes, strict=True):
         facets = sum(shape.facets for shape in of)
         total += facets * sum(count_instances(document, nodes[node]) for node in own)
-    if total > MOST_FACETS:
-        raise document.refuse(f"holds {total:,} facets, over {MOST_FACETS:,}; decimate it and export it again")
+    check_facet_count(document.where, total)
     instances = {node: place_instances(document, nodes[node]) for own in users for node in own}
     if not total and any(shape.facets for own in shapes for shape in own):
         raise document.refuse("its scene shows none of its meshes; add their nodes to the scene, or make them visible")
@@ -80,12 +78,12 @@ def read_gltf(path: Path, blob: bytes) -> list[MeshPiece]:
 def _check_extensions(document: GltfFile) -> None:
     """Raise `MeshError` for what changes geometry and is not applied here."""
     required = [str(name)[:60] for name in document.list_of(document.tree, "extensionsRequired", str)]
-    used = Counter(dict.fromkeys(document.table_of(document.tree, "extensions"), 1))
+    used = set(document.table_of(document.tree, "extensions"))
     for key in _GEOMETRY:
         for entry in document.list_of(document.tree, key):
-            used.update(document.table_of(entry, "extensions").keys())
+            used.update(document.table_of(entry, "extensions"))
             for primitive in document.list_of(entry, "primitives") if key == "meshes" else ():
-                used.update(document.table_of(primitive, "extensions").keys())
+                used.update(document.table_of(primitive, "extensions"))
     unknown = [
         name
         for name in sorted({*required, *used})

@@ -16,7 +16,7 @@ from rso_lidar.scene.meshes.gltf import read_gltf
 from rso_lidar.scene.meshes.obj import read_obj
 from rso_lidar.scene.meshes.off import read_off
 from rso_lidar.scene.meshes.ply import read_ply
-from rso_lidar.scene.meshes.polygons import MOST_FACETS, MeshPiece
+from rso_lidar.scene.meshes.polygons import MeshPiece, check_facet_count
 from rso_lidar.scene.meshes.stl import read_stl
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off")
@@ -148,8 +148,7 @@ def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is reported below
         pieces = _read_pieces(path, blob, suffix)
     total = sum(len(piece.facets) for piece in pieces)
-    if total > MOST_FACETS:
-        raise MeshError(f"{path.name}: holds {total:,} facets, over {MOST_FACETS:,}; decimate it and export it again")
+    check_facet_count(path.name, total)
     if not total:
         raise MeshError(f"{path.name}: contains no triangles; export the mesh again as a triangulated surface")
     numbers: dict[str, int] = {}

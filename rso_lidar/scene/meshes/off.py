@@ -13,9 +13,8 @@ from rso_lidar.errors import MeshError
 from rso_lidar.scene.meshes.polygons import MeshPiece, cut_polygons
 from rso_lidar.scene.meshes.text_lines import number_lines, refuse_line
 
-_KEYWORD = re.compile(
-    r"(ST)?(C)?(N)?OFF"
-)  # with texture, colours, normals, which come after the position and are ignored
+# With texture, colours or normals, which come after the position and are ignored.
+_KEYWORD = re.compile(r"(ST)?(C)?(N)?OFF")
 
 
 def read_off(path: Path, blob: bytes) -> list[MeshPiece]:

@@ -23,9 +23,8 @@ _TYPES = {
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _LONGEST_HEADER = 100_000  # bytes
 _RGB = ("red", "green", "blue")
-_Columns = dict[
-    str, np.ndarray
-]  # values of each property; of a list, those of all rows, with their counts under name + "#"
+# Values of each property; of a list, those of all rows, with their counts under name + "#".
+_Columns = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)

@@ -56,8 +56,7 @@ def cut_polygons(where: str, points: np.ndarray, corners: np.ndarray, sizes: np.
     """
     counts = np.maximum(sizes - 2, 0)
     total = int(counts.sum())
-    if total > MOST_FACETS:
-        raise MeshError(f"{where}: holds {total:,} facets, over {MOST_FACETS:,}; decimate it and export it again")
+    check_facet_count(where, total)
     if len(corners) and not (corners.min() >= 0 and corners.max() < len(points)):
         raise MeshError(f"{where}: a facet names a vertex that is not in the file; export the mesh again")
     starts = np.cumsum(sizes) - sizes
@@ -77,6 +76,12 @@ def cut_polygons(where: str, points: np.ndarray, corners: np.ndarray, sizes: np.
             places[np.isin(owner, concave)] = _cut_concave(points, corners, starts[concave], sizes[concave], normals)
     facets: np.ndarray = corners[places]
     return facets
+
+
+def check_facet_count(where: str, count: int) -> None:
+    """Raise `MeshError` if a mesh file has too many facets."""
+    if count > MOST_FACETS:
+        raise MeshError(f"{where}: holds {count:,} facets, over {MOST_FACETS:,}; decimate it and export it again")
 
 
 def _find_concave(triangles: np.ndarray, owner: np.ndarray, polygons: int) -> tuple[np.ndarray, np.ndarray]:

@@ -20,9 +20,8 @@ from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 _DIFFERENT = 0.01  # share by which a figure of the message may differ from its states, beside rounding
 _ROUNDED_M, _ROUNDED_M_S = 1.0, 1.0  # messages state whole metres and metres per second
-_SURE_M = (
-    0.1  # standard deviation of position below which a covariance looks like km2: precise orbits have 0.01 to 0.02 m
-)
+# Standard deviation of position below which a covariance looks like one in km2: precise orbits have 0.01 to 0.02 m.
+_SURE_M = 0.1
 _LATE_S = 1e-2  # time between the message's instant and the closest approach of its states that is worth a note
 _CURVED_S = 60.0  # length of an encounter beyond which straight lines are worth a note
 

@@ -99,18 +99,12 @@ def _write_size(table: Encounters) -> list[str]:
     plate = None if table.light is None else table.light.plate
     if plate is None:
         return []
-    return [
-        *(
-            []
-            if plate.side_m is None
-            else [f"size_m   = {plate.side_m:g}   # longest side, that of the plate of the search"]
-        ),
-        *(
-            []
-            if plate.reflectance is None
-            else [f'material = {{ type = "lambertian", reflectance = {plate.reflectance:g} }}   # of that plate']
-        ),
-    ]
+    lines = []
+    if plate.side_m is not None:
+        lines.append(f"size_m   = {plate.side_m:g}   # longest side, that of the plate of the search")
+    if plate.reflectance is not None:
+        lines.append(f'material = {{ type = "lambertian", reflectance = {plate.reflectance:g} }}   # of that plate')
+    return lines
 
 
 def _check_separate(table: Encounters, number: int) -> None:
