@@ -71,8 +71,10 @@ def _read_text(text: str, kind: str, where: str) -> tuple[str, list[tuple[str, S
             raise ScenarioError(f"{where}: line {number}: '{line:.40}' is not KEYWORD = value: correct the line")
         if not version:
             if match[1] != f"CCSDS_{kind}_VERS":
+                article = "a" if kind == "CDM" else "an"
                 raise ScenarioError(
-                    f"{where}: line {number}: begins with '{line:.40}': let it begin with CCSDS_{kind}_VERS = ..."
+                    f"{where}: line {number}: begins with '{line:.40}': {article} {kind} begins with "
+                    f"CCSDS_{kind}_VERS = ..."
                 )
             version = match[2] or "(none)"
         elif match[2]:

@@ -218,16 +218,17 @@ def _describe_detector(mission: Mission) -> list[str]:
 
 def _describe_detection(mission: Mission) -> list[str]:
     """Describe the light that the detector needs from the laser's own pulse; nothing for one without a closed form."""
-    laser = mission.lidar.laser
-    pulse = detector.LaserPulse(*laser.pulse, laser.pulse_fwhm_s, laser.timing_jitter_ns)
-    photons = detector.find_photons(mission.lidar.detector, pulse, np.array([0.5, 0.95]))
+    lidar = mission.lidar
+    photons = detector.find_photons(lidar.detector, lidar.pulse, np.array([0.5, 0.95]))
     if photons is None:
         return []
     half, most = (f"{one:,.3g}" if one < 100.0 else f"{one:,.0f}" for one in photons)
     words = [
         f"{share} % of the returns of {count} photons" for share, count in ((50, half), (95, most)) if count != "inf"
     ]
-    return [f"  detects   {' and '.join(words) or 'nothing'}, in pulses of {laser.pulse_fwhm_s / units.NS:.3g} ns"]
+    return [
+        f"  detects   {' and '.join(words) or 'nothing'}, in pulses of {lidar.laser.pulse_fwhm_s / units.NS:.3g} ns"
+    ]
 
 
 def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector import AnyDetector, Gsfl, check_noise, check_size, check_traits
+from rso_lidar.detector import AnyDetector, Gsfl, LaserPulse, check_noise, check_size, check_traits
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver, read_files
@@ -114,6 +114,11 @@ class Lidar(Part):
     def changes_lens(self) -> bool:
         """Whether the schedule changes the focal length, and so the pixels' lines of sight."""
         return self.schedule is not None and self.schedule.focal_length_mm is not None
+
+    @property
+    def pulse(self) -> LaserPulse:
+        """The laser's pulse as the detector meets it."""
+        return LaserPulse(*self.laser.pulse, self.laser.pulse_fwhm_s, self.laser.timing_jitter_ns)
 
     @property
     def exposure_s(self) -> float:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import AnyDetector, LaserPulse, false_alarm_probability, predict
+from rso_lidar.detector import AnyDetector, false_alarm_probability, predict
 from rso_lidar.scenario import Lidar
 from rso_lidar.scene import Scatterer
 from rso_lidar.study.budgets.inputs import BudgetTarget
@@ -79,7 +79,7 @@ def compute_curve(
     laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
     tilt_rad = tilt * units.DEG
     photons, fill = compute_photons(laser, receiver, material, tilt_rad, range_m, facet_m2)
-    pulse = LaserPulse(*laser.pulse, laser.pulse_fwhm_s, laser.timing_jitter_ns)
+    pulse = lidar.pulse
     seen = predict(detector, pulse, photons, depth_spread_s(receiver, tilt_rad, range_m, fill))
     first = false_alarm_probability(detector, range_m)
     pixel_m = pixel_width_m(receiver, range_m)

@@ -15,7 +15,7 @@ from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.mission_disperser import Block
 from rso_lidar.study.dispersions.target_errors import resolve_element_sets
 
-_MOST_BYTES = 2**30  # of all finished runs, held in memory
+_MOST_BYTES = 2**36  # of all finished runs, which the study holds in memory: 5 million runs of 600 samples
 
 
 def identify(scenario: Scenario, target: str) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import LaserPulse, false_alarm_probability, find_photons
+from rso_lidar.detector import false_alarm_probability, find_photons
 from rso_lidar.detector.settings.presets import PRESETS
 from rso_lidar.errors import RsoLidarError, suppress_warnings
 from rso_lidar.part import Part, name_object
@@ -155,7 +155,7 @@ def _list_detection(lidar: Any) -> Iterator[MissionParameter]:
     ----------
     lidar : the part, with its files found.
     """
-    place, traits, laser = "lidar.detector", lidar.detector.traits, lidar.laser
+    place, traits = "lidar.detector", lidar.detector.traits
     if not traits.is_gated and not hasattr(lidar.detector, "false_alarms_per_s"):
         before = float(false_alarm_probability(lidar.detector, np.array([traits.sees_to_m]))[0])
         armed_s = (traits.sees_to_m - traits.sees_from_m) / units.RANGE_PER_DELAY_M_S
@@ -164,10 +164,8 @@ def _list_detection(lidar: Any) -> Iterator[MissionParameter]:
             rate = -math.log1p(-before) / armed_s
             path = f"{place}.false_alarms_per_s"
             yield MissionParameter(path, rate, "1/s", meaning, None, "derived", is_derived=True)
-    step_s, power_per_s = laser.pulse
-    pulse = LaserPulse(step_s, power_per_s, laser.pulse_fwhm_s, laser.timing_jitter_ns)
     percents = (50, 95)
-    photons = find_photons(lidar.detector, pulse, np.array(percents) / 100.0)
+    photons = find_photons(lidar.detector, lidar.pulse, np.array(percents) / 100.0)
     for percent, count in zip(percents, photons if photons is not None else (), strict=False):
         if math.isfinite(count):
             path = f"{place}.photons_at_{percent}_percent"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import LaserPulse, find_photons
+from rso_lidar.detector import find_photons
 from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.screening.all_pairs import PairScreening
@@ -165,7 +165,7 @@ def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
         Nearest and farthest range [m].
     """
     detector, laser, receiver = lidar.detector.traits, lidar.laser, lidar.receiver
-    half = find_photons(lidar.detector, LaserPulse(*laser.pulse, laser.pulse_fwhm_s), np.array([0.5]))
+    half = find_photons(lidar.detector, lidar.pulse, np.array([0.5]))
     needed = detector.threshold_photons if half is None else float(half[0])
     at_1_m = filled_pixel_photons(laser, receiver, REFLECTANCE / math.pi, 1.0) / needed
     filled = math.sqrt(at_1_m)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import LaserPulse, false_alarm_probability, predict, report_probability
+from rso_lidar.detector import false_alarm_probability, predict, report_probability
 from rso_lidar.detector.analysis.finding import k_of_n
 from rso_lidar.detector.bench.trial import make_plate
 from rso_lidar.errors import ScenarioError
@@ -186,8 +186,7 @@ class PlateLight:
             if found is not None:
                 return found
         # a gate is placed about the plate at any range; sunlight is not counted here
-        pulse = LaserPulse(*laser.pulse, laser.pulse_fwhm_s, laser.timing_jitter_ns)
-        reported = predict(detector, pulse, photons, spread_s, only_probability=True).probability
+        reported = predict(detector, self.lidar.pulse, photons, spread_s, only_probability=True).probability
         quiet: np.ndarray = reported * (1.0 - false_alarm_probability(detector, range_m))
         return quiet
 
