@@ -39,8 +39,9 @@ class FolderCheck:
     def describe(self) -> str:
         """Return shards, frames, remade frames, balance, warnings and problems as text."""
         made = self.dataset.records
+        of_all = "" if self.n_shards is None else f" of {self.n_shards:,}"
         lines = [
-            f"{self.dataset.constants.title}: {len(made):,} of {self.n_shards or len(made):,} shards, "
+            f"{self.dataset.constants.title}: {len(made):,}{of_all} shards, "
             f"{sum(one.frames for one in made):,} frames, {sum(one.size_bytes for one in made) / 1e6:,.1f} MB",
             f"{self.remade:,} frames were made again and compared bit for bit"
             + (": all are the same" if self.remade and not self.problems else ""),

@@ -26,7 +26,7 @@ from rso_lidar.scenario.mission.validation import apply_setting, read_toml
 from rso_lidar.shipped import find
 
 _DRAWING = 2  # version of the rules by which a specification becomes samples; a part of the hash of a dataset
-_CHUNK = 4096  # samples whose classes are found at once where one of them is looked for
+_CHUNK = 4096  # samples whose classes are computed at once in the search for the first one of a class
 
 
 class Membership(NamedTuple):

@@ -24,10 +24,10 @@ NOTICED_M = 0.05  # precision of a range of the sensor (Fuller et al.)
 # Share of the distance from the Earth's centre beyond which states are no orbit: 7 km in low orbit, more than a set of
 # elements is off after two days.
 IMPOSSIBLE = 1e-3
-# Share of what forces left out do in an interval that the comparison may be wrong by. With the wavelengths of tesseral
+# Error of the comparison, as a share of the miss that forces left out cause in an interval. With the wavelengths of tesseral
 # gravity, h^4 a'' / 384 of a h^2 / 2 is 2 % at 5 minutes in low orbit.
 _DOUBT = 0.1
-_LEFT_OUT_M_S2 = 2e-4  # tesseral gravity in low orbit, where a table of two positions shows none of it
+_LEFT_OUT_M_S2 = 2e-4  # by tesseral gravity in low orbit; two positions alone do not show it
 _MODELS = (units.EARTH_J2, 0.0)  # a table may be of two-body motion; the model with the smaller miss is taken
 _PROBED = 8  # intervals by which the model is chosen
 _MOST_INTERVALS = 4096

@@ -79,7 +79,7 @@ class StateErrors(Part):
         if self.start is not None and (stated or self.covariance is not None):
             raise ValueError(f"start: stands in place of {(stated or ['covariance'])[0]}: leave that out")
         if self.covariance is None:
-            self._ask_about_units("position_sigma_m", "velocity_sigma_m_s")
+            self._warn_of_units("position_sigma_m", "velocity_sigma_m_s")
             return self
         if any(self.position_sigma_m) or any(self.velocity_sigma_m_s):
             raise ValueError("covariance: stands in place of position_sigma_m and velocity_sigma_m_s: leave these out")
@@ -90,10 +90,10 @@ class StateErrors(Part):
             raise ValueError("covariance: is not symmetric: give the same number on both sides of the diagonal")
         if np.linalg.eigvalsh(unit).min() < -_ROUNDING * 6 or np.abs(matrix[scale == 0.0]).max(initial=0.0) > 0.0:
             raise ValueError("covariance: is not positive semidefinite, so it is no covariance: correct it")
-        self._ask_about_units("covariance", "covariance")
+        self._warn_of_units("covariance", "covariance")
         return self
 
-    def _ask_about_units(self, position: str, velocity: str) -> None:
+    def _warn_of_units(self, position: str, velocity: str) -> None:
         """Warn of standard deviations that no mission has, which look like another unit.
 
         Parameters

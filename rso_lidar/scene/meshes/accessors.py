@@ -115,7 +115,7 @@ class GltfFile:
             raise self.refuse(f"'{key}' is not a table as glTF defines it; export it again")
         return found
 
-    def whole(self, table: Mapping[str, Any], key: str, default: int | None = None) -> int:
+    def count_of(self, table: Mapping[str, Any], key: str, default: int | None = None) -> int:
         """Return a count or an index of a glTF table.
 
         Parameters
@@ -134,7 +134,7 @@ class GltfFile:
             raise self.refuse(f"'{key}' is {str(found)[:20]} and not a count; export it again")
         return found
 
-    def numbers(self, table: Mapping[str, Any], key: str, length: int | None, default: list[float]) -> np.ndarray:
+    def numbers_of(self, table: Mapping[str, Any], key: str, length: int | None, default: list[float]) -> np.ndarray:
         """Return the finite numbers of a list of a glTF table.
 
         Parameters
@@ -174,7 +174,7 @@ class GltfFile:
     def count_values(self, number: int) -> int:
         """Return how many values an accessor has, after checking that its data hold them."""
         accessor = self.entry(self._accessors, number, "accessor")
-        count = self.whole(accessor, "count")
+        count = self.count_of(accessor, "count")
         size = _WIDTH.get(str(accessor.get("type")), 0) * self._kind(accessor).itemsize
         if not size:
             raise self.refuse("has geometry of a type that glTF does not have; export it again")
@@ -187,7 +187,7 @@ class GltfFile:
             if used:
                 raise self.refuse(f"is compressed with {used[0]}, which is not read; export it without compression")
             raise self.refuse("has geometry without data; export it again")
-        if count > sum(self.whole(buffer, "byteLength") for buffer in self._buffers):
+        if count > sum(self.count_of(buffer, "byteLength") for buffer in self._buffers):
             raise self._too_few(count)  # all but a few values are zero, so no array of the file bounds their number
         return count
 
@@ -218,7 +218,7 @@ class GltfFile:
                 raise self._too_few(count)
             values = np.zeros((count, width), dtype=dtype)
         if sparse := self.table_of(accessor, "sparse"):
-            changes = self.whole(sparse, "count")
+            changes = self.count_of(sparse, "count")
             indices = self.table_of(sparse, "indices")
             places = self._array(indices, changes, 1, self._kind(indices)).reshape(-1)
             if places.dtype.kind != "u" or (len(places) and places.max() >= count):
@@ -235,7 +235,7 @@ class GltfFile:
         return values
 
     def _kind(self, table: Mapping[str, Any]) -> np.dtype:
-        kind = _KIND.get(self.whole(table, "componentType"))
+        kind = _KIND.get(self.count_of(table, "componentType"))
         if kind is None:
             raise self.refuse("has geometry of a type that glTF does not have; export it again")
         return np.dtype(kind)
@@ -252,13 +252,13 @@ class GltfFile:
         count : number of values.
         size : bytes of a value.
         """
-        view = self.entry(self._views, self.whole(table, "bufferView"), "bufferView")
-        number = self.whole(view, "buffer")
+        view = self.entry(self._views, self.count_of(table, "bufferView"), "bufferView")
+        number = self.count_of(view, "buffer")
         buffer = self.entry(self._buffers, number, "buffer")
-        start, length = self.whole(view, "byteOffset", 0), self.whole(view, "byteLength")
-        offset, step = self.whole(table, "byteOffset", 0), self.whole(view, "byteStride", size) or size
+        start, length = self.count_of(view, "byteOffset", 0), self.count_of(view, "byteLength")
+        offset, step = self.count_of(table, "byteOffset", 0), self.count_of(view, "byteStride", size) or size
         needed = offset + max(count - 1, 0) * step + min(count, 1) * size
-        if step < size or needed > length or start + length > self.whole(buffer, "byteLength"):
+        if step < size or needed > length or start + length > self.count_of(buffer, "byteLength"):
             raise self._too_few(count)
         return number, start + offset, step
 
@@ -285,7 +285,7 @@ class GltfFile:
         for name in COMPRESSIONS:
             if self.table_of(self.table_of(buffer, "extensions"), name).get("fallback"):
                 raise self.refuse(f"is compressed with {name}, which is not read; export it without compression")
-        uri, needed = buffer.get("uri"), self.whole(buffer, "byteLength")
+        uri, needed = buffer.get("uri"), self.count_of(buffer, "byteLength")
         if uri is None:
             data = (self._binary or b"") if number == 0 else b""
         elif isinstance(uri, str) and uri.startswith("data:"):

@@ -116,7 +116,7 @@ def _list_shapes(document: GltfFile, meshes: list[Any]) -> list[list[_Primitive]
         if primitives > _MOST_PRIMITIVES:
             raise document.refuse(f"has over {_MOST_PRIMITIVES:,} pieces; join some and export it again")
         for table in tables:
-            mode = document.whole(table, "mode", _TRIANGLES)
+            mode = document.count_of(table, "mode", _TRIANGLES)
             if mode >= _MODES:
                 raise document.refuse(f"has a piece of mode {mode}, which glTF does not have; export it again")
             corners = 0
@@ -124,9 +124,9 @@ def _list_shapes(document: GltfFile, meshes: list[Any]) -> list[list[_Primitive]
                 attributes = document.table_of(table, "attributes")
                 if "POSITION" not in attributes:
                     raise document.refuse("a piece has no POSITION; export it again")
-                corners = document.count_values(document.whole(attributes, "POSITION"))
+                corners = document.count_values(document.count_of(attributes, "POSITION"))
                 if "indices" in table:
-                    corners = document.count_values(document.whole(table, "indices"))
+                    corners = document.count_values(document.count_of(table, "indices"))
             own.append(_Primitive(table, corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)))
         shapes.append(own)
     return shapes
@@ -211,10 +211,10 @@ def _name_parts(
 
 def _read_facets(document: GltfFile, table: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """Return the facets (facet, 3) of a primitive, and the vertices that they use, by which they are numbered."""
-    count = document.count_values(document.whole(table["attributes"], "POSITION"))
+    count = document.count_values(document.count_of(table["attributes"], "POSITION"))
     corners = np.arange(count)
     if "indices" in table:
-        read = document.read(document.whole(table, "indices"), "SCALAR", "indices that are not single numbers")
+        read = document.read(document.count_of(table, "indices"), "SCALAR", "indices that are not single numbers")
         if read.dtype.kind != "u":
             raise document.refuse("has indices that are not whole numbers from 0 up; export it again")
         if read.max() >= count:
@@ -254,15 +254,15 @@ def _read_points(
     wrong = "positions that are not three numbers each"
     attributes = table["attributes"]
     node, mesh = holders
-    points = document.read(document.whole(attributes, "POSITION"), "VEC3", wrong, used).astype(float)
+    points = document.read(document.count_of(attributes, "POSITION"), "VEC3", wrong, used).astype(float)
     targets = document.list_of(table, "targets")
-    weights = document.numbers(node if "weights" in node else mesh, "weights", None, [])
+    weights = document.numbers_of(node if "weights" in node else mesh, "weights", None, [])
     for target, weight in zip(targets, weights.tolist(), strict=False):
         if weight and "POSITION" in target:
-            points += weight * document.read(document.whole(target, "POSITION"), "VEC3", wrong, used)
+            points += weight * document.read(document.count_of(target, "POSITION"), "VEC3", wrong, used)
     if "skin" not in node:
         return points
-    return _apply_skin(document, attributes, (used, points), document.whole(node, "skin"), worlds)
+    return _apply_skin(document, attributes, (used, points), document.count_of(node, "skin"), worlds)
 
 
 def _apply_skin(
@@ -286,11 +286,11 @@ def _apply_skin(
     skin = document.entry(document.list_of(document.tree, "skins"), number, "skin")
     joints = document.list_of(skin, "joints", int)
     matrices = np.stack(
-        [document.entry(worlds, document.whole({"joints": j}, "joints"), "node") for j in joints] or [np.eye(4)]
+        [document.entry(worlds, document.count_of({"joints": j}, "joints"), "node") for j in joints] or [np.eye(4)]
     )
     if "inverseBindMatrices" in skin:
         what = "matrices of a skin that are not 4 x 4"
-        inverse = document.read(document.whole(skin, "inverseBindMatrices"), "MAT4", what)
+        inverse = document.read(document.count_of(skin, "inverseBindMatrices"), "MAT4", what)
         if len(inverse) < len(joints):
             raise document.refuse("has fewer matrices of a skin than joints; export it again")
         matrices = matrices @ inverse[: len(matrices)].astype(float).reshape(-1, 4, 4).transpose(0, 2, 1)
@@ -299,10 +299,10 @@ def _apply_skin(
         if f"JOINTS_{k}" not in attributes or f"WEIGHTS_{k}" not in attributes:
             break
         joint = document.read(
-            document.whole(attributes, f"JOINTS_{k}"), "VEC4", "joints that are not four numbers each", used
+            document.count_of(attributes, f"JOINTS_{k}"), "VEC4", "joints that are not four numbers each", used
         )
         weight = document.read(
-            document.whole(attributes, f"WEIGHTS_{k}"), "VEC4", "weights that are not four numbers each", used
+            document.count_of(attributes, f"WEIGHTS_{k}"), "VEC4", "weights that are not four numbers each", used
         )
         if joint.dtype.kind != "u" or joint.max(initial=0) >= len(joints):
             raise document.refuse("has joints of a skin that do not fit its vertices; export it again")
@@ -329,13 +329,13 @@ def _read_colours(
     """
     if "material" in table:
         materials = document.list_of(document.tree, "materials")
-        material = document.entry(materials, document.whole(table, "material"), "material")
+        material = document.entry(materials, document.count_of(table, "material"), "material")
         rough = document.table_of(material, "pbrMetallicRoughness")
         shiny = document.table_of(document.table_of(material, "extensions"), "KHR_materials_pbrSpecularGlossiness")
         if "baseColorFactor" in rough:
-            factor = document.numbers(rough, "baseColorFactor", 4, [])
+            factor = document.numbers_of(rough, "baseColorFactor", 4, [])
         elif "diffuseFactor" in shiny:
-            factor = document.numbers(shiny, "diffuseFactor", 4, [])
+            factor = document.numbers_of(shiny, "diffuseFactor", 4, [])
         else:
             return np.broadcast_to(np.array(_GREY, dtype=np.uint8), (len(facets), 3))
         colour = np.round(255.0 * np.clip(factor[:3], 0.0, 1.0)).astype(np.uint8)
@@ -344,7 +344,7 @@ def _read_colours(
     if "COLOR_0" not in attributes:
         return None
     what = "colours that are not three numbers or four"
-    rgb = document.read(document.whole(attributes, "COLOR_0"), "VEC3|VEC4", what, used)[:, :3].astype(float)
+    rgb = document.read(document.count_of(attributes, "COLOR_0"), "VEC3|VEC4", what, used)[:, :3].astype(float)
     of_vertices = np.round(255.0 * np.clip(np.nan_to_num(rgb), 0.0, 1.0))
     mean: np.ndarray = of_vertices[facets].mean(axis=1).astype(np.uint8)
     return mean

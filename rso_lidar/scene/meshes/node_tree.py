@@ -24,7 +24,7 @@ def check_tree(document: GltfFile, nodes: list[Any]) -> list[list[int]]:
     children = [document.list_of(node, "children", int) for node in nodes]
     parents = [0] * len(nodes)
     for number in (child for own in children for child in own):
-        document.entry(nodes, document.whole({"children": number}, "children"), "node")
+        document.entry(nodes, document.count_of({"children": number}, "children"), "node")
         parents[number] += 1
     level, seen, depth = [n for n, count in enumerate(parents) if not count], 0, 0
     while level:
@@ -61,13 +61,13 @@ def place_nodes(document: GltfFile, nodes: list[Any], children: list[list[int]])
 def _place(document: GltfFile, node: Mapping[str, Any]) -> np.ndarray:
     """Return the matrix parent_from_node (4, 4) of a node."""
     if "matrix" in node:
-        whole: np.ndarray = document.numbers(node, "matrix", 16, []).reshape(4, 4).T
+        whole: np.ndarray = document.numbers_of(node, "matrix", 16, []).reshape(4, 4).T
         return whole
     if not node.keys() & {"translation", "rotation", "scale"}:
         return np.eye(4)
-    turn = document.numbers(node, "rotation", 4, [0.0, 0.0, 0.0, 1.0])
-    scale = document.numbers(node, "scale", 3, [1.0, 1.0, 1.0])
-    step = document.numbers(node, "translation", 3, [0.0, 0.0, 0.0])
+    turn = document.numbers_of(node, "rotation", 4, [0.0, 0.0, 0.0, 1.0])
+    scale = document.numbers_of(node, "scale", 3, [1.0, 1.0, 1.0])
+    step = document.numbers_of(node, "translation", 3, [0.0, 0.0, 0.0])
     placed: np.ndarray = _compose(document, step[None], turn[None], scale[None])[0]
     return placed
 
@@ -126,7 +126,7 @@ def _list_instancing(document: GltfFile, node: Mapping[str, Any]) -> dict[str, i
     if "EXT_mesh_gpu_instancing" not in extensions:
         return None
     attributes = document.table_of(document.table_of(extensions, "EXT_mesh_gpu_instancing"), "attributes")
-    return {key: document.whole(attributes, key) for key in _INSTANCING if key in attributes}
+    return {key: document.count_of(attributes, key) for key in _INSTANCING if key in attributes}
 
 
 def find_users(document: GltfFile, nodes: list[Any], children: list[list[int]], meshes: list[Any]) -> list[list[int]]:
@@ -140,10 +140,10 @@ def find_users(document: GltfFile, nodes: list[Any], children: list[list[int]], 
     """
     scenes = document.list_of(document.tree, "scenes")
     if scenes:
-        number = document.whole(document.tree, "scene", 0)
+        number = document.count_of(document.tree, "scene", 0)
         level = document.list_of(document.entry(scenes, number, "scene"), "nodes", int)
         for root in level:
-            document.entry(nodes, document.whole({"nodes": root}, "nodes"), "node")
+            document.entry(nodes, document.count_of({"nodes": root}, "nodes"), "node")
     else:
         level = sorted(set(range(len(nodes))) - {child for own in children for child in own})
     reached: set[int] = set()
@@ -158,5 +158,5 @@ def find_users(document: GltfFile, nodes: list[Any], children: list[list[int]], 
     users: list[list[int]] = [[] for _ in meshes]
     for n in sorted(reached):
         if "mesh" in nodes[n]:
-            document.entry(users, document.whole(nodes[n], "mesh"), "mesh").append(n)
+            document.entry(users, document.count_of(nodes[n], "mesh"), "mesh").append(n)
     return users

@@ -145,9 +145,9 @@ def assess_conjunction(
             drawn = sample_collisions(first, second, radius, rng=rng, samples=samples, window_s=window_s)
             if drawn.window_s > _CURVED_S:
                 notes.append(
-                    f"Monte Carlo searches minutes ({drawn.window_s:,.0f} s on each side): relative motion is not straight, "
-                    "as Foster assumes; Monte Carlo flies two-body orbits, and counts every closest approach in its window, "
-                    "also a second one; set the window for one alone"
+                    f"Monte Carlo searches minutes ({drawn.window_s:,.0f} s on each side), in which relative motion is not "
+                    "straight. Foster assumes that it is; Monte Carlo flies two-body orbits. It counts every closest "
+                    "approach in its window, also a second one; set the window for one alone"
                 )
     return ConjunctionAssessment(
         message=message,

@@ -1,4 +1,4 @@
-"""Standard deviations of a start that no mission has are asked about, with what they would be in the other unit."""
+"""A warning names standard deviations of a start that no mission has, and what they would be in the other unit."""
 
 import warnings
 

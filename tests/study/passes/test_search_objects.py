@@ -181,9 +181,7 @@ Z_DOT = 0 [km/s]
 def test_states_of_orbit_parameter_messages_are_searched(tmp_path):
     for name, x_km in (("one.opm", 7000), ("two.txt", 7000.25)):
         (tmp_path / name).write_text(OPM.format(x_km))
-    table = encounters(
-        [tmp_path / "one.opm", tmp_path / "two.txt"], within_m=1e3, start_utc=START, days=0.001
-    )
+    table = encounters([tmp_path / "one.opm", tmp_path / "two.txt"], within_m=1e3, start_utc=START, days=0.001)
     (row,) = table.rows
     assert (row.follower_label, row.label) == ("one", "two")
     assert row.range_m == pytest.approx(250.0, abs=1e-3)
@@ -191,7 +189,9 @@ def test_states_of_orbit_parameter_messages_are_searched(tmp_path):
 
 def test_cause_why_no_pair_is_left_comes_first(tmp_path):
     (tmp_path / "mean.kvn").write_text("CCSDS_OMM_VERS = 2.0\nOBJECT_NAME = ONE\nMEAN_MOTION = 15\n")
-    with pytest.raises(CatalogError, match=r"mean.kvn: line 1: NORAD_CAT_ID, .* missing.*; all pairs need two .* 0 can be used$"):
+    with pytest.raises(
+        CatalogError, match=r"mean.kvn: line 1: NORAD_CAT_ID, .* missing.*; all pairs need two .* 0 can be used$"
+    ):
         encounters(tmp_path / "mean.kvn", within_m=1e3, start_utc=START, days=0.1)
 
 
