@@ -1,4 +1,4 @@
-"""The closed forms of the detectors: what jitter, the depth of a pulse and few photons do to range, against other formulas."""
+"""The closed forms of the detectors: what jitter, depth and few photons do to range, against other formulas."""
 
 import math
 
