@@ -1,6 +1,7 @@
 """What a Geiger-mode array answers, by itself and in a scenario."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import detector
 from rso_lidar.detector import LaserPulse
+from rso_lidar.detector.geiger import photon_counter
 from tests.detector.returns_for_tests import bell, nothing, returns
 
 ARRAY = rl.GeigerArray()
@@ -39,8 +41,6 @@ def test_bright_pixels_count_every_pulse_and_say_so():
 
 
 def test_sunlight_raises_what_a_pixel_must_count():
-    from dataclasses import replace
-
     sun = np.full((1, 2000), 3e7)
     dim = replace(nothing((1, 2000)), background_photons_per_s=sun)
     reading, _ = detector.detect(dim, ARRAY, rng())
@@ -129,6 +129,18 @@ def test_a_prediction_follows_from_a_normal_law_cut_off_by_the_window_and_a_bino
     )  # to the square of a tap, by which a flat surface is smoothed
     noise = pulses * (fired * (1.0 - fired) + 2e5 * 3.6e-9)
     assert told.snr == pytest.approx(pulses * fired / np.sqrt(noise), rel=2e-3)
+
+
+def test_returns_that_are_tried_as_one_are_weighted_by_their_light():
+    """Of pixel 4 two of three are within a sixteenth of the pulse; what is dark, or of another pixel, is left out."""
+    fwhm_s, c = 16e-9, 299_792_458.0
+    delay_s = np.array([100.1e-9, 100.8e-9, 103.5e-9, 100.4e-9, 100.2e-9])
+    photons = returns(delay_s * c / 2, [3.0, 1.0, 0.5, 0.0, 7.0], [4, 4, 4, 4, 6], (1, 9), pulse_fwhm_s=fwhm_s)
+    photons = replace(photons, depth_spread_s=np.array([2e-9, 6e-9, 1e-9, 9e-9, 3e-9]))
+    pixel, middle_s, light, depth_s = photon_counter._merge_returns(photons, np.array([2, 4]))
+    assert pixel.tolist() == [1, 1] and light.tolist() == [4.0, 0.5]
+    assert middle_s == pytest.approx([(3.0 * 100.1e-9 + 100.8e-9) / 4.0, 103.5e-9], rel=1e-12)
+    assert depth_s == pytest.approx([3e-9, 1e-9], rel=1e-12)
 
 
 # ------------------------------------------------------------------------------------------------------ in a scenario
