@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics import BrownConrady, Receiver
+from rso_lidar.optics import Baffle, BrownConrady, Glare, Receiver
 
 SEED = Receiver(fov_deg=2.5, f_number=2.8)
 
@@ -110,6 +110,19 @@ def test_the_edge_of_the_field_holds_every_direction(name):
     assert np.abs(x).max() > 0.999 * lens.field_edge[0] and np.abs(y).max() > 0.999 * lens.field_edge[1]
     straight = lens.replace(distortion=None)
     assert straight.field_edge.tolist() == pytest.approx([18 * lens.pixel_tangent, 12 * lens.pixel_tangent], rel=1e-15)
+
+
+@pytest.mark.parametrize(("factor", "fits"), [(1.0 + 1e-6, True), (1.0 - 1e-6, False)])
+def test_a_baffle_is_as_wide_as_the_lens_and_twice_the_slope_of_the_corner_of_the_field(factor, fits):
+    """A lens of 50 mm; the corner of 30 by 20 pixels of 0.1 mm is 1.803 mm from the middle, 100 mm behind the lens."""
+    least_mm = 50.0 + 2.0 * 200.0 * math.hypot(1.5, 1.0) / 100.0
+    glare = Glare(baffle=Baffle(length_mm=200.0, diameter_mm=least_mm * factor))
+    fields = {"focal_length_mm": 100.0, "f_number": 2.0, "n_rows": 20, "n_cols": 30, "filter_width_nm": 1.0}
+    if fits:
+        assert Receiver(**fields, glare=glare).glare == glare
+    else:
+        with pytest.raises(ScenarioError, match="needs 57.21 mm; widen or shorten it"):
+            Receiver(**fields, glare=glare)
 
 
 def test_what_follows_from_a_lens_is_worked_out_once_and_not_carried_over():

@@ -62,6 +62,13 @@ def test_a_saturated_axis_is_at_its_limit_and_not_valid():
     np.testing.assert_allclose(samples.angular_velocity_rad_s[0], [0.1, -100.0 * units.DEG, 0.0])
 
 
+def test_a_rate_at_the_limit_is_measured_and_one_beyond_is_not():
+    valid, values = np.array([True, True]), np.zeros((2, 3))
+    truth = np.array([[0.1, -2.0, 0.3], [0.1, np.nextafter(-2.0, -3.0), 0.3]])
+    measure_triad(truth, np.eye(3), np.zeros(9), 2.0, 0.0, values, valid)
+    assert valid.tolist() == [True, False] and values[:, 1].tolist() == [-2.0, -2.0]
+
+
 def test_rates_are_rounded_to_the_resolution():
     step = 3600.0 * units.DEG_H
     motion = make_motion([0.0], angular_velocity_rad_s=[[0.4 * step, 0.6 * step, -7.6 * step]])

@@ -143,4 +143,5 @@ def test_a_known_kick_moves_the_estimate_and_not_the_innovation(mean_motion):
     )
     assert np.abs(made.innovation_m[2:]).max() < 1e-6  # metres; a kick that is not told of gives 0.3
     np.testing.assert_allclose(made.velocity_m_s[-1], speeds[-1], atol=1e-6)
+    np.testing.assert_allclose(made.velocity_m_s[30], speeds[30], atol=1e-6)  # with the kick of that instant
     assert np.abs(filter_positions(time_s, places, spread, mean_motion_rad_s=mean_motion).innovation_m[21:]).max() > 0.1

@@ -63,6 +63,19 @@ def drift(time_s):
     return 0.3 * DEG * time_s, 0.3 * DEG * np.sin(0.2 * time_s)
 
 
+@pytest.mark.parametrize("alpha", [0.8, 0.3])
+def test_a_step_of_the_target_moves_angle_and_rate_by_benedict_and_bordner(alpha):
+    """After 60 flashes at rest beta is alpha² / (2 − alpha): of a step the next demand has alpha + beta, at one interval."""
+    on = LINE_OF_SIGHT @ [0.0, 0.0, 1.0] > np.cos(0.1 * DEG)
+    disc = Reading(np.where(on, 1500.0, np.nan), on * 100, np.zeros((N, N)))
+    controller = Pointing(alpha=alpha)
+    for k in range(60):
+        controller(observe(0.2 * k, disc, (0.0, 0.0)))
+    command = controller(observe(0.2 * 60, disc, (0.01, -0.02)))
+    share = alpha + alpha**2 / (2.0 - alpha)
+    assert [command.pan_rad, command.tilt_rad] == pytest.approx([share * 0.01, share * -0.02], rel=1e-9)
+
+
 def test_without_it_a_drifting_target_is_lost_and_with_it_held():
     assert fly(None, drift, seconds=10)[-1] > FOV / 2  # 3 deg away: out of the field
     off = fly(Pointing(), drift, seconds=300, rate_hz=5)

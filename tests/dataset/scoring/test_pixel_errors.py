@@ -60,6 +60,12 @@ def test_ranges_by_hand():
     assert values["fine_photons_relative_rms"] == pytest.approx(4.0 / 5.0)
 
 
+def test_the_median_of_a_frame_is_that_of_sizes_and_not_the_size_of_the_median():
+    errors = RangeErrors(1)
+    errors.add(np.array([0]), np.array([[[9.6, 10.1, 10.2]]]), np.full((1, 1, 3), 10.0))
+    assert errors.median_m == pytest.approx([0.2])
+
+
 def test_pixels_are_read_from_the_rows_of_their_frames():
     truth = make_truth(90)
     rng = np.random.default_rng(0)

@@ -81,6 +81,14 @@ def test_collected_charge_comes_with_its_pulse():
     assert set(late.hit.tolist()) <= {0, 1}
 
 
+@pytest.mark.parametrize(("photons", "brightest"), [([2.0, 0.3], 0), ([0.3, 2.0], 1)])
+def test_collected_charge_belongs_to_the_brightest_return_of_the_pixel_that_spills(photons, brightest):
+    pixel = 4 * 11 + 5
+    given = light([pixel, pixel], np.array(photons) * WELL)
+    after = spill_charge(Bloom(), given, PER_PHOTON)
+    assert after.hit[after.pixel == pixel + 1].tolist() == [given.hit[brightest]]
+
+
 def test_each_pulse_of_a_frame_fills_the_wells_alone():
     """A frame of four pulses, one of which sees a glint: its charge in that pulse is four times its mean."""
     pixel = 4 * 11 + 5

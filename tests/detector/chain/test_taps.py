@@ -6,6 +6,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.detector import Empirical, Gate, Gsfl, detect, detect_with_taps
 from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.taps import tap_stages
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.errors import ScenarioError
 from tests.detector.returns_for_tests import nothing, returns
@@ -47,6 +48,12 @@ def test_the_comparator_is_high_from_the_latch_on():
     assert known[rows].all()
     # Noise may cross between two steps and be below at both.
     assert (taps.comparator[rows, after[rows]] == 1).mean() > 0.97
+
+
+def test_a_comparator_is_high_where_the_amplitude_just_reaches_the_threshold():
+    amplitude = np.array([[3.0, 4.0, 5.0, np.nan]])
+    given = {"pixel": np.zeros(1, int), "start_s": np.zeros(1), "primaries": amplitude, "amplitude": amplitude}
+    assert tap_stages((1, 1), 1e-9, threshold=np.array([4.0]), **given).comparator.tolist() == [[0, 1, 1, -1]]
 
 
 def test_primaries_hold_the_photoelectrons_of_pulse_and_dark_current():

@@ -64,6 +64,16 @@ def test_sunlight_raises_noise_and_the_least_counts():
     assert (array.replace(least_counts=5).find_least_counts(np.zeros(3)) == 5).all()
 
 
+def test_each_avalanche_brings_a_chain_of_afterpulses():
+    """One count makes a peak, so the probability is that of any count: 0.4 a gate, and 1/(1 - p) times as many in all."""
+    gate_m = 2e-6 * PER_M
+    array = rl.GeigerArray(
+        gate_to_m=gate_m, dark_count_rate_hz=1e5, afterpulse_probability=0.36, pulses=2, least_counts=1
+    )
+    noise = 2 * 1e5 * 2e-6 / (1.0 - 0.36)
+    assert array.false_peak_probability(np.zeros(1)) == pytest.approx([-math.expm1(-noise)], rel=1e-12)
+
+
 def test_its_traits():
     array = rl.GeigerArray(gate_from_m=40.0, gate_to_m=100.0, pulses=50, least_counts=3)
     traits = array.traits

@@ -1,6 +1,7 @@
 """What a Geiger-mode array answers, by itself and in a scenario."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,11 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import detector
 from rso_lidar.detector import LaserPulse
+from rso_lidar.detector.geiger import photon_counter
 from tests.detector.returns_for_tests import bell, nothing, returns
 
 ARRAY = rl.GeigerArray()
+PER_M = rl.units.RANGE_PER_DELAY_M_S
 BENCH = "examples/geiger_bench.toml"
 FEW = 'lidar.detector={type="geiger", gate_from_m=120, gate_to_m=180, pulses=20}'
 
@@ -38,8 +41,6 @@ def test_bright_pixels_count_every_pulse_and_say_so():
 
 
 def test_sunlight_raises_what_a_pixel_must_count():
-    from dataclasses import replace
-
     sun = np.full((1, 2000), 3e7)
     dim = replace(nothing((1, 2000)), background_photons_per_s=sun)
     reading, _ = detector.detect(dim, ARRAY, rng())
@@ -101,6 +102,45 @@ def test_predictions_keep_their_shape_and_their_order():
     assert np.all(np.diff(told.probability.ravel()) > 0.0)
     assert told.range_precision_m[0, 0] == np.inf and told.range_precision_m[1, 1] < told.range_precision_m[1, 0]
     assert told.saturated.tolist() == [[False, False], [False, True]]
+
+
+def test_a_prediction_follows_from_a_normal_law_cut_off_by_the_window_and_a_binomial_law_of_counts():
+    """First photons of a rectangular pulse are exponential in time, cut off at its end, which has a closed form."""
+    from scipy import stats
+
+    length_s, taps, pulses = 3e-9, 61, 40
+    array = ARRAY.replace(
+        jitter_ns=0.6, bin_ns=1.2, peak_ns=3.6, dark_count_rate_hz=2e5, detection_efficiency=0.25, pulses=pulses,
+        least_counts=8,
+    )  # fmt: skip
+    pulse = LaserPulse(length_s / taps, np.full(taps, 1.0 / length_s), length_s, timing_jitter_ns=0.8)
+    n = np.array([0.4, 1.5])  # avalanches of a pulse
+    told = detector.predict(array, pulse, n / 0.25, 0.0)
+    first_s2 = (length_s / n) ** 2 - length_s**2 * np.exp(-n) / (1.0 - np.exp(-n)) ** 2
+    sigma_s = np.sqrt(first_s2 + (0.6e-9**2 + 0.8e-9**2) + 1.2e-9**2 / 12.0)
+    window = stats.truncnorm(-1.8e-9 / sigma_s, 1.8e-9 / sigma_s)
+    live = math.exp(-2e5 * 150.0 / PER_M)  # until the middle of a gate of 300 m
+    fired = (1.0 - np.exp(-n)) * (2.0 * stats.norm.cdf(1.8e-9 / sigma_s) - 1.0) * live
+    dark = (1.0 - math.exp(-2e5 * 3.6e-9)) * live
+    counted = fired + dark - fired * dark
+    assert told.probability == pytest.approx(stats.binom.sf(7, pulses, counted), rel=2e-3)
+    assert told.range_precision_m == pytest.approx(
+        sigma_s * window.std() / np.sqrt(pulses * fired) * PER_M, rel=2e-3
+    )  # to the square of a tap, by which a flat surface is smoothed
+    noise = pulses * (fired * (1.0 - fired) + 2e5 * 3.6e-9)
+    assert told.snr == pytest.approx(pulses * fired / np.sqrt(noise), rel=2e-3)
+
+
+def test_returns_that_are_tried_as_one_are_weighted_by_their_light():
+    """Of pixel 4 two of three are within a sixteenth of the pulse; what is dark, or of another pixel, is left out."""
+    fwhm_s, c = 16e-9, 299_792_458.0
+    delay_s = np.array([100.1e-9, 100.8e-9, 103.5e-9, 100.4e-9, 100.2e-9])
+    photons = returns(delay_s * c / 2, [3.0, 1.0, 0.5, 0.0, 7.0], [4, 4, 4, 4, 6], (1, 9), pulse_fwhm_s=fwhm_s)
+    photons = replace(photons, depth_spread_s=np.array([2e-9, 6e-9, 1e-9, 9e-9, 3e-9]))
+    pixel, middle_s, light, depth_s = photon_counter._merge_returns(photons, np.array([2, 4]))
+    assert pixel.tolist() == [1, 1] and light.tolist() == [4.0, 0.5]
+    assert middle_s == pytest.approx([(3.0 * 100.1e-9 + 100.8e-9) / 4.0, 103.5e-9], rel=1e-12)
+    assert depth_s == pytest.approx([3e-9, 1e-9], rel=1e-12)
 
 
 # ------------------------------------------------------------------------------------------------------ in a scenario

@@ -21,12 +21,12 @@ def test_a_pinhole_is_found(rows, cols, fov_deg):
 
 
 def test_a_lens_that_bends_is_found():
-    lens = BrownConrady(k1=-0.3, k2=0.1, p1=1e-3, p2=-2e-3)
+    lens = BrownConrady(k1=-0.3, k2=0.1, k3=0.25, p1=1e-3, p2=-2e-3)
     receiver = Receiver(fov_deg=40, f_number=2.8, distortion=lens)
     camera = fit_camera(receiver.line_of_sight)
     assert camera.error_px < 1e-7  # undistorted by Newton's method to 1e-12 of the tangent, times 176 px
     assert camera.focal_px == pytest.approx(receiver.focal_length_m / receiver.pixel_pitch_m, rel=1e-7)
-    assert camera.distortion == pytest.approx((-0.3, 0.1, 1e-3, -2e-3, 0.0), abs=1e-5)
+    assert camera.distortion == pytest.approx((-0.3, 0.1, 1e-3, -2e-3, 0.25), abs=1e-5)
 
 
 def test_a_lens_that_no_polynomial_describes_says_so():

@@ -50,11 +50,14 @@ def test_each_letter_of_the_equation():
     assert photons.pulse_fwhm_s == pytest.approx(8e-9, rel=1e-15)
 
 
+@pytest.mark.parametrize(
+    "laser", [Laser(), Laser(divergence_deg=30, offset_m=(0.2, 0.0, 0.0))], ids=["inside", "beside"]
+)
 @pytest.mark.parametrize("alpha_deg", [0, 30, 60, 85])
-def test_depth_of_what_a_ray_stands_for(alpha_deg):
+def test_depth_of_what_a_ray_stands_for(alpha_deg, laser):
     """2 R delta tan(alpha) / c, delta the width of the ray's share of the pixel (house.md section 6)."""
     hits = hits_at([3] * 16, 1000.0, cos_incidence=math.cos(math.radians(alpha_deg)))
-    spread_s = collect(hits, Laser(), RECEIVER).depth_spread_s
+    spread_s = collect(hits, laser, RECEIVER).depth_spread_s
     delta = 1e-3 / 4
     assert spread_s == pytest.approx(2 * 1000 * delta * math.tan(math.radians(alpha_deg)) / C, rel=1e-6, abs=1e-20)
 

@@ -1,10 +1,13 @@
 """Ghost images: where a copy lands, how much of it, when, and what is left of it in the bookkeeping."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rso_lidar.optics import GaussianPsf, Ghost, Receiver
 from rso_lidar.optics.stray.ghosts import LEAST_PHOTONS, add_ghosts, copy_image
+from tests.detector.returns_for_tests import returns
 from tests.optics.bench_for_tests import place, plate, see, surface, truth_of
 
 C = 299_792_458.0
@@ -68,6 +71,25 @@ def test_a_detour_makes_the_copy_late():
         plain.delay_s, weights=plain.photons
     )
     assert late_s == pytest.approx(0.6 / C, rel=1e-6)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_copy_of_returns_that_are_merged_has_their_mean_delay_and_the_variance_of_their_rectangles(turned):
+    """Two returns 0.8 ns apart, three parts and one of the light, on one pixel: depth is √12 times the deviation."""
+    where = {"mirror_pixels": (17.0, 10.5)} if turned else {"offset_pixels": (2.0, 3.0)}
+    lens = LENS.replace(ghosts=(Ghost(fraction=0.1, extra_path_m=3.0, **where),))
+    plain = returns([900.0, 900.0 + 0.4e-9 * C], [3e4, 1e4], [5 * 32 + 7] * 2, lens.shape, [0, 0])
+    plain = replace(plain, depth_spread_s=np.array([1.0e-9, 1.6e-9]), coherence_cells=np.array([60.0, 15.0]))
+    ghostly = add_ghosts(plain, lens)
+    # mirrored about (col 17, row 10.5) by edges, pixel (5, 7) is (15, 26); moved by 2 right and 3 down, it is (8, 9)
+    copy = ghostly.pixel == (15 * 32 + 26 if turned else 8 * 32 + 9)
+    assert copy.sum() == 1 and len(ghostly.pixel) == 3
+    variance = 0.75 * 1.0**2 / 12 + 0.25 * 1.6**2 / 12 + 0.75 * 0.25 * 0.8**2
+    assert ghostly.photons[copy] == pytest.approx([4e3], rel=1e-9)
+    assert ghostly.delay_s[copy] == pytest.approx([2 * 900.0 / C + 0.2e-9 + 3.0 / C], rel=1e-12)
+    assert ghostly.depth_spread_s[copy] == pytest.approx([np.sqrt(12 * variance) * 1e-9], rel=1e-6)
+    assert ghostly.coherence_cells[copy] == pytest.approx([75.0], rel=1e-9)
+    assert ghostly.hit[copy].tolist() == [0]
 
 
 def test_light_beside_the_focal_plane_is_lost_and_nothing_wraps_around():

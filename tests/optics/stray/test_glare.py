@@ -8,7 +8,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Baffle, BrownConrady, Glare, Laser, Receiver
 from rso_lidar.optics.stray import glare
 from rso_lidar.pose import Link, PoseTree
-from rso_lidar.records import BodyState, Truth
+from rso_lidar.records import BodyState, Sky, Truth
 from tests.reference.optics import glare as oracle
 
 LENS = Receiver(fov_deg=2.5, f_number=2.8, n_rows=48, n_cols=40, filter_width_nm=1.0, glare=Glare())
@@ -29,7 +29,11 @@ def test_the_scatter_of_elements_is_what_the_oracle_sums():
     assert glare.sum_scatter(*given) == pytest.approx(oracle.sum_scatter(*given), rel=1e-12)
 
 
-@pytest.mark.parametrize("lens", [LENS, LENS.replace(distortion=BrownConrady(k1=-40.0))], ids=["straight", "barrel"])
+@pytest.mark.parametrize(
+    "lens",
+    [LENS, LENS.replace(distortion=BrownConrady(k1=-40.0)), LENS.replace(fov_deg=60.0)],
+    ids=["straight", "barrel", "wide"],
+)
 @pytest.mark.parametrize("knee", [0.01, 0.003])
 @pytest.mark.parametrize("off", [0.0, 0.01, 0.4])
 def test_the_veil_between_its_nodes(lens, knee, off):
@@ -51,6 +55,26 @@ def test_the_veil_between_its_nodes(lens, knee, off):
         area = lens.distortion.area_at_direction(sight[..., 0] / sight[..., 2], sight[..., 1] / sight[..., 2])
     gathered = lens.pixel_tangent**2 * lens.transmission * area * sight[..., 2] ** 4
     assert glare.veil(sky, lens) == pytest.approx(law * gathered, rel=1e-3)
+
+
+def test_the_veil_on_the_axis_has_the_width_of_what_scatters_in_it():
+    """E cos θ N b₀ (1 + (sin² θ + a²/2) / L²)^(s/2) over the pixel's solid angle, by body; the third element is hidden."""
+    angle, radius = np.array([0.03, 0.5, 0.3]), np.array([0.04, 0.01, 0.02])
+    toward = np.stack([np.sin(angle) * 0.6, np.sin(angle) * -0.8, np.cos(angle)], axis=1)
+    sky = Sky(np.zeros(LENS.shape), toward, np.array([5e6, 8e9, 1e9]), radius, np.array([2, 0, 0]))
+    got = glare.veil_on_axis(sky, LENS, np.array([False, False, True]))
+    law = 8 * 0.1 * (1.0 + (np.sin(angle) ** 2 + radius**2 / 2.0) / 0.01**2) ** (-1.5 / 2.0)
+    light = np.array([5e6, 8e9, 0.0]) * np.cos(angle) * law * (2.0 * np.tan(np.deg2rad(1.25)) / 40) ** 2 * 0.67
+    assert got == pytest.approx([light[1], 0.0, light[0]], rel=1e-12)
+
+
+def test_the_image_of_the_sun_far_from_the_axis_is_what_the_foreshortened_aperture_takes():
+    """Irradiance times A cos θ times the transmission, at 32.6 degrees in a field of 80 degrees."""
+    lens = LENS.replace(fov_deg=80.0)
+    sky = optics.see_sky(LASER, lens, sky_truth((0.5, 0.4, 1.0)), has_earth=False)
+    per_m2 = glare.band_photons_per_s_m2(LASER, lens)
+    taken = per_m2 * lens.aperture_area_m2 / np.sqrt(1.41) * 0.67
+    assert sky.image_photons_per_s.sum() == pytest.approx(taken, rel=0.01)  # points of a pixel on the edge of the disc
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 64), (3, 5), (200, 2)])

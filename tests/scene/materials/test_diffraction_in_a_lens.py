@@ -108,3 +108,14 @@ def test_many_hits_are_interpolated_to_a_thousandth():
 def test_a_laser_behind_the_cubes_sends_nothing_back():
     ahead, laser = np.array([[0.0, 0.0, 1.0]]), np.array([0.0, 0.0, 200.0])
     assert CUBES.average_over_lens(np.array([PEAK_PER_SR]), ahead, np.array([100.0]), laser, APERTURE_M) == 0.0
+
+
+@pytest.mark.parametrize("ahead_m", [-9.0, 8.0])
+def test_the_defocus_is_by_the_ways_to_the_laser_and_to_the_lens_each(ahead_m):
+    """Born and Wolf eq. 8.8.26 on the axis, the laser 9 m behind a small lens or 8 m before it. The matt rest stays."""
+    cubes = RetroReflector(diameter_mm=10.0, reflectance=0.8, fill_fraction=0.5, diffuse=0.3).at(1064e-9)
+    u = math.pi * 0.010**2 / (2.0 * 1064e-9) * (1.0 / 20.0 + 1.0 / (20.0 - ahead_m))
+    axis, laser, peak = np.array([[0.0, 0.0, 1.0]]), np.array([0.0, 0.0, ahead_m]), np.array([1e6])
+    got = cubes.average_over_lens(peak, axis, np.array([20.0]), laser, 1e-6)
+    matt = 0.3 / math.pi
+    assert got == pytest.approx([matt + (1e6 - matt) * (math.sin(u / 4.0) / (u / 4.0)) ** 2], rel=1e-6)
