@@ -15,9 +15,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 # Two q: pip stays silent unless something goes wrong. The constraints hold for what builds the package, too. Files are
-# held to their hashes; only the project itself, a folder, has none.
-INSTALL := $(PIP) install -qq --no-require-hashes -c constraints.txt --build-constraint constraints.txt
-# A pip that knows --no-require-hashes; the one that comes with Python reads its hashes as requirements only.
+# held to their hashes; only the project itself, a folder, has none. The variable reaches what pip starts to build a package.
+INSTALL := PIP_NO_REQUIRE_HASHES=1 $(PIP) install -qq -c constraints.txt --build-constraint constraints.txt
+# A pip that knows this variable; the one that comes with Python reads its hashes as requirements only.
 BOOTSTRAP := sed -n '/^pip==/,/[^\]$$/p' constraints.txt > $(VENV)/pip.txt && $(PIP) install -qq --require-hashes -r $(VENV)/pip.txt
 DEMO := out/tdrs_approach
 
