@@ -121,6 +121,7 @@ clean: ## remove all that make made: .venv, out and caches
 	rm -rf $(VENV) out build dist docs/api docs/files docs/auto_gallery docs/auto_tutorial .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
+# Of its wheel, which constraints.txt cannot hold: it pins another fmpy.
 GEMSEO_FMU_SHA256 := 940b0200fe13cd00cc2b0a318bc4f1c8ddc147357fe3fe7ef8e53ae6ace5728e
 
 # The stamps: installing again only when what is to be installed has changed.
