@@ -19,10 +19,10 @@ CMD ["make", "demo"]
 FROM python:3.13-slim AS build
 WORKDIR /source
 COPY . .
-# hadolint ignore=DL3013
 RUN python -m venv /opt/rso_lidar \
-    && /opt/rso_lidar/bin/pip install --no-cache-dir --upgrade pip \
-    && /opt/rso_lidar/bin/pip install --no-cache-dir -c constraints.txt --build-constraint constraints.txt .
+    && sed -n '/^pip==/,/[^\]$/p' constraints.txt > /tmp/pip.txt \
+    && /opt/rso_lidar/bin/pip install --no-cache-dir --require-hashes -r /tmp/pip.txt \
+    && PIP_NO_REQUIRE_HASHES=1 /opt/rso_lidar/bin/pip install --no-cache-dir -c constraints.txt --build-constraint constraints.txt .
 
 FROM python:3.13-slim
 COPY --from=build /opt/rso_lidar /opt/rso_lidar

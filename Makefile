@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test site processor tolerances bounds release-check mutants rules lint validate real-data docs figures calibrate models peers bench clean
+.PHONY: help venv demo test site processor tolerances bounds release-check mutants rules lint sbom audit constraints validate real-data docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
@@ -14,8 +14,11 @@ JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
-# Two q: pip stays silent unless something goes wrong. The constraints hold for what builds the package, too.
-INSTALL := $(PIP) install -qq -c constraints.txt --build-constraint constraints.txt
+# Two q: pip stays silent unless something goes wrong. The constraints hold for what builds the package, too. Files are
+# held to their hashes; only the project itself, a folder, has none. The variable reaches what pip starts to build a package.
+INSTALL := PIP_NO_REQUIRE_HASHES=1 $(PIP) install -qq -c constraints.txt --build-constraint constraints.txt
+# A pip that knows this variable; the one that comes with Python reads its hashes as requirements only.
+BOOTSTRAP := sed -n '/^pip==/,/[^\]$$/p' constraints.txt > $(VENV)/pip.txt && $(PIP) install -qq --require-hashes -r $(VENV)/pip.txt
 DEMO := out/tdrs_approach
 
 help: ## print this list
@@ -62,6 +65,19 @@ bounds: $(VENV)/.installed-test ## install the declared lower bounds elsewhere, 
 release-check: $(VENV)/.installed-release ## build, install elsewhere, fly the examples, check README, licences and metadata
 	$(BIN)/python -m tests.release_check
 
+sbom: $(VENV)/.installed-release ## list what each extra installs, in out/sbom (slow; EXTRA=... chooses)
+	$(BIN)/python -m tests.bill_of_materials $(EXTRA)
+
+audit: $(VENV)/.installed-release ## look for known vulnerabilities in the versions of constraints.txt
+	$(BIN)/python -m pip_audit --strict --require-hashes --disable-pip --progress-spinner off -r constraints.txt
+
+# Versions stay as they are where they fit; UPGRADE=1 takes the newest.
+constraints: $(VENV)/.installed-release ## compile constraints.txt anew: versions, and hashes of all their files
+	$(BIN)/uv pip compile -q --universal --python-version 3.11 --fork-strategy fewest --generate-hashes --no-annotate \
+		--custom-compile-command "make constraints" --all-extras \
+		$(addprefix --group ,bootstrap test site release workflows peers) $(if $(UPGRADE),--upgrade) \
+		pyproject.toml -o constraints.txt
+
 lint: rules ## run the checks that need no tests: format, lint, floors, types
 	$(BIN)/mypy
 
@@ -105,30 +121,34 @@ clean: ## remove all that make made: .venv, out and caches
 	rm -rf $(VENV) out build dist docs/api docs/files docs/auto_gallery docs/auto_tutorial .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
+# Of its wheel, which constraints.txt cannot hold: it pins another fmpy.
+GEMSEO_FMU_SHA256 := 940b0200fe13cd00cc2b0a318bc4f1c8ddc147357fe3fe7ef8e53ae6ace5728e
+
 # The stamps: installing again only when what is to be installed has changed.
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing rso_lidar and what it needs into $(VENV): about a minute, once."
-	@$(PIP) install -qq --upgrade pip
+	@$(BOOTSTRAP)
 	@$(INSTALL) -e .
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing rso_lidar, what it needs and what tests it into $(VENV): a minute or two, once."
-	@$(PIP) install -qq --upgrade pip
+	@$(BOOTSTRAP)
 	@$(INSTALL) -e . --group test
 	@# FMUs that OpenModelica exported. It pins another fmpy and has no wheel for Python 3.14; its tests are skipped without it.
-	@$(PIP) install -qq --no-deps gemseo-fmu==3.1.1 2>/dev/null || true
+	@echo "gemseo-fmu==3.1.1 --hash=sha256:$(GEMSEO_FMU_SHA256)" > $(VENV)/gemseo-fmu.txt
+	@$(PIP) install -qq --no-deps --only-binary :all: -r $(VENV)/gemseo-fmu.txt 2>/dev/null || true
 	@touch $(VENV)/.installed $@
 
 $(VENV)/.installed-site: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing rso_lidar and what builds its site into $(VENV): a minute, once."
-	@$(PIP) install -qq --upgrade pip
+	@$(BOOTSTRAP)
 	@$(INSTALL) -e . --group site
 	@touch $(VENV)/.installed $@
 
 $(VENV)/.installed-release: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing rso_lidar and what checks a release into $(VENV): a minute, once."
-	@$(PIP) install -qq --upgrade pip
+	@$(BOOTSTRAP)
 	@$(INSTALL) -e . --group release
 	@touch $(VENV)/.installed $@
 

@@ -16,8 +16,14 @@ nox.options.reuse_existing_virtualenvs = True
 
 
 def install(session: nox.Session) -> None:
-    """Install the package and what tests it, at the versions in constraints.txt."""
-    session.install("--constraint", "constraints.txt", "-e", ".", "--group", "test")
+    """Install the package and what tests it, at the versions and hashes in constraints.txt."""
+    options = ["--constraint", "constraints.txt"]
+    if (
+        session.venv_backend != "uv"
+    ):  # uv checks the hashes that there are; pip has to be told that the project has none
+        session.run("python", "-m", "pip", "install", "--quiet", "--upgrade", "pip>=26.2")
+        options.append("--no-require-hashes")
+    session.install(*options, "-e", ".", "--group", "test")
 
 
 @nox.session(default=True)

@@ -83,10 +83,10 @@ def _call(*command: str | Path) -> str:
 def _build(folder: Path) -> tuple[Path, Path]:
     """Build the source distribution, and the wheel from it."""
     tools = folder / "tools"
-    venv.create(tools, with_pip=True)
+    venv.create(tools, with_pip=True, upgrade_deps=True)
     python = _interpreter(tools)
-    pip = (python, "-m", "pip", "--disable-pip-version-check", "install", "-qq", "-c", ROOT / "constraints.txt")
-    _call(*pip, "build", "hatchling")
+    pip = (python, "-m", "pip", "--disable-pip-version-check", "install", "-qq", "--require-hashes")
+    _call(*pip, "-c", ROOT / "constraints.txt", "build", "hatchling")
     _call(python, "-m", "build", "--no-isolation", "--outdir", folder / "dist", ROOT)
     (wheel,), (sdist,) = (folder / "dist").glob("*.whl"), (folder / "dist").glob("*.tar.gz")
     return wheel, sdist
@@ -98,7 +98,7 @@ def _install(folder: Path, wheel: Path) -> Path:
     venv.create(environment)
     python = _interpreter(environment)
     pip = (_interpreter(folder / "tools"), "-m", "pip", "--disable-pip-version-check", "--python", python)
-    _call(*pip, "install", "-qq", "-c", ROOT / "constraints.txt", wheel)
+    _call(*pip, "install", "-qq", "--no-require-hashes", "-c", ROOT / "constraints.txt", wheel)
     return python
 
 

@@ -4,17 +4,15 @@ Licences, build, metadata, README, an installation elsewhere, the shipped exampl
 materials. It needs the package index, so it is no test of the suite.
 """
 
-import json
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import tomllib
-import venv
 from html.parser import HTMLParser
 from pathlib import Path
 
+from tests.bill_of_materials import install, name_bill, run, write_bill
 from tests.bounds import call
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -103,13 +101,6 @@ def fly_examples(bin_folder, folder):
         print(f"example: {example.stem}", flush=True)
 
 
-def run(command, folder):
-    """Run a command in a folder; what it prints counts only where it fails."""
-    done = subprocess.run([str(word) for word in command], cwd=folder, capture_output=True, text=True)
-    if done.returncode != 0:
-        raise SystemExit(f"{' '.join(map(str, command))}:\n{done.stdout}{done.stderr}")
-
-
 def main():
     """Check a release; the first failure ends it with status 1."""
     import zipfile
@@ -128,20 +119,12 @@ def main():
     with tempfile.TemporaryDirectory(prefix="rso_lidar_release_") as name:
         environment, folder = Path(name) / "environment", Path(name) / "elsewhere"
         folder.mkdir()
-        venv.create(environment)  # without pip, so that the bill of materials lists what is installed and no more
-        bin_folder = environment / ("Scripts" if sys.platform == "win32" else "bin")
-        pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", bin_folder / "python"]
-        run([*pip, "install", "-qq", "-c", ROOT / "constraints.txt", wheel], folder)
+        bin_folder = install(wheel, environment)
         fly_examples(bin_folder, folder)
 
-        bill = OUT / f"{wheel.name.split('-')[0]}-{PROJECT['version']}.cdx.json"
-        tool = [sys.executable, "-m", "cyclonedx_py", "environment", "--output-reproducible"]
-        run([*tool, "--of", "JSON", "-o", bill, bin_folder / "python"], folder)
-        names = {part["name"].lower() for part in json.loads(bill.read_text(encoding="utf-8"))["components"]}
-        wanted = {re.match(r"[\w.-]+", line)[0].lower() for line in PROJECT["dependencies"]}
-        if missing := wanted - {name.replace("_", "-") for name in names}:
-            raise SystemExit(f"{bill}: lacks {', '.join(sorted(missing))}")
-    print(f"bill of materials: {len(names)} packages, {bill.relative_to(ROOT)}", flush=True)
+        bill = OUT / name_bill()
+        count = write_bill(bin_folder / "python", bill)
+    print(f"bill of materials: {count} packages, {bill.relative_to(ROOT)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
 def names(requirements):
-    return {re.match(r"[\w.-]+", line)[0].lower().replace("_", "-") for line in requirements}
+    return {re.sub(r"[-_.]+", "-", re.match(r"[\w.-]+", line)[0]).lower() for line in requirements}
 
 
 def test_citation_names_this_version():
@@ -75,18 +75,9 @@ def test_installed_version_is_this_one():
     assert version("rso-lidar") == PROJECT["project"]["version"], "install again: make venv"
 
 
-def test_constraints_are_names_and_versions_only():
-    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
-    pins = [line for line in lines if line and not line.startswith("#")]
-    assert pins
-    assert all(re.fullmatch(r"[A-Za-z][\w.-]*==[\w.]+( ; python_version [<>=]+ '3\.\d+')?", pin) for pin in pins)
-
-
 def test_constraints_hold_for_all_that_is_installed():
     """Every dependency, and every dependency of one, is pinned."""
-    pinned = names(
-        line for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines() if not line.startswith("#")
-    )
+    pinned = set(re.findall(r"^([\w-]+)==", (ROOT / "constraints.txt").read_text(encoding="utf-8"), re.MULTILINE))
     groups = PROJECT["dependency-groups"]
     grouped = [
         line for line in groups["test"] + groups["site"] if isinstance(line, str)
