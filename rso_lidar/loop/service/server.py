@@ -12,9 +12,10 @@ from types import TracebackType
 from typing import Any, Self
 
 from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
+from rso_lidar.loop.gateway import Gateway
 from rso_lidar.loop.service.deadlines import Deadlines
 from rso_lidar.loop.service.endpoints import Security, import_zmq, load_keys, resolve_host
-from rso_lidar.loop.service.gateway import MOST_REQUEST_BYTES, FrameLimits, Gateway
+from rso_lidar.loop.service.frame_limits import MOST_REQUEST_BYTES, FrameLimits
 from rso_lidar.loop.service.multipart import receive_parts, send_parts
 from rso_lidar.loop.service.peers import Peers, RefusalError
 from rso_lidar.loop.service.requests import HelloRequest, Request, find_sequence, parse_request

@@ -1,8 +1,7 @@
 """A gateway before the sockets of a server: it forwards bytes, and closes the connection of a client that sends too much.
 
-libzmq limits the size of one part of a message (ZMQ_MAXMSGSIZE), and keeps a message in memory until its last part has
-arrived. It does not limit the number of parts, so that a client which never ends its message would use up the memory. The
-gateway reads the headers of the frames (ZMTP 3, rfc.zeromq.org/spec/23) before libzmq does.
+The libraries that serve flight software and viewers read what a client sends before anything here can. The gateway shows
+every byte to the limits of its connection first.
 """
 
 from __future__ import annotations
@@ -13,113 +12,28 @@ import stat
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
-MOST_REQUEST_BYTES = 65_536  # of a header
-MOST_PARTS = 16  # of a message, with the envelope of proxies
-_MOST_MESSAGE_BYTES = MOST_REQUEST_BYTES + 1_024  # with the envelope
-MOST_SUBSCRIPTIONS = 1_024  # sent over one connection to the stream
-# Encryption hides the ends of messages. A client can fill the queue of the server and the buffers of the kernel, which hold
-# less, before the server answers it.
-_MOST_UNANSWERED_FRAMES, _MOST_UNANSWERED_BYTES = 10_000, 8 * 2**20
 _MOST_CONNECTIONS = 128  # to one socket, with three descriptors each
-_CHUNK = 2**18  # bytes read at a time
+_CHUNK = 2**16  # bytes read at a time: other connections wait for as long as it takes to count them
 _RETRY_S = 1.0  # after which a connection is accepted again, where descriptors were missing
 _ENDS_S = 1.0  # to send the last replies
-_GREETING_BYTES = 64
-_MORE, _LONG, _COMMAND = 1, 2, 4  # flags of a frame
 
 
-class FrameLimits:
-    """Limits on what one client sends: the frames of a connection are counted as they arrive.
+class Limits(Protocol):
+    """Limits on what one client sends."""
 
-    Parameters
-    ----------
-    is_curve : whether the connection is encrypted, so that the ends of messages cannot be seen.
-    is_stream : whether the client subscribes, and sends subscriptions only.
-    """
-
-    def __init__(self, *, is_curve: bool = False, is_stream: bool = False) -> None:
-        mechanism = (b"CURVE" if is_curve else b"NULL").ljust(20, b"\0")
-        self._greeting = {0: 0xFF, 9: 0x7F, **{12 + k: byte for k, byte in enumerate(mechanism)}}
-        self._is_curve, self._is_stream = is_curve, is_stream
-        self._greeted = 0  # bytes of the greeting so far
-        self._header = bytearray()  # of a frame, until it is complete
-        self._left = 0  # bytes of the present frame that are still to come
-        self._parts = self._bytes = 0  # of the present message, or since the last answer
-        self._subscriptions = 0
+    refusal: bytes  # is sent to a client before its connection is closed
 
     def admits(self, data: memoryview) -> bool:
-        """Count the next bytes, and return whether they are within the limits.
-
-        Parameters
-        ----------
-        data : from the client.
-        """
-        at = min(len(data), _GREETING_BYTES - self._greeted)
-        if at and not self._admits_greeting(data[:at]):
-            return False
-        while at < len(data):
-            if self._left:
-                step = min(self._left, len(data) - at)
-                self._left -= step
-                at += step
-                continue
-            self._header.append(data[at])
-            at += 1
-            flags = self._header[0]
-            size_end = 9 if flags & _LONG else 2
-            if len(self._header) < size_end + bool(flags & _COMMAND):  # the name of a command begins with its length
-                continue
-            if not self._admits_frame(flags, int.from_bytes(self._header[1:size_end]), self._header[-1]):
-                return False
-            self._header.clear()
-        return True
+        """Count the next bytes of the client, and return whether the server may have them."""
 
     def note_answer(self) -> None:
         """Count anew: the server has answered."""
-        if self._is_curve:
-            self._parts = self._bytes = 0
-
-    def _admits_greeting(self, data: memoryview) -> bool:
-        for byte in data:
-            if self._greeting.get(self._greeted, byte) != byte or (self._greeted == 10 and byte < 3):
-                return False  # other mechanisms, and ZMTP before version 3, whose frames differ
-            self._greeted += 1
-        return True
-
-    def _admits_frame(self, flags: int, size: int, name_length: int) -> bool:
-        """Count a frame, and return whether it is within the limits.
-
-        Parameters
-        ----------
-        flags, size : of its header.
-        name_length : first byte of a command.
-        """
-        is_command = bool(flags & _COMMAND)
-        if flags > 7 or size > MOST_REQUEST_BYTES or (is_command and (flags & _MORE or not size)):
-            return False
-        self._left = size - is_command
-        if self._is_stream and not self._is_curve and not (is_command and name_length == 4):  # PING and PONG are free
-            self._subscriptions += 1
-            if self._subscriptions > MOST_SUBSCRIPTIONS + 1:  # and READY
-                return False
-        if self._is_curve:
-            self._parts += 1
-            self._bytes += size
-            return self._parts <= _MOST_UNANSWERED_FRAMES and self._bytes <= _MOST_UNANSWERED_BYTES
-        if is_command:  # libzmq can take one between the parts of a message
-            return True
-        self._parts += 1
-        self._bytes += size
-        if self._parts > MOST_PARTS or self._bytes > _MOST_MESSAGE_BYTES:
-            return False
-        if not flags & _MORE:
-            self._parts = self._bytes = 0
-        return True
 
 
 @dataclass(eq=False)
@@ -128,9 +42,10 @@ class _Listener:
 
     socket: socket.socket
     backend: str
-    make_limits: Callable[[], FrameLimits]
+    make_limits: Callable[[], Limits]
     count: int = 0
     is_watched: bool = False
+    rests_until_s: float = 0.0
 
 
 @dataclass(eq=False)
@@ -139,7 +54,7 @@ class _Connection:
 
     listener: _Listener
     sockets: tuple[socket.socket, socket.socket]  # of the client and of the server
-    limits: FrameLimits
+    limits: Limits
     waiting: list[bytes] = field(default_factory=lambda: [b"", b""])
     watched: list[int] = field(default_factory=lambda: [0, 0])  # events of each socket
     ends: bool = False  # one side has ended; what waits is still sent
@@ -175,7 +90,7 @@ class Gateway:
         self._wakes.close()
         self._selector.close()
 
-    def open(self, public: str, backend: str, make_limits: Callable[[], FrameLimits]) -> str:
+    def open(self, public: str, backend: str, make_limits: Callable[[], Limits]) -> str:
         """Open a public address, and return it with the number of its port; before `start`.
 
         Parameters
@@ -204,7 +119,10 @@ class Gateway:
         else:
             host, _, port = place.rpartition(":")
             family = socket.AF_INET6 if "[" in host else socket.AF_INET
-            plug = socket.create_server((host.strip("[]"), int(port)), family=family, backlog=_MOST_CONNECTIONS)
+            is_dual = host == "[::]" and socket.has_dualstack_ipv6()  # as libzmq does
+            plug = socket.create_server(
+                (host.strip("[]"), int(port)), family=family, backlog=_MOST_CONNECTIONS, dualstack_ipv6=is_dual
+            )
             bound = f"tcp://{host}:{plug.getsockname()[1]}"
         plug.setblocking(False)
         self._listeners.append(_Listener(plug, backend, make_limits))
@@ -219,8 +137,10 @@ class Gateway:
     def _run(self) -> None:
         is_open = True
         while is_open:
+            now_s = time.monotonic()
             for listener in self._listeners:
-                if not listener.is_watched and listener.count < _MOST_CONNECTIONS:
+                has_room = listener.count < _MOST_CONNECTIONS and now_s >= listener.rests_until_s
+                if has_room and not listener.is_watched:
                     self._selector.register(listener.socket, selectors.EVENT_READ, listener)
                     listener.is_watched = True
             is_open = self._forward(_RETRY_S)
@@ -228,9 +148,7 @@ class Gateway:
         self._selector.unregister(self._wakes)
         for listener in self._listeners:
             self._leave_alone(listener)
-        while (
-            self._connections and time.monotonic() < end_s
-        ):  # until libzmq and then the gateway have sent their last bytes
+        while self._connections and time.monotonic() < end_s:  # until the server's last bytes have been sent
             self._forward(end_s - time.monotonic())
         for connection in tuple(self._connections):
             self._close(connection)
@@ -254,8 +172,9 @@ class Gateway:
                     self._move(connection, side, events)
         return goes_on
 
-    def _leave_alone(self, listener: _Listener) -> None:
+    def _leave_alone(self, listener: _Listener, rest_s: float = 0.0) -> None:
         """Accept no more connections for the present; they wait in the kernel."""
+        listener.rests_until_s = time.monotonic() + rest_s
         if listener.is_watched:
             self._selector.unregister(listener.socket)
             listener.is_watched = False
@@ -264,16 +183,16 @@ class Gateway:
         """Accept a connection, and connect it to the server."""
         try:
             client = listener.socket.accept()[0]
-        except BlockingIOError:
+        except (BlockingIOError, ConnectionError):  # who has gone meanwhile
             return
         except OSError:  # no descriptor is left
-            self._leave_alone(listener)
+            self._leave_alone(listener, _RETRY_S)
             return
         try:
             server = _connect(listener.backend)
         except OSError:
             client.close()
-            self._leave_alone(listener)
+            self._leave_alone(listener, _RETRY_S)
             return
         for plug in (client, server):
             plug.setblocking(False)
@@ -325,6 +244,8 @@ class Gateway:
             return
         data = self._buffer[:count]
         if side == 0 and not connection.limits.admits(data):
+            with suppress(OSError):
+                connection.sockets[0].send(connection.limits.refusal)
             self._close(connection)
             return
         if side == 1:
