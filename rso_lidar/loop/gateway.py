@@ -284,15 +284,13 @@ class Gateway:
 
 
 def _connect(backend: str) -> socket.socket:
-    """Return a connection to a private address."""
+    """Return a connection to a private address, whose host is a number."""
     scheme, _, place = backend.partition("://")
-    if scheme == "tcp":
-        host, _, port = place.rpartition(":")
-        return socket.create_connection((host, int(port)), timeout=1.0)
-    plug = socket.socket(socket.AF_UNIX)
+    host, _, port = place.rpartition(":")
+    plug = socket.socket(socket.AF_INET if scheme == "tcp" else socket.AF_UNIX)
     try:
         plug.settimeout(1.0)
-        plug.connect(place)
+        plug.connect((host, int(port)) if scheme == "tcp" else place)
     except OSError:
         plug.close()
         raise
