@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.loop.service import server as server_module
 from rso_lidar.loop.service.frame_limits import FrameLimits
 from tests.loop.service.serving import serving
 
@@ -187,3 +188,11 @@ def test_an_encrypted_client_sends_10000_frames_or_8_mib_before_an_answer():
     assert admits(FrameLimits(is_curve=True), greeting, frame(65_536) * 128)
     assert not admits(FrameLimits(is_curve=True), greeting, frame(65_536) * 128, box)
     assert not admits(FrameLimits(is_curve=True), GREETING)
+
+
+def test_a_connection_without_a_handshake_ends(scenario, monkeypatch):
+    monkeypatch.setattr(server_module, "_HANDSHAKE_MS", 300)
+    with serving(scenario) as made:
+        for start in (b"", GREETING):
+            with raw(made.endpoint, start) as plug:
+                assert is_closed(plug)
