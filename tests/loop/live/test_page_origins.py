@@ -72,7 +72,7 @@ def test_an_origin_is_written_as_browsers_do(text, origin):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "*", "null", "viewer.example", "http://", "http://a/", "http://a:b", "http://a b"]
+    "text", ["", "*", "null", "viewer.example", "http://", "http://a/", "http://a:b", "http://a:65536", "http://a b"]
 )
 def test_other_texts_are_no_origins(text):
     with pytest.raises(rl.ScenarioError, match="is not an origin; write for example http://localhost:8080"):
