@@ -1,6 +1,7 @@
 """What every test stands on: the folder of real data, no network, and hypothesis without surprises."""
 
 import gc
+import ipaddress
 import os
 import signal
 import socket
@@ -112,12 +113,17 @@ def no_network():
         yield
 
 
-LOOPBACK = ("127.0.0.1", "::1", "localhost", b"127.0.0.1")
+def _is_loopback(host):
+    """Return whether a host is this machine: 127.0.0.0/8 (RFC 1122, sec. 3.2.1.3), or ::1."""
+    try:
+        return host in ("localhost", b"127.0.0.1") or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def _local_only(connect):
     def guarded(self, address):
-        if self.family != socket.AF_UNIX and address[0] not in LOOPBACK:
+        if self.family != socket.AF_UNIX and not _is_loopback(address[0]):
             raise RuntimeError(f"tests have no network: connection to {address!r} refused")
         return connect(self, address)
 
@@ -126,7 +132,7 @@ def _local_only(connect):
 
 def _loopback_lookup(look_up):
     def guarded(host, *given, **named):
-        if host not in LOOPBACK:
+        if not _is_loopback(host):
             raise RuntimeError(f"tests have no network: look-up of {host!r} refused")
         return look_up(host, *given, **named)
 

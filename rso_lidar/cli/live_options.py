@@ -1,5 +1,6 @@
 """Options of a live view, which `run` and `serve` share."""
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -20,22 +21,38 @@ LiveAt = Annotated[
 LiveWith = Annotated[
     str | None, typer.Option("--live-with", metavar="VIEWER", help="Viewer of the live view: foxglove or rerun.")
 ]
+LiveOrigin = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--live-origin",
+        metavar="ORIGIN",
+        help="Let web pages of this origin watch, too, such as http://localhost:8080; several times for several.",
+    ),
+]
 
 
-def open_live_view(scenario: Scenario, live: bool, address: str | None, viewer: str | None) -> QueuedView | None:
+def open_live_view(
+    scenario: Scenario, live: bool, address: str | None, viewer: str | None, origins: list[str] | None
+) -> QueuedView | None:
     """Open a live view where one is asked for, and print where it is.
 
     Parameters
     ----------
     scenario : that is shown.
-    live, address, viewer : the options; any of them asks for a view.
+    live, address, viewer, origins : the options; any of them asks for a view.
     """
-    if not live and address is None and viewer is None:
+    if not live and address is None and viewer is None and not origins:
         return None
     if viewer not in (None, "foxglove", "rerun"):
         raise ScenarioError(f"--live-with {viewer:.40}: no such viewer (known: foxglove, rerun)")
-    made = RerunView if viewer == "rerun" else LiveView
-    view = made(scenario) if address is None else made(scenario, address)
+    if viewer == "rerun" and origins:
+        raise ScenarioError("--live-origin: does not apply to rerun; leave it out, or show frames with foxglove")
+    place = () if address is None else (address,)
+    view: QueuedView
+    if viewer == "rerun":
+        view = RerunView(scenario, *place)
+    else:
+        view = LiveView(scenario, *place, origins=origins or (), log=partial(echo, err=True))
     how = f"rerun {view.url}" if viewer == "rerun" else "in Lichtblick or Foxglove: a connection, Foxglove WebSocket"
     echo(f"live view   {view.url} ({how})", err=True)
     return view

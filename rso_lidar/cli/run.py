@@ -21,7 +21,7 @@ from rso_lidar.cli.arguments import (
     TrustFmu,
     join_settings,
 )
-from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view, report_live_view
+from rso_lidar.cli.live_options import Live, LiveAt, LiveOrigin, LiveWith, open_live_view, report_live_view
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
@@ -63,6 +63,7 @@ def run(
     live: Live = False,
     live_at: LiveAt = None,
     live_with: LiveWith = None,
+    live_origin: LiveOrigin = None,
 ) -> None:
     """Simulate a scenario and record its frames with truth and labels."""
     scenario = Scenario.load(file, join_settings(settings, seed), trust_code=trust_code, trust_fmu=trust_fmu)
@@ -84,7 +85,7 @@ def run(
         _refuse_other_runs(output, identity)
     tally = Tally()
     done = 0
-    view = open_live_view(scenario, live, live_at, live_with)
+    view = open_live_view(scenario, live, live_at, live_with, live_origin)
     recorder = export.Recorder(
         output,
         scenario.source,

@@ -10,7 +10,7 @@ import typer
 
 from rso_lidar import interruption
 from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Seed, Settings, Threads, TrustCode, TrustFmu, join_settings
-from rso_lidar.cli.live_options import Live, LiveAt, LiveWith, open_live_view, report_live_view
+from rso_lidar.cli.live_options import Live, LiveAt, LiveOrigin, LiveWith, open_live_view, report_live_view
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
@@ -69,6 +69,7 @@ def serve(
     live: Live = False,
     live_at: LiveAt = None,
     live_with: LiveWith = None,
+    live_origin: LiveOrigin = None,
 ) -> None:
     """Serve a simulation to flight software in another process. It ends on a signal, or when a client shuts it down."""
     import_zmq("serve")
@@ -82,7 +83,7 @@ def serve(
     signals: list[int] = []
     with ExitStack() as undone:
         simulation = undone.enter_context(Simulation(scenario, threads=threads))
-        view = open_live_view(scenario, live, live_at, live_with)
+        view = open_live_view(scenario, live, live_at, live_with, live_origin)
         show = undone.enter_context(view).show if view else None
         session = Session(simulation, serves_truth=truth, recorder=recorder, show=show)
         server = undone.enter_context(

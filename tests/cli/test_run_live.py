@@ -31,3 +31,10 @@ def test_other_addresses_are_refused(refused, address, said):
 
 def test_other_viewers_are_refused(refused):
     refused(("-o", "x.h5", "--live-with", "paraview"), "no such viewer (known: foxglove, rerun)")
+
+
+def test_a_web_page_is_given_by_its_origin(refused):
+    refused(
+        ("-o", "x.h5", "--live-origin", "localhost"), "--live-origin localhost: is not an origin; write for example"
+    )
+    refused(("-o", "x.h5", "--live-with", "rerun", "--live-origin", "http://a.example"), "does not apply to rerun")

@@ -5,19 +5,25 @@ A viewer that joins late receives the meshes and the latest frame at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import secrets
+import socket
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from rso_lidar.errors import RecordingError, ScenarioError, warn
+from rso_lidar.loop.gateway import Gateway
 from rso_lidar.loop.live.frame_messages import PTU_SCHEMA, TARGETS, WRITERS, stamp_of, write_targets
+from rso_lidar.loop.live.page_origins import VIEWER_ORIGINS, HandshakeCheck, parse_origin
 from rso_lidar.loop.live.queued_view import QueuedView
-from rso_lidar.loop.network_address import NetworkAddress, parse_address, require_loopback
+from rso_lidar.loop.network_address import parse_address, require_loopback
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 
 DEFAULT_ADDRESS = "127.0.0.1:8765"  # the port of the Foxglove protocol
 _MESSAGES = 64  # that wait for one viewer in the library, which drops the oldest of more
+_MOST_REPORTED = 16  # origins of refused pages
 
 
 class LiveView(QueuedView):
@@ -27,12 +33,18 @@ class LiveView(QueuedView):
     ...     for frame in rl.simulate(scenario):
     ...         view.show(frame)
 
-    Only this machine can connect, because the protocol does not ask who does. A page in a browser of this machine can,
-    too. Viewers can watch, and change nothing.
+    Only this machine can connect, because the protocol does not ask who does. Of the pages in its browsers, only those of
+    the viewers and of `origins` can. Viewers can watch, and change nothing.
     """
 
     def __init__(
-        self, scenario: Scenario, address: str = DEFAULT_ADDRESS, *, shapes: Sequence[Shape] | None = None
+        self,
+        scenario: Scenario,
+        address: str = DEFAULT_ADDRESS,
+        *,
+        shapes: Sequence[Shape] | None = None,
+        origins: Sequence[str] = (),
+        log: Callable[[str], None] = lambda line: None,
     ) -> None:
         """Open the server.
 
@@ -41,17 +53,22 @@ class LiveView(QueuedView):
         scenario : that is flown, with the meshes of its targets.
         address : ``HOST:PORT`` of the server, a loopback address; port 0 takes a free one.
         shapes : meshes to show (None: those of the scenario).
+        origins : of further web pages that may watch, such as ``http://localhost:8080``.
+        log : prints a line about a page that was refused.
 
         Raises
         ------
         ScenarioError
-            For an address of another kind, and for one that is in use.
+            For an address of another kind, for one that is in use, and for what is no origin.
         RecordingError
             Where the library is missing, which is an extra.
         """
         where = "live view:"
         asked = parse_address(address, where)
         require_loopback(asked, where, "the live view")
+        self._origins = {*VIEWER_ORIGINS, *map(parse_origin, origins)}
+        self._refused: set[str] = set()
+        self._log = log
         fox = _import_foxglove()
         super().__init__()
         if shapes is None:
@@ -60,20 +77,32 @@ class LiveView(QueuedView):
         self._latest: Frame | None = None
         self._targets: Any = None
         self._context = context = fox.Context()  # channels are advertised only while it lives
-        try:
-            self._server = fox.start_server(
-                name=scenario.name,
-                host=asked.host,
-                port=asked.port,
-                capabilities=[fox.Capability.Time],
-                server_listener=_make_listener(self),
-                context=context,
-                message_backlog_size=_MESSAGES,
-            )
-        except (RuntimeError, OSError, ValueError) as error:
-            reason = " ".join(str(error).split())
-            raise ScenarioError(f"live view: {asked.text}: cannot be opened ({reason}); choose another port") from None
-        self.address = NetworkAddress(asked.host, int(self._server.port))
+        with ExitStack() as undone:
+            gateway = undone.enter_context(Gateway())
+            private = _find_private_host()
+            try:
+                server = fox.start_server(
+                    name=scenario.name,
+                    host=private,
+                    port=0,
+                    capabilities=[fox.Capability.Time],
+                    server_listener=_make_listener(self),
+                    context=context,
+                    message_backlog_size=_MESSAGES,
+                )
+                undone.callback(server.stop)
+                url = gateway.open(
+                    f"tcp://{asked.text}", f"tcp://{private}:{server.port}", lambda: HandshakeCheck(self._accepts)
+                )
+            except (RuntimeError, OSError, ValueError) as error:
+                reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+                raise ScenarioError(
+                    f"live view: {asked.text}: cannot be opened ({reason}); choose another port"
+                ) from None
+            gateway.start()
+            self._open = undone.pop_all()
+        self.address = parse_address(url.removeprefix("tcp://"), where)
+        self._broadcast_time = server.broadcast_time
         self._channels = _make_channels(context, has_ptu=scenario.ptu is not None)
         self._start()
 
@@ -86,12 +115,21 @@ class LiveView(QueuedView):
         """Close the server."""
         for channel in self._channels.values():
             channel.close()
-        self._server.stop()
+        self._open.close()
+
+    def _accepts(self, origin: str) -> bool:
+        """Return whether a page may watch, and report the first refusal of each origin."""
+        if origin in self._origins:
+            return True
+        if origin not in self._refused and len(self._refused) < _MOST_REPORTED:
+            self._refused.add(origin)
+            self._log(f"live view   refused a web page of {origin!r:.80}; --live-origin allows an origin")
+        return False
 
     def _publish(self, frame: Frame) -> None:
         """Publish one frame to all viewers that subscribe to a topic of it."""
         first, self._latest = self._latest is None, frame
-        self._server.broadcast_time(stamp_of(frame))
+        self._broadcast_time(stamp_of(frame))
         for topic, channel in self._channels.items():
             if channel.has_sinks() and (topic != TARGETS or first):
                 self._send(topic, frame)
@@ -146,6 +184,16 @@ def _import_foxglove() -> Any:
             "live view: the Foxglove library is an extra: pip install rso-lidar[live], or leave the live view out"
         ) from None
     return foxglove
+
+
+def _find_private_host() -> str:
+    """Return a loopback address that no web page can guess, or 127.0.0.1 where the system has no other."""
+    host = f"127.{1 + secrets.randbelow(254)}.{secrets.randbelow(256)}.{1 + secrets.randbelow(254)}"
+    try:
+        socket.create_server((host, 0)).close()
+    except OSError:  # macOS
+        return "127.0.0.1"
+    return host
 
 
 def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:

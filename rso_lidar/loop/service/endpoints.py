@@ -95,6 +95,29 @@ def is_private(option: str, endpoint: str) -> bool:
         return False  # a name, an interface or a star
 
 
+def resolve_host(zmq: Any, endpoint: str) -> str:
+    """Return an address with its host as a number, and with port 0 for a free one, as the operating system takes it.
+
+    Parameters
+    ----------
+    zmq : the module, whose names of hosts and interfaces count.
+    endpoint : such as ``tcp://eth0:5571``, ``tcp://*:*`` or ``ipc://lidar``.
+
+    Raises
+    ------
+    zmq.ZMQError
+        If there is no such host.
+    """
+    if endpoint.startswith("ipc:"):
+        return endpoint
+    host, _, port = endpoint.rpartition(":")
+    with zmq.Context() as context, context.socket(zmq.PAIR) as tried:
+        tried.set(zmq.IPV6, "[" in host)
+        tried.bind(f"{host}:*")
+        resolved, _, _ = tried.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode().rpartition(":")
+    return f"{resolved}:{0 if port == '*' else port}"
+
+
 def read_token(path: Path) -> str:
     """Return the token in a file, without blanks around it; raise `ScenarioError` where there is none."""
     token = read_text(path, _MOST_TOKEN_BYTES, ScenarioError, "token").strip()

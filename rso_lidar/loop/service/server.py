@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, Self
 
 from rso_lidar.errors import RsoLidarError, RunError, ScenarioError
+from rso_lidar.loop.gateway import Gateway
 from rso_lidar.loop.service.deadlines import Deadlines
-from rso_lidar.loop.service.endpoints import Security, import_zmq, load_keys
+from rso_lidar.loop.service.endpoints import Security, import_zmq, load_keys, resolve_host
+from rso_lidar.loop.service.frame_limits import MOST_REQUEST_BYTES, FrameLimits
 from rso_lidar.loop.service.multipart import receive_parts, send_parts
 from rso_lidar.loop.service.peers import Peers, RefusalError
 from rso_lidar.loop.service.requests import HelloRequest, Request, find_sequence, parse_request
 from rso_lidar.loop.service.session import Answer, Session
 from rso_lidar.loop.service.wire_format import encode
 
-MOST_REQUEST_BYTES = 65_536  # of one part of a message; libzmq closes the connection of a client that sends more
 _WAITING = 16  # messages queued for one client; a slow reader of the stream loses further ones
 _POLL_S = 0.1  # within which a signal is noticed
 _SLEEP_S = 0.002  # last part of a wait, for which polling is too coarse
 _LINGER_MS = 500  # to send the last reply
+_HANDSHAKE_MS = 10_000  # after which libzmq closes the connection of a client that has not introduced itself
 
 
 @dataclass
@@ -78,6 +82,8 @@ class Server:
 
     def __enter__(self) -> Self:
         with ExitStack() as undone:
+            gateway = undone.enter_context(Gateway())
+            folder = undone.enter_context(TemporaryDirectory(prefix="rso-lidar-"))  # which only this user can enter
             context = undone.enter_context(self._zmq.Context())
             context.set(self._zmq.MAX_SOCKETS, 64)
             self._authenticate(context, undone)
@@ -86,11 +92,12 @@ class Server:
             self._monitor = self._requests.get_monitor_socket(self._zmq.Event.DISCONNECTED)
             undone.enter_context(self._monitor)
             undone.callback(self._requests.disable_monitor)
-            self.endpoint = self._bind_socket(self._requests, "--bind", self._bind)
+            self.endpoint = self._bind_socket(gateway, self._requests, folder, "--bind", self._bind)
             self._stream: Any = None
             if self._publish is not None:
                 self._stream = self._make_socket(context, undone, self._zmq.PUB)
-                self.stream = self._bind_socket(self._stream, "--publish", self._publish)
+                self.stream = self._bind_socket(gateway, self._stream, folder, "--publish", self._publish)
+            gateway.start()
             self._open = undone.pop_all()
         return self
 
@@ -133,30 +140,31 @@ class Server:
         made.setsockopt(zmq.SNDHWM, _WAITING)
         made.setsockopt(zmq.RCVHWM, _WAITING)
         made.setsockopt(zmq.LINGER, _LINGER_MS)
-        made.setsockopt(zmq.TCP_KEEPALIVE, 1)  # the kernel answers for a process that is stopped in a debugger, too
-        made.setsockopt(zmq.TCP_KEEPALIVE_IDLE, 10)
-        made.setsockopt(zmq.TCP_KEEPALIVE_INTVL, 5)
-        made.setsockopt(zmq.TCP_KEEPALIVE_CNT, 3)
-        made.setsockopt(zmq.IPV6, "[" in f"{self._bind}{self._publish}")
+        made.setsockopt(zmq.HANDSHAKE_IVL, _HANDSHAKE_MS)
         if self._security.server_key is not None:
             made.curve_publickey, made.curve_secretkey = load_keys(self._security.server_key)
             made.curve_server = True
         return made
 
-    def _bind_socket(self, made: Any, option: str, endpoint: str) -> str:
-        """Bind a socket and return its address.
+    def _bind_socket(self, gateway: Gateway, made: Any, folder: str, option: str, endpoint: str) -> str:
+        """Bind a socket to a private address behind the gateway, and return the public one.
 
         Parameters
         ----------
-        made : the socket.
-        option, endpoint : the address, and the option that gave it.
+        gateway : to the socket.
+        made, folder : the socket, and the folder of its private address.
+        option, endpoint : the public address, and the option that gave it.
         """
+        has_ipc = self._zmq.has("ipc") and hasattr(socket, "AF_UNIX")
+        made.bind(f"ipc://{folder}/{option.strip('-')}" if has_ipc else "tcp://127.0.0.1:*")
+        backend: str = made.get(self._zmq.LAST_ENDPOINT).rstrip(b"\0").decode()
+        is_stream = option == "--publish"
+        is_curve = self._security.server_key is not None
         try:
-            made.bind(endpoint)
-        except self._zmq.ZMQError as error:
+            public = resolve_host(self._zmq, endpoint)
+            return gateway.open(public, backend, lambda: FrameLimits(is_curve=is_curve, is_stream=is_stream))
+        except (OSError, self._zmq.ZMQError) as error:
             raise ScenarioError(f"{option} {endpoint}: cannot be used ({error.strerror}); choose another") from None
-        bound: bytes = made.get(self._zmq.LAST_ENDPOINT)
-        return bound.rstrip(b"\0").decode()
 
     # ---------------------------------------------------------------------------------------------------- the loop
 
