@@ -13,6 +13,8 @@ from types import TracebackType
 
 import numpy as np
 
+MOST_CHARACTERS = 1000  # of a message on the command line: five rows of a terminal of 200 columns
+
 
 class RsoLidarError(Exception):
     """The root of all errors raised on purpose."""
