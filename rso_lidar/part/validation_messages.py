@@ -9,20 +9,19 @@ from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from rso_lidar.errors import did_you_mean
+from rso_lidar.errors import did_you_mean, join_problems
 
 _MOST_TYPES = 3  # that a message lists
 
 
-def explain(error: ValidationError, part: type[BaseModel], raw: Any, *, most: int = 1) -> str:
-    """Describe the first problems of a validation in one line, *place: what: what to do*, and count the others.
+def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
+    """Describe the problems of a validation in one line, *place: what: what to do* each, the causes first.
 
     Parameters
     ----------
     error : pydantic's report.
     part : class that was validated.
     raw : the values given for its fields, to tell which member of a union was meant.
-    most : problems to describe.
 
     Returns
     -------
@@ -31,16 +30,24 @@ def explain(error: ValidationError, part: type[BaseModel], raw: Any, *, most: in
     """
     # A misspelt key often leaves another key missing: the misspelling is the problem to report.
     problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
-    lines = []
-    for problem in problems[:most]:
+    texts: dict[str, str] = {}  # by key; of the members of a union that refuse one value, the first speaks
+    guesses = set()
+    for problem in problems:
         loc = problem["loc"]
-        place, owner, others = _place(loc, part, raw)
+        key, owner, others = _place(loc, part, raw)
+        if key in guesses and problem["type"] == "missing":
+            continue
+        place = key
         if problem["type"] == "extra_forbidden":
             place = _place(loc[:-1], part, raw)[0]
-        text = _what(problem, owner, others)
-        lines.append(f"{place}: {text}" if place else text)
-    more = f" (and {len(problems) - most} more)" if len(problems) > most else ""
-    return f"{'; '.join(lines)}{more}"
+            if guess := did_you_mean(str(loc[-1]), owner.model_fields if owner else ()):
+                guesses.add(f"{place}{'.' if place else ''}{guess.split(chr(39))[1]}")
+        if key not in texts:
+            text = _what(problem, owner, others)
+            texts[key] = f"{place}: {text}" if place else text
+    # A table that one member of a union refuses for a key is refused by the others because it is a table.
+    deepest = [text for key, text in texts.items() if not any(other.startswith(f"{key}.") for other in texts)]
+    return join_problems(deepest or texts.values())
 
 
 def _place(
