@@ -133,9 +133,20 @@ class _PlacePrefix(AbstractContextManager[None]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if isinstance(error, RsoLidarError) and not str(error).startswith(f"{self._place}: "):
-            prefixed = type(error)(f"{self._place}: {error}")
-            vars(prefixed).update(vars(error))  # such as the mask of bad epochs
-            raise prefixed from None
+            raise rephrase(error, f"{self._place}: {error}") from None
+
+
+def rephrase(error: RsoLidarError, message: str) -> RsoLidarError:
+    """Return an error of the same class and attributes, such as the mask of bad epochs, with another message.
+
+    Parameters
+    ----------
+    error : to copy.
+    message : of the copy.
+    """
+    copy = type(error)(message)
+    vars(copy).update(vars(error))
+    return copy
 
 
 def add_place(place: str) -> AbstractContextManager[None]:

@@ -85,7 +85,13 @@ def _run(arguments: list[str] | None) -> _Outcome:
     except KeyboardInterrupt:
         return _Outcome(_INTERRUPTED, interruption.format_ending(signal.SIGINT))
     except OSError as error:
-        return _Outcome(1, f"error: output: cannot be written ({error.strerror or error}); make room, or redirect it")
+        if error.filename is None:
+            return _Outcome(
+                1, f"error: output: cannot be written ({error.strerror or error}); make room, or redirect it"
+            )
+        from rso_lidar.files import explain_unreadable
+
+        return _Outcome(2, f"error: {explain_unreadable(os.fsdecode(error.filename), error)}")
 
 
 def _add_hint(message: str, error: Any) -> str:

@@ -8,6 +8,7 @@ from rso_lidar.files.reading import (
     convert_path,
     count_bytes,
     expand_user,
+    explain_unreadable,
     read_bytes,
     read_text,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "convert_path",
     "count_bytes",
     "expand_user",
+    "explain_unreadable",
     "hold_lock",
     "is_locked",
     "is_same",

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple, TypeVar
 from pydantic import Field, ValidationError
 
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.files import make_write_error
+from rso_lidar.files import explain_unreadable, make_write_error
 from rso_lidar.loop.service.requests import CommandRequest, Nanoseconds, parse_json
 from rso_lidar.part import Flag, Part, Text, Whole, explain
 from rso_lidar.records import Command, Frame
@@ -137,7 +137,7 @@ def repeat_flight(simulation: Simulation, path: str | os.PathLike[str]) -> Itera
                 if (frame := _repeat_step(simulation, step, where)) is not None:
                     yield frame
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); give a {SUFFIX} file") from error
+        raise RecordingError(explain_unreadable(path, error)) from error
 
 
 def _repeat_step(simulation: Simulation, step: LoggedStep, where: str) -> Frame | None:
