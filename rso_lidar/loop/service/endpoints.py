@@ -122,9 +122,8 @@ def load_keys(path: Path) -> tuple[bytes, bytes]:
     try:
         public, secret = load_certificate(path)
     except (OSError, ValueError) as error:
-        raise ScenarioError(
-            f"{path}: is no CURVE key ({getattr(error, 'strerror', None) or error}); make one with zmq.auth.create_certificates"
-        ) from None
+        why = getattr(error, "strerror", None) or error
+        raise ScenarioError(f"{path}: is no CURVE key ({why}); make one with zmq.auth.create_certificates") from None
     if secret is None:
         raise ScenarioError(f"{path}: holds no secret key; give the file that ends in .key_secret")
     return public, secret
