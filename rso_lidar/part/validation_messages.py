@@ -12,6 +12,8 @@ from pydantic import BaseModel, ValidationError
 from rso_lidar.errors import did_you_mean, join_problems
 
 _MOST_TYPES = 3  # that a message lists
+_KNOWN_KEYS = "; known keys: "
+_GUESS = re.compile("; did you mean '(.*)'")
 
 
 def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
@@ -32,22 +34,25 @@ def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
     problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
     texts: dict[str, str] = {}  # by key; of the members of a union that refuse one value, the first speaks
     guesses = set()
+    listed = set()  # tables whose known keys are told already
     for problem in problems:
         loc = problem["loc"]
         key, owner, others = _place(loc, part, raw)
-        if key in guesses and problem["type"] == "missing":
+        if key in texts or (key in guesses and problem["type"] == "missing"):
             continue
-        place = key
+        place, text = key, _what(problem, owner, others)
         if problem["type"] == "extra_forbidden":
             place = _place(loc[:-1], part, raw)[0]
-            if guess := did_you_mean(str(loc[-1]), owner.model_fields if owner else ()):
-                guesses.add(f"{place}{'.' if place else ''}{guess.split(chr(39))[1]}")
-        if key not in texts:
-            text = _what(problem, owner, others)
-            texts[key] = f"{place}: {text}" if place else text
+            what, known_keys, _ = text.partition(_KNOWN_KEYS)
+            text = what if known_keys and place in listed else text
+            if known_keys:
+                listed.add(place)
+            if guess := _GUESS.search(text):
+                guesses.add(f"{place}.{guess[1]}" if place else guess[1])
+        texts[key] = f"{place}: {text}" if place else text
     # A table that one member of a union refuses for a key is refused by the others because it is a table.
-    deepest = [text for key, text in texts.items() if not any(other.startswith(f"{key}.") for other in texts)]
-    return join_problems(deepest or texts.values())
+    parents = {key[: dot.start()] for key in texts for dot in re.finditer(r"\.", key)}
+    return join_problems(text for key, text in texts.items() if key not in parents)
 
 
 def _place(
@@ -147,7 +152,7 @@ def _what(problem: Any, owner: type[BaseModel] | None, others: Iterable[type[Bas
         types = [one.model_fields["type"].default for one in others if {key, "type"} <= set(one.model_fields)]
         if 0 < len(types) <= _MOST_TYPES:
             return f"unknown key '{key}'; it is a key of type = " + " or ".join(f'"{name}"' for name in types)
-        guess = did_you_mean(key, known) or (f"; known keys: {', '.join(known)}" if known else "")
+        guess = did_you_mean(key, known) or (f"{_KNOWN_KEYS}{', '.join(known)}" if known else "")
         return f"unknown key '{key}'{guess}"
     if kind == "missing":
         return "is missing; give a value"

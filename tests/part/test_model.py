@@ -198,6 +198,7 @@ def test_as_many_problems_are_listed_as_fit_and_the_others_counted():
     listed = said.count("unknown key")
     assert said.endswith(f" (and {50 - listed} more)")
     assert 700 < len(said) < 830
+    assert said.count("known keys: ") == 1
     assert complaint("\n".join(f"copie{number} = 1" for number in range(3))).count("did you mean 'copies'?") == 3
 
 
