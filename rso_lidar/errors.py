@@ -13,6 +13,9 @@ from types import TracebackType
 
 import numpy as np
 
+MOST_CHARACTERS = 1000  # of a message on the command line: five rows of a terminal of 200 columns
+_MOST_OF_PROBLEMS = 800  # characters of those that a message lists; the rest is for the place and the cure
+
 
 class RsoLidarError(Exception):
     """The root of all errors raised on purpose."""
@@ -130,9 +133,20 @@ class _PlacePrefix(AbstractContextManager[None]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if isinstance(error, RsoLidarError) and not str(error).startswith(f"{self._place}: "):
-            prefixed = type(error)(f"{self._place}: {error}")
-            vars(prefixed).update(vars(error))  # such as the mask of bad epochs
-            raise prefixed from None
+            raise rephrase(error, f"{self._place}: {error}") from None
+
+
+def rephrase(error: RsoLidarError, message: str) -> RsoLidarError:
+    """Return an error of the same class and attributes, such as the mask of bad epochs, with another message.
+
+    Parameters
+    ----------
+    error : to copy.
+    message : of the copy.
+    """
+    copy = type(error)(message)
+    vars(copy).update(vars(error))
+    return copy
 
 
 def add_place(place: str) -> AbstractContextManager[None]:
@@ -162,6 +176,28 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     else:
         near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
     return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def join_problems(problems: Iterable[str], separator: str = "; ") -> str:
+    """Join descriptions of problems for one message: as many as fit, at least one, then the number of the others.
+
+    Parameters
+    ----------
+    problems : descriptions, the causes first.
+    separator : text between two of them.
+
+    >>> join_problems(["a: is missing", "b: is missing"])
+    'a: is missing; b: is missing'
+    >>> join_problems(f"key_{number:03}: is missing" for number in range(100))[-60:]
+    'sing; key_036: is missing; key_037: is missing (and 62 more)'
+    """
+    texts = list(problems)
+    count, length = 0, 0
+    while count < len(texts) and (count == 0 or length + len(texts[count]) <= _MOST_OF_PROBLEMS):
+        length += len(texts[count]) + len(separator)
+        count += 1
+    more = f" (and {len(texts) - count} more)" if count < len(texts) else ""
+    return f"{separator.join(texts[:count])}{more}"
 
 
 def _is_one_slip(word: str, meant: str) -> bool:

@@ -85,3 +85,10 @@ def test_a_suffix_with_one_slip_is_known(written, meant):
 def test_a_suffix_that_only_shares_letters_is_no_guess(written):
     known = [".png", ".csv", ".h5", ".hdf5", ".oem", ".aem", ".czml", ".npz", ".zarr", ".tum", ".ply", ".pcd", ".bop"]
     assert errors.did_you_mean(written, known) == ""
+
+
+def test_problems_are_joined_as_far_as_they_fit():
+    assert errors.join_problems(["a", "b"]) == "a; b"
+    assert errors.join_problems(["a", "b"], ", ") == "a, b"
+    assert errors.join_problems(["x" * 398, "y" * 400, "z"]) == "x" * 398 + "; " + "y" * 400 + " (and 1 more)"
+    assert errors.join_problems(["x" * 900, "y"]) == "x" * 900 + " (and 1 more)"

@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import Any, NamedTuple, NoReturn
 
 from rso_lidar import interruption
+from rso_lidar.cli.terminal import outlive_readers, to_one_line
 from rso_lidar.errors import RsoLidarError, RsoLidarWarning, RunError
 from rso_lidar.public_names import limit_dir
 
@@ -41,6 +42,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     _collect_garbage_less_often()
     warnings.showwarning = _show_warning
     warnings.simplefilter("always", RsoLidarWarning)
+    outlive_readers()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names may contain characters that a terminal cannot show
@@ -70,6 +72,7 @@ def _run(arguments: list[str] | None) -> _Outcome:
         if type(error).__name__ == "NoArgsIsHelpError":  # which typer's own copy of click names nowhere else
             _print_help(message)
             message = ""
+        message = message.replace("\n\t", " ")  # how typer lists choices
         return _Outcome(2, f"error: {_add_hint(message, error)}" if message else "")
     except RunError as error:
         with suppress(OSError, ValueError, AttributeError):
@@ -81,11 +84,14 @@ def _run(arguments: list[str] | None) -> _Outcome:
         return _Outcome(1, f"error: not enough memory ({error}); use fewer pixels, rays, samples or pulses")
     except KeyboardInterrupt:
         return _Outcome(_INTERRUPTED, interruption.format_ending(signal.SIGINT))
-    except BrokenPipeError:  # the reader of the output has ended, such as `head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return _Outcome()
     except OSError as error:
-        return _Outcome(1, f"error: output: cannot be written ({error.strerror or error}); make room, or redirect it")
+        if error.filename is None:
+            return _Outcome(
+                1, f"error: output: cannot be written ({error.strerror or error}); make room, or redirect it"
+            )
+        from rso_lidar.files import explain_unreadable
+
+        return _Outcome(2, f"error: {explain_unreadable(os.fsdecode(error.filename), error)}")
 
 
 def _add_hint(message: str, error: Any) -> str:
@@ -109,8 +115,6 @@ def _print_help(text: str) -> None:
 
 def _print_line(line: str) -> None:
     if sys.stderr is not None:
-        from rso_lidar.cli.terminal import to_one_line
-
         with suppress(OSError):  # standard error may be closed
             print(to_one_line(line), file=sys.stderr, flush=True)  # noqa: T201 - the command line prints
 
@@ -126,7 +130,12 @@ def _show_warning(message: Warning | str, category: type[Warning], *_place: Any,
     message, category : the warning and its class.
     *_place, **_more : where it was raised; not printed.
     """
-    line = str(message) if issubclass(category, RsoLidarWarning) else f"{category.__name__}: {message}"
+    # Libraries break the lines of their warnings.
+    line = (
+        str(message)
+        if issubclass(category, RsoLidarWarning)
+        else f"{category.__name__}: {' '.join(str(message).split())}"
+    )
     if line not in _shown:
         _shown.add(line)
         _print_line(f"warning: {line}")

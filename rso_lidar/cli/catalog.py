@@ -11,7 +11,7 @@ import typer
 from rso_lidar import units
 from rso_lidar.cli.arguments import Overwrite, parse_instant
 from rso_lidar.cli.completion import list_regimes
-from rso_lidar.cli.terminal import echo
+from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence
@@ -92,7 +92,7 @@ def catalog(
         echo(line)
     shown = whole.problems if problems else whole.problems[:_FIRST]
     for problem in shown:
-        echo(f"bad: {problem}")
+        echo(to_one_line(f"bad: {problem}"))
     if len(shown) < len(whole.problems):
         echo(f"and {len(whole.problems) - len(shown):,} more bad records: give --problems for all")
     if output is not None:

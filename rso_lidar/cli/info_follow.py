@@ -3,7 +3,7 @@
 import time
 from pathlib import Path
 
-from rso_lidar.cli.terminal import echo
+from rso_lidar.cli.terminal import echo, has_reader
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.reader.status import RecordingStatus, read_status
 from rso_lidar.part.toml_text import parse_toml
@@ -12,7 +12,7 @@ _SILENCE_S = 30.0  # without a new frame, after which a line says so
 
 
 def follow_recording(recording: Path, every_s: float, timeout_s: float | None) -> None:
-    """Print frames and rate periodically until the recording is complete or abandoned, or the time is up.
+    """Print frames and rate periodically until the recording is complete or abandoned, the time is up, or nobody reads.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def follow_recording(recording: Path, every_s: float, timeout_s: float | None) -
     began = said = time.monotonic()
     last = read_status(recording)
     echo(_describe_start(last))
-    while True:
+    while has_reader():
         if last.complete and not last.running:
             echo(f"complete    {last.output} holds {last.frames} frames")
             return

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from rso_lidar.export.reader.stored_array import StoredArray
 from rso_lidar.export.registry import SUFFIXES as WRITTEN
 from rso_lidar.export.registry import format_for, writer_for
 from rso_lidar.export.writer.recorder import SUFFIXES, Recorder, check_output, run_id
-from rso_lidar.files import convert_path
+from rso_lidar.files import convert_path, explain_unreadable
 from rso_lidar.public_names import limit_dir
 from rso_lidar.records import Frame
 
@@ -92,6 +93,11 @@ def open(path: str | os.PathLike[str]) -> Recording:
         If there is no recording at the path, or it is damaged.
     """
     path = convert_path(path, RecordingError)
+    try:
+        with suppress(FileNotFoundError, NotADirectoryError):  # which the reader tells, with the closest name
+            path.lstat()
+    except (OSError, ValueError) as error:
+        raise RecordingError(explain_unreadable(path, error)) from None
     suffix = Path(TEMPORARY.sub("", path.name)).suffix
     readable = (*SUFFIXES, *format_for("zarr").suffixes)
     if Path(path).exists() and suffix.lower() in WRITTEN and suffix.lower() not in readable:

@@ -9,6 +9,7 @@ from rso_lidar.files.reading import (
     count_bytes,
     describe_size,
     expand_user,
+    explain_unreadable,
     read_bytes,
     read_text,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "count_bytes",
     "describe_size",
     "expand_user",
+    "explain_unreadable",
     "hold_lock",
     "is_locked",
     "is_same",

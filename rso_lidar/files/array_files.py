@@ -11,7 +11,7 @@ from typing import IO
 import numpy as np
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.files.reading import MOST_BYTES, check_regular, describe_size
+from rso_lidar.files.reading import MOST_BYTES, check_regular, describe_size, explain_unreadable
 
 _PLAIN = "biufcUS"  # kinds of numbers and texts; others hold pickles, records or dates
 _SUFFIX = ".npy"  # of a member of an NPZ file
@@ -128,7 +128,7 @@ def _make_error(path: Path, kind: str, problem: BaseException, error: type[RsoLi
     error : class of the error.
     """
     if isinstance(problem, OSError) and problem.strerror:
-        return error(f"{path}: cannot be read ({problem.strerror}); check its permissions")
+        return error(explain_unreadable(path, problem))
     writer = {"NPY": "numpy.save", "NPZ": "numpy.savez"}[kind]
     reason = " ".join(str(problem).split()) or type(problem).__name__
     return error(f"{path}: is not an {kind} file of numbers, or is damaged ({reason:.120}); write it with {writer}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from contextlib import suppress
@@ -12,6 +13,14 @@ from rso_lidar.errors import RsoLidarError
 
 MOST_BYTES = 256 * 2**20  # of a catalogue, a table or an image; the whole public catalogue as OMM has about 40 MiB
 _MIB = 2**20
+_UNREADABLE = {  # what a file that cannot be read is, and what to do, by the system's error number
+    errno.ENOENT: "no such file; check the name",
+    errno.ENOTDIR: "a folder in its path is a file; check the path",
+    errno.ENAMETOOLONG: "its name is longer than the file system allows; check the name",
+    errno.ELOOP: "its symbolic links lead in a circle; give the file itself",
+    errno.EISDIR: "is a folder; give a file in it",
+    **dict.fromkeys((errno.EACCES, errno.EPERM), "may not be read; allow reading it, or copy it to a folder of yours"),
+}
 
 
 def convert_path(given: Any, error: type[RsoLidarError]) -> Path:
@@ -74,10 +83,8 @@ def check_regular(path: Path, most_bytes: int, error: type[RsoLidarError], what:
     """
     try:
         status = path.stat()
-    except FileNotFoundError:
-        raise error(f"{path}: no such file; check the name") from None
     except (OSError, ValueError) as problem:
-        raise error(f"{path}: cannot be read ({_reason(problem)}); check its name and permissions") from None
+        raise error(explain_unreadable(path, problem)) from None
     if stat.S_ISDIR(status.st_mode):
         raise error(f"{path}: is a folder; give a {what} in it")
     if not stat.S_ISREG(status.st_mode):
@@ -116,7 +123,7 @@ def read_bytes(path: Path, most_bytes: int, error: type[RsoLidarError], what: st
             # Files of /proc report no size, and a log may grow after the check. read() gives None where it would block.
             content = file.read(most_bytes + 1) or b""
     except OSError as problem:
-        raise error(f"{path}: cannot be read ({_reason(problem)}); check its permissions") from None
+        raise error(explain_unreadable(path, problem)) from None
     if len(content) > most_bytes:
         raise error(_too_large(path, len(content), most_bytes, what))
     return content
@@ -165,8 +172,25 @@ def describe_size(size: int) -> str:
     return f"{size / _MIB:,.0f} MiB" if size >= _MIB else f"{size:,} bytes"
 
 
-def _reason(problem: BaseException) -> str:
-    return getattr(problem, "strerror", None) or " ".join(str(problem).split())
+def explain_unreadable(path: str | os.PathLike[str], problem: OSError | ValueError) -> str:
+    """Return the message about a file that cannot be read: its path as the user wrote it, the cause, and what to do.
+
+    Parameters
+    ----------
+    path : of the file.
+    problem : what was raised; a ValueError for a NUL character in the path.
+
+    >>> explain_unreadable("a.toml", FileNotFoundError(errno.ENOENT, "No such file or directory"))
+    'a.toml: no such file; check the name'
+    """
+    if not isinstance(problem, OSError):
+        return f"{os.fspath(path)}: its name contains a NUL character, which no file can have; check the name"
+    if problem.errno == errno.ENOENT and Path(path).is_symlink():
+        return f"{os.fspath(path)}: is a link to {Path(path).readlink()}, which does not exist; mend the link"
+    if problem.errno in _UNREADABLE:
+        return f"{os.fspath(path)}: {_UNREADABLE[problem.errno]}"
+    what = problem.strerror or " ".join(str(problem).split())
+    return f"{os.fspath(path)}: cannot be read ({what}); check the file and its disk"
 
 
 def count_bytes(path: Path) -> int:

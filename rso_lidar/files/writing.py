@@ -11,15 +11,18 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from rso_lidar.errors import RecordingError, RunError, did_you_mean
+from rso_lidar.errors import RecordingError, RsoLidarError, RunError, did_you_mean, rephrase
 from rso_lidar.interruption import defer_signals, remove_on_signal
 
 REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
+_LONGEST_NAME = 255  # bytes of a name on the usual file systems
 _drafts: dict[Path, os.stat_result] = {}  # temporary files of this process, as they were made
 _CURES = {
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room"),
     **dict.fromkeys(REFUSED, "allow writing there"),
     **dict.fromkeys((errno.ENOENT, errno.ENOTDIR, errno.ESTALE), "create its folder again"),
+    **dict.fromkeys((errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ), "give another name"),
+    errno.ELOOP: "mend the links in its path",
 }
 
 
@@ -83,17 +86,29 @@ def write_atomically(place: Path, *, keep_suffix: bool = True) -> Iterator[Path]
             draft.replace(place)
             if place in _drafts:  # the draft of another context, which this one wrote
                 _drafts[place] = _drafts[draft]
+    except RsoLidarError as error:
+        raise _name_output(error, draft, place) from error.__cause__
     except PermissionError as error:
         raise RecordingError(f"{place}: may not be written ({error.strerror}); choose another folder") from None
     except (FileNotFoundError, NotADirectoryError) as error:
         if draft is not None:
-            raise make_write_error(place, error) from None
+            raise _name_output(make_write_error(place, error), draft, place) from None
+        if place.parent.is_dir():  # such as /proc
+            raise RecordingError(f"{place}: its folder takes no new files; choose another folder") from None
         raise RecordingError(f"{place}: there is no folder {place.parent}; create it first") from None
     except OSError as error:
-        raise make_write_error(place, error) from None
+        raise _name_output(make_write_error(place, error), draft, place) from None
     finally:
         remove()
         held.close()  # while it is open, no other file can get its inode
+
+
+def _name_output(error: RsoLidarError, draft: Path | None, place: Path) -> RsoLidarError:
+    """Return an error that names the output where its message has the name of the temporary file."""
+    message = str(error)
+    if draft is None or draft.name not in message:
+        return error
+    return rephrase(error, message.replace(str(draft), str(place)).replace(draft.name, place.name))
 
 
 def make_write_error(place: Path, error: OSError) -> RunError:
@@ -151,7 +166,7 @@ def check_draft(draft: Path, made: os.stat_result, place: Path) -> None:
         return
     else:
         what = "emptied"
-    raise RunError(f"{place}: not written: another program {what} its temporary file {draft.name}; run again")
+    raise RunError(f"{place}: not written: another program {what} its temporary file; run again")
 
 
 def check_stream(stream: IO[Any], draft: Path, place: Path) -> None:
@@ -173,7 +188,7 @@ def check_stream(stream: IO[Any], draft: Path, place: Path) -> None:
     if held.st_size:
         check_draft(draft, held, place)
     if held.st_size != os.lseek(stream.fileno(), 0, os.SEEK_CUR):
-        raise RunError(f"{place}: not written: another program truncated its temporary file {draft.name}; run again")
+        raise RunError(f"{place}: not written: another program truncated its temporary file; run again")
 
 
 def check_writable(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrite: bool = False) -> Path:
@@ -206,7 +221,7 @@ def check_writable(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *
             raise RecordingError(f"{place}: is a folder; name a file in it")
         if place.exists() and not place.is_file():
             raise RecordingError(f"{place}: is not a regular file; give another name")
-        if place.exists() and not overwrite:
+        if os.path.lexists(place) and not overwrite:  # also a link to nothing, which would be replaced
             raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
         if not place.parent.is_dir():
             raise RecordingError(f"{place}: there is no folder {place.parent}; create it first")
@@ -299,7 +314,10 @@ def _new(place: Path, keep_suffix: bool) -> tuple[Path, IO[bytes]]:
     """Create an empty file beside `place`, with a name that is free; return its path and the open file."""
     for number in itertools.count():
         part = f".part{number or ''}"
-        draft = place.with_name(f"{place.stem}{part}{place.suffix}" if keep_suffix else f"{place.name}{part}")
+        stem, suffix = (place.stem, place.suffix) if keep_suffix else (place.name, "")
+        if len(os.fsencode(f"{stem}{part}{suffix}")) > _LONGEST_NAME >= len(os.fsencode(place.name)):
+            stem = stem[:40]
+        draft = place.with_name(f"{stem}{part}{suffix}" if keep_suffix else f"{stem}{part}")
         try:
             return draft, draft.open("xb")  # never through a link
         except FileExistsError:

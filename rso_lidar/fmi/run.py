@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.files import check_regular
 from rso_lidar.fmi.host_process import HostProcess
 from rso_lidar.fmi.unit_table import Conversion
 
@@ -98,6 +100,7 @@ class FmuRun:
 
     def __init__(self, path: Path) -> None:
         self.path, self.name = path, path.name
+        check_regular(path, sys.maxsize, ScenarioError, "file (.fmu)")
         self._process = HostProcess(path)
         self._tick = 0
         self._here: FmuPoint | None = None  # None before the beginning

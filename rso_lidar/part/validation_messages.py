@@ -9,20 +9,21 @@ from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from rso_lidar.errors import did_you_mean
+from rso_lidar.errors import did_you_mean, join_problems
 
 _MOST_TYPES = 3  # that a message lists
+_KNOWN_KEYS = "; known keys: "
+_GUESS = re.compile("; did you mean '(.*)'")
 
 
-def explain(error: ValidationError, part: type[BaseModel], raw: Any, *, most: int = 1) -> str:
-    """Describe the first problems of a validation in one line, *place: what: what to do*, and count the others.
+def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
+    """Describe the problems of a validation in one line, *place: what: what to do* each, the causes first.
 
     Parameters
     ----------
     error : pydantic's report.
     part : class that was validated.
     raw : the values given for its fields, to tell which member of a union was meant.
-    most : problems to describe.
 
     Returns
     -------
@@ -31,16 +32,27 @@ def explain(error: ValidationError, part: type[BaseModel], raw: Any, *, most: in
     """
     # A misspelt key often leaves another key missing: the misspelling is the problem to report.
     problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
-    lines = []
-    for problem in problems[:most]:
+    texts: dict[str, str] = {}  # by key; of the members of a union that refuse one value, the first speaks
+    guesses = set()
+    listed = set()  # tables whose known keys are told already
+    for problem in problems:
         loc = problem["loc"]
-        place, owner, others = _place(loc, part, raw)
+        key, owner, others = _place(loc, part, raw)
+        if key in texts or (key in guesses and problem["type"] == "missing"):
+            continue
+        place, text = key, _what(problem, owner, others)
         if problem["type"] == "extra_forbidden":
             place = _place(loc[:-1], part, raw)[0]
-        text = _what(problem, owner, others)
-        lines.append(f"{place}: {text}" if place else text)
-    more = f" (and {len(problems) - most} more)" if len(problems) > most else ""
-    return f"{'; '.join(lines)}{more}"
+            what, known_keys, _ = text.partition(_KNOWN_KEYS)
+            text = what if known_keys and place in listed else text
+            if known_keys:
+                listed.add(place)
+            if guess := _GUESS.search(text):
+                guesses.add(f"{place}.{guess[1]}" if place else guess[1])
+        texts[key] = f"{place}: {text}" if place else text
+    # A table that one member of a union refuses for a key is refused by the others because it is a table.
+    parents = {key[: dot.start()] for key in texts for dot in re.finditer(r"\.", key)}
+    return join_problems(text for key, text in texts.items() if key not in parents)
 
 
 def _place(
@@ -140,7 +152,7 @@ def _what(problem: Any, owner: type[BaseModel] | None, others: Iterable[type[Bas
         types = [one.model_fields["type"].default for one in others if {key, "type"} <= set(one.model_fields)]
         if 0 < len(types) <= _MOST_TYPES:
             return f"unknown key '{key}'; it is a key of type = " + " or ".join(f'"{name}"' for name in types)
-        guess = did_you_mean(key, known) or (f"; known keys: {', '.join(known)}" if known else "")
+        guess = did_you_mean(key, known) or (f"{_KNOWN_KEYS}{', '.join(known)}" if known else "")
         return f"unknown key '{key}'{guess}"
     if kind == "missing":
         return "is missing; give a value"

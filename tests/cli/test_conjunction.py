@@ -38,7 +38,7 @@ def test_options_count(rso_lidar):
             ["tle/flyby.cdm", "--window", "0"],
             "window_s: 0.0 is not a window: give seconds above 0, at most 30 days",
         ),
-        (["nowhere.cdm"], "nowhere.cdm: no such file: check the path"),
+        (["nowhere.cdm"], "nowhere.cdm: no such file; check the name"),
         (["tle/flyby.cdm", "--radius", "10"], "--radius 10: has no unit; write 10km or 10m"),
         (
             ["tle/flyby.cdm", "--radius", "0m"],

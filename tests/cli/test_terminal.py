@@ -1,6 +1,9 @@
 """What users and files name reaches the terminal as text: no control character, no markup."""
 
+import os
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -16,7 +19,53 @@ RAW = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 def test_controls_are_written_as_escapes():
     assert escape_controls("a\tb\nc\x1b[1m\x9b\u202e\udcff\r") == "a\tb\nc\\x1b[1m\\x9b\\u202e\\udcff\\r"
     assert escape_controls("µm – ⅓ 東 naïve") == "µm – ⅓ 東 naïve"
-    assert to_one_line(" a\n b\x1b ") == "a b\\x1b"
+    assert escape_controls("a\u200bb\ufeff\xad\u2028") == "a\\u200bb\\ufeff\\xad\\u2028"
+    assert escape_controls("نمی\u200cخواهم") == "نمی\u200cخواهم"  # Persian needs the joiner
+
+
+def test_a_line_break_in_a_name_is_shown_and_spaces_stay():
+    assert to_one_line(" a\n b\x1b ") == "a\\n b\\x1b"
+    assert to_one_line("two  spaces\t.toml") == "two  spaces\\t.toml"
+
+
+def test_a_long_message_keeps_its_place_cause_and_cure():
+    names = ", ".join(f"model_{number:04}" for number in range(2000))
+    line = to_one_line(
+        f"a.toml: target {'t' * 5000}: unknown model '{'m m' * 900}' (known: {names}); add your own mesh"
+    )
+    assert line.startswith("a.toml: target ttt")
+    assert "t ... (4,758 characters left out) ... t" in line  # 250 are kept of `target ttt...ttt:`
+    assert ": unknown model 'm mm mm" in line
+    assert "(known: model_0000, model_0001, " in line
+    assert line.endswith("model_1999); add your own mesh")
+    assert len(line) < 1000
+    assert to_one_line("x: " + "y" * 997) == "x: " + "y" * 997
+    assert len(to_one_line("; ".join(f"key_{number}: is missing" for number in range(900)))) < 1050
+
+
+@pytest.mark.parametrize("options", [[], ["-u"]])
+@pytest.mark.parametrize("words", [["--version"], ["models"], ["schema"], ["models", "materials"], ["check", "--help"]])
+def test_a_reader_that_goes_away_ends_no_command_with_an_error(words, options):
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(
+            [sys.executable, *options, "-m", "rso_lidar", *words], stdout=writing, stderr=subprocess.PIPE, check=False
+        )
+    finally:
+        os.close(writing)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_files_are_complete_and_the_status_is_true_where_nobody_reads(text, tmp_path):
+    (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
+    for words, status in ((["new", "mine.toml"], 0), (["check", "none.toml"], 2)):
+        reading, writing = os.pipe()
+        os.close(reading)
+        command = [sys.executable, "-m", "rso_lidar", *words]
+        assert subprocess.run(command, stdout=writing, stderr=writing, cwd=tmp_path, check=False).returncode == status
+        os.close(writing)
+    assert rl.Scenario.load(tmp_path / "mine.toml").name
 
 
 def test_a_console_of_tables_is_literal_too(capsys):

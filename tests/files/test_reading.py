@@ -1,5 +1,6 @@
 """Files that are read are regular and bounded: whoever reads one says so in a line, at once."""
 
+import errno
 import os
 import stat
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import files
+from rso_lidar.dataset.shards.shard_file import open_shard
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.motion.attitudes.attitude_file import read_attitudes
 from rso_lidar.motion.motions.prescribed_motion import read_table
@@ -29,6 +31,9 @@ READERS = {
     "pattern": ("x.png", lambda path: read_pattern(str(path))),
     "mesh": ("x.stl", load_mesh),
     "recording": ("x.h5", rl.open),
+    "kernel": ("x.bsp", rl.orbit.JplEphemeris),
+    "log of commands": ("x.commands.jsonl", lambda path: list(rl.loop.repeat_flight(None, path))),
+    "shard": ("x.h5", lambda path: open_shard(path, None, 1024)),
 }
 
 
@@ -77,8 +82,36 @@ def test_what_is_read_is_regular_and_bounded(tmp_path):
         files.read_text(path, 8, ScenarioError)
     with pytest.raises(ScenarioError, match="no such file; check the name"):
         files.read_bytes(tmp_path / "none", 8, ScenarioError)
-    with pytest.raises(ScenarioError, match="cannot be read"):
-        files.read_bytes(Path("a\0b"), 8, ScenarioError)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links and error numbers are those of POSIX")
+def test_what_the_system_refuses_is_told_in_words_with_a_cure(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    Path("circle").symlink_to("circle")
+    Path("broken").symlink_to("none")
+    Path("folder").mkdir()
+    os.mkfifo("pipe")
+    for name, said in (
+        ("none", "no such file; check the name"),
+        ("file/x", "a folder in its path is a file; check the path"),
+        ("a" * 300, "its name is longer than the file system allows; check the name"),
+        ("circle", "its symbolic links lead in a circle; give the file itself"),
+        ("broken", "is a link to none, which does not exist; mend the link"),
+        ("folder", "is a folder; give a file in it"),
+        ("pipe", "is a pipe, a socket or a device; save it as a regular file and give that"),
+        ("a\0b", "its name contains a NUL character, which no file can have; check the name"),
+    ):
+        with pytest.raises(ScenarioError) as caught:
+            files.read_bytes(Path(name), 8, ScenarioError)
+        assert str(caught.value) == f"{name}: {said}"
+    denied = PermissionError(errno.EACCES, "Permission denied")
+    assert files.explain_unreadable("a", denied) == (
+        "a: may not be read; allow reading it, or copy it to a folder of yours"
+    )
+    assert files.explain_unreadable("a", OSError(errno.EINVAL, "Invalid argument")) == (
+        "a: cannot be read (Invalid argument); check the file and its disk"
+    )
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="a file without a size is in /proc")

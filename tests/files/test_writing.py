@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -203,10 +204,10 @@ def link(draft):
 @pytest.mark.parametrize(
     ("meddle", "said"),
     [
-        (lambda draft: draft.unlink(), "another program removed or renamed its temporary file a.part.png; run again"),
-        (replace, "another program replaced its temporary file a.part.png; run again"),
-        (link, "another program replaced its temporary file a.part.png; run again"),
-        (lambda draft: os.truncate(draft, 0), "another program emptied its temporary file a.part.png; run again"),
+        (lambda draft: draft.unlink(), "another program removed or renamed its temporary file; run again"),
+        (replace, "another program replaced its temporary file; run again"),
+        (link, "another program replaced its temporary file; run again"),
+        (lambda draft: os.truncate(draft, 0), "another program emptied its temporary file; run again"),
     ],
     ids=["removed", "replaced", "link", "emptied"],
 )
@@ -224,6 +225,41 @@ def test_a_draft_that_another_program_touched_is_not_published(tmp_path, meddle,
         assert draft.read_text() == left  # and is not removed as if it were ours
     else:
         assert draft.is_symlink() or not draft.exists()
+
+
+def test_a_message_names_the_output_and_not_its_draft(tmp_path):
+    place = tmp_path / "a.png"
+    with pytest.raises(RecordingError, match=r"/a\.png: is odd; a\.png$") as caught, write_atomically(place) as draft:
+        raise RecordingError(f"{draft}: is odd; {draft.name}")
+    assert ".part" not in str(caught.value)
+    with pytest.raises(RunError, match=r"a\.png: could not be written: unable to open a\.png; check"):
+        with write_atomically(place) as draft:
+            raise OSError(f"unable to open {draft.name}")
+
+
+def test_every_name_that_the_file_system_takes_can_be_written(tmp_path):
+    place = tmp_path / f"{'ä' * 125}.csv"  # 254 bytes; its draft would have 259
+    with write_atomically(place) as draft:
+        draft.write_text("x")
+    assert [path.name for path in tmp_path.iterdir()] == [place.name]
+    with pytest.raises(RunError, match="File name too long; give another name and run again"):
+        with write_atomically(tmp_path / f"{'b' * 300}.csv"):
+            pass
+
+
+def test_a_link_to_nothing_is_not_replaced_unasked(tmp_path):
+    link = tmp_path / "a.csv"
+    link.symlink_to("nowhere")
+    with pytest.raises(RecordingError, match="exists already"):
+        check_writable(link)
+    assert check_writable(link, overwrite=True) == link
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="a folder that takes no files is /proc")  # noqa: PTH112
+def test_a_folder_that_takes_no_files_is_not_called_missing():
+    with pytest.raises(RecordingError, match=r"^/proc/x\.csv: its folder takes no new files; choose another folder$"):
+        with write_atomically(Path("/proc/x.csv")):
+            pass
 
 
 def test_a_draft_is_not_made_through_a_link(tmp_path):

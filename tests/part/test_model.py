@@ -166,14 +166,14 @@ def test_a_whole_number_is_a_number():
         ("title = ''", "title: "),
         ("shape = 'circl'", "shape: unknown value 'circl'; did you mean 'circle'? (known: square, circle)"),
         ("[wheel]\nname = 'a'", "wheel: needs a list ([[...]] for a list of tables), not {'name': 'a'}"),
-        ("[[wheel]]\nnam = 'a'", "wheel[0]: unknown key 'nam'; did you mean 'name'? (and 2 more)"),
+        ("[[wheel]]\nnam = 'a'", "wheel[0]: unknown key 'nam'; did you mean 'name'?; wheel[0].axis: is missing"),
         ("title = 3", "title: should be a valid string, not 3"),
         ("teeth = 4", "teeth without a wheel: add a [[wheel]]"),
         (
             "[responses.a]\ntype = 'second_order'\nnatural_hz = -1",
             "responses.a.natural_hz: should be greater than 0, not -1",
         ),
-        ("on = 1\nteeth = 'x'", "on: should be a valid boolean, not 1 (and 1 more)"),
+        ("on = 1\nteeth = 'x'", "on: should be a valid boolean, not 1; teeth: should be a valid integer, not 'x'"),
     ],
 )
 def test_bad_input_is_answered_in_one_line(text, answer):
@@ -186,6 +186,20 @@ def test_bad_input_is_answered_in_one_line(text, answer):
 def test_the_place_leaves_out_the_branch_of_a_union():
     text = "[response]\ntype = 'second_order'\nnatural_hz = 'x'"
     assert complaint(text) == "response.natural_hz: should be a valid number, not 'x'"
+
+
+def test_a_misspelt_key_is_told_without_the_key_that_it_leaves_missing():
+    said = complaint("[[wheel]]\nnam = 'a'\naxis = [0, 0, 1]")
+    assert said == "wheel[0]: unknown key 'nam'; did you mean 'name'?"
+
+
+def test_as_many_problems_are_listed_as_fit_and_the_others_counted():
+    said = complaint("\n".join(f"key_{number:02} = 1" for number in range(50)))
+    listed = said.count("unknown key")
+    assert said.endswith(f" (and {50 - listed} more)")
+    assert 700 < len(said) < 830
+    assert said.count("known keys: ") == 1
+    assert complaint("\n".join(f"copie{number} = 1" for number in range(3))).count("did you mean 'copies'?") == 3
 
 
 def test_long_values_are_cut_short():

@@ -17,7 +17,7 @@ from rso_lidar.dataset.shards.shard_file import hash_file, open_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.export.reader.hdf5_checks import check_size
-from rso_lidar.files import convert_path
+from rso_lidar.files import convert_path, explain_unreadable
 from rso_lidar.records.symmetry import Symmetry
 
 SPEC_FILE = "dataset.toml"
@@ -364,7 +364,7 @@ def _compare_with_hash(path: Path, record: ShardRecord) -> None:
     except FileNotFoundError:
         return  # opening says so
     except OSError as error:
-        raise DatasetError(f"{path}: cannot be read ({error.strerror}); check the folder") from None
+        raise DatasetError(explain_unreadable(path, error)) from None
     if differs:
         raise DatasetError(
             f"{path}: differs from its hash in the manifest; delete the shard and make again with --resume"

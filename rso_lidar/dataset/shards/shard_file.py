@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
 from rso_lidar.export.reader.hdf5_checks import CACHE_BYTES, open_checked
 from rso_lidar.export.writer.chunks import ImageEncoder
-from rso_lidar.files import write_atomically
+from rso_lidar.files import check_regular, explain_unreadable, write_atomically
 from rso_lidar.records.schema import specs
 
 CONVENTIONS = "rso_lidar dataset 1"
@@ -99,12 +100,16 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = CACHE_BYTES) 
     DatasetError
         If the file is absent, damaged, or of another dataset.
     """
+    if path.exists():
+        check_regular(path, sys.maxsize, DatasetError, "shard")
     try:
         file = open_checked(path, cache_bytes=min(cache_bytes, CACHE_BYTES))
         found = None if dataset is None else file.attrs.get("dataset_sha256")
     except FileNotFoundError:
         raise DatasetError(f"{path}: the shard is missing; run `rso-lidar dataset make` again with --resume") from None
     except (OSError, KeyError, ValueError, RuntimeError) as error:  # h5py raises any of them
+        if isinstance(error, OSError) and error.errno:
+            raise DatasetError(explain_unreadable(path, error)) from None
         raise DatasetError(
             f"{path}: is not a readable shard ({' '.join(str(error).split()):.120}); delete it and make the dataset again"
         ) from None

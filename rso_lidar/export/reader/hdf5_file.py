@@ -12,6 +12,7 @@ from typing import Any
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.reader.hdf5_checks import CACHE_BYTES, SUPERBLOCK_BYTES, check_heaps, open_checked
+from rso_lidar.files import explain_unreadable
 
 TEMPORARY = re.compile(r"\.tmp-[0-9a-zA-Z]+(\.starting)?$")
 
@@ -38,8 +39,9 @@ def open_hdf5(path: Path, *, swmr: bool) -> Any:
     try:
         if path.is_dir():
             raise RecordingError(f"{path}: is a folder; name a recording in it")
-        if not path.exists():
+        if not os.path.lexists(path):
             raise RecordingError(f"{path}: there is no such file{_suggest_name(path)}")
+        path.stat()  # which raises the reason where a link leads nowhere
         if not path.is_file():
             raise RecordingError(f"{path}: is not a regular file; give a recording made by `run`")
         with path.open("rb") as stream:
@@ -52,7 +54,7 @@ def open_hdf5(path: Path, *, swmr: bool) -> Any:
         if size < SUPERBLOCK_BYTES or (head[8] >= 2 and size < int.from_bytes(head[28:36], "little")):
             raise RecordingError(f"{path}: is cut short; copy or record it again")
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the name and its rights") from error
+        raise RecordingError(explain_unreadable(path, error)) from error
     try:
         if swmr:
             check_heaps(path, is_growing=True)

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, join_problems
 from rso_lidar.export.layout import intermediates
 from rso_lidar.export.layout.checksum import compute_texts_crc32
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, NODE, POINTING, READING
@@ -232,8 +232,8 @@ class RecordingFile:
     def _need(self, *paths: str) -> None:
         missing = [path for path in paths if path not in self._file]
         if missing:
-            more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-            raise RecordingError(f"{self.path}: the dataset {missing[0]} is missing{more}; copy or record it again")
+            what = f"dataset {missing[0]} is" if len(missing) == 1 else f"datasets {join_problems(missing, ', ')} are"
+            raise RecordingError(f"{self.path}: the {what} missing; copy or record it again")
 
     def _source(self) -> Source:
         attributes = self._file.attrs

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple, TypeVar
 from pydantic import Field, ValidationError
 
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.files import make_write_error
+from rso_lidar.files import check_regular, explain_unreadable, make_write_error
 from rso_lidar.loop.service.requests import CommandRequest, Nanoseconds, parse_json
 from rso_lidar.part import Flag, Part, Text, Whole, explain
 from rso_lidar.records import Command, Frame
@@ -18,6 +18,7 @@ from rso_lidar.simulation.stepping import Simulation
 from rso_lidar.units import NS_PER_S
 
 SUFFIX = ".commands.jsonl"
+_MOST_BYTES = 2**34  # 16 GiB: months of steps at 10 Hz, some 100 bytes each
 _Line = TypeVar("_Line", bound=Part)
 
 
@@ -121,6 +122,7 @@ def repeat_flight(simulation: Simulation, path: str | os.PathLike[str]) -> Itera
     RecordingError
         If the file cannot be read, or is not a log of this scenario.
     """
+    check_regular(Path(path), _MOST_BYTES, RecordingError, f"{SUFFIX} file")
     try:
         with Path(path).open("rb") as lines:
             _check_header(_parse_line(next(lines, b""), LogHeader, f"{path}: line 1"), simulation, f"{path}: line 1")
@@ -137,7 +139,7 @@ def repeat_flight(simulation: Simulation, path: str | os.PathLike[str]) -> Itera
                 if (frame := _repeat_step(simulation, step, where)) is not None:
                     yield frame
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); give a {SUFFIX} file") from error
+        raise RecordingError(explain_unreadable(path, error)) from error
 
 
 def _repeat_step(simulation: Simulation, step: LoggedStep, where: str) -> Frame | None:

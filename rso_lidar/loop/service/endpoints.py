@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.files import read_text
+from rso_lidar.files import check_regular, read_text
 
 _LEAST_TOKEN = 16  # characters: 64 bits as hexadecimal digits cannot be guessed over a network
 _MOST_TOKEN_BYTES = 4096
+_MOST_KEY_BYTES = 65_536
 
 
 @dataclass(frozen=True)
@@ -140,10 +141,12 @@ def load_keys(path: Path) -> tuple[bytes, bytes]:
     """
     from zmq.auth import load_certificate
 
+    check_regular(path, _MOST_KEY_BYTES, ScenarioError, "CURVE key")
     try:
         public, secret = load_certificate(path)
     except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path}: is no CURVE key ({error}); make one with zmq.auth.create_certificates") from None
+        why = getattr(error, "strerror", None) or error
+        raise ScenarioError(f"{path}: is no CURVE key ({why}); make one with zmq.auth.create_certificates") from None
     if secret is None:
         raise ScenarioError(f"{path}: holds no secret key; give the file that ends in .key_secret")
     return public, secret
@@ -153,10 +156,13 @@ def load_public_key(path: Path) -> bytes:
     """Return the public CURVE key of a file of zmq.auth; raise `ScenarioError` where there is none."""
     from zmq.auth import load_certificate
 
+    check_regular(path, _MOST_KEY_BYTES, ScenarioError, "CURVE key")
     try:
         public: bytes = load_certificate(path)[0]
     except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path}: is no CURVE key ({error}); give the file that ends in .key") from None
+        raise ScenarioError(
+            f"{path}: is no CURVE key ({getattr(error, 'strerror', None) or error}); give the file that ends in .key"
+        ) from None
     return public
 
 

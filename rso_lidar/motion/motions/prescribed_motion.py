@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.files import MOST_BYTES, read_text
+from rso_lidar.files import MOST_BYTES, explain_unreadable, read_text
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
@@ -174,10 +174,10 @@ def read_table(path: str | Path) -> TableRows:
     try:
         status = path.stat()
         return _read_file(path, status.st_mtime_ns, status.st_size)
-    except FileNotFoundError:
-        raise ScenarioError(f"{path}: no such file: check the path of this table") from None
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}: name a CSV file") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, ScenarioError):
+            raise
+        raise ScenarioError(explain_unreadable(path, error)) from None
 
 
 @functools.lru_cache(maxsize=16)

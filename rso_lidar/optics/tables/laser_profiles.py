@@ -12,7 +12,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.files import MOST_BYTES, check_regular, read_bytes
+from rso_lidar.files import MOST_BYTES, check_regular, explain_unreadable, read_bytes
 from rso_lidar.optics.tables.number_text import convert_decimal_commas, file_stamp
 
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
@@ -79,6 +79,8 @@ def _image(path: Path) -> np.ndarray:
         zlib.error,
         Image.DecompressionBombError,
     ) as error:
+        if isinstance(error, OSError) and error.errno:
+            raise ScenarioError(explain_unreadable(path, error)) from None
         reason = " ".join(str(error).split())[:100]
         raise ScenarioError(f"{path.name}: cannot be read as an image ({reason}); give PNG or TIFF") from None
 

@@ -27,13 +27,11 @@ def find_table(file: str) -> tuple[Path, int, int]:
     ScenarioError
         if there is no such file, or it cannot be read
     """
-    path = find(file)
-    if path is None:
-        raise ScenarioError(f"{file}: no such file: check the path")
+    path = find(file) or files.expand_user(file)
     try:
         status = path.stat()
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}: give the path of a text file") from None
+    except (OSError, ValueError) as error:
+        raise ScenarioError(files.explain_unreadable(path, error)) from None
     return path, status.st_mtime_ns, status.st_size
 
 

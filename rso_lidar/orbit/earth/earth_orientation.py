@@ -67,7 +67,7 @@ class EarthOrientation:
         try:
             status = place.stat()
         except OSError as error:
-            raise ScenarioError(f"{path}: cannot be read: {error.strerror}: check it") from None
+            raise ScenarioError(files.explain_unreadable(place, error)) from None
         return _read(place, status.st_mtime_ns, status.st_size)
 
     def ut1_minus_tai_at(self, epochs: Epochs) -> np.ndarray:

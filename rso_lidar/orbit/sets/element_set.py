@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rso_lidar import units
+from rso_lidar.errors import join_problems
 
 NO_EPOCH = datetime.datetime(1, 1, 1, tzinfo=datetime.UTC)  # epoch of a record too damaged to have one
 REQUIRED = (
@@ -59,7 +60,6 @@ KNOWN = frozenset(KEYS) | frozenset(_ONLY) | {"BTERM"}  # the last is the ballis
 # km), 17.04 rev/day at its equatorial radius.
 SLOWEST_REV_DAY, FASTEST_REV_DAY = 0.004, 18.0
 SGP4_XP = 4  # ephemeris type of another theory; SGP4 would propagate such a set with errors of kilometres
-_MOST_WRONG = 4  # faults of a record that a message lists
 _EPOCH = re.compile(
     r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))[T ](\d\d):(\d\d):(\d\d)(?:\.(\d*))?(Z|[+-]00:?00)?", re.ASCII | re.IGNORECASE
 )
@@ -312,9 +312,8 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
     if not wrong and (out := explain_impossible(found)):
         wrong.append(out)
     if wrong:
-        more = f" (and {len(wrong) - _MOST_WRONG} more)" if len(wrong) > _MOST_WRONG else ""
         cure = "fetch elements of SGP4" if is_foreign else "correct the record, or fetch it again"
-        message = f"{where}: {'; '.join(wrong[:_MOST_WRONG])}{more}: {cure}"
+        message = f"{where}: {join_problems(wrong)}: {cure}"
         found = ElementSet(**{**found.__dict__, "problem": message})
     return found
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.files import MOST_BYTES, read_bytes
+from rso_lidar.files import MOST_BYTES, explain_unreadable, read_bytes
 from rso_lidar.orbit.sets.element_set import ElementSet, make_printable, quote
 from rso_lidar.orbit.sets.omm_text import Found, KvnCollector, is_csv, read_csv, read_json, read_xml
 from rso_lidar.orbit.sets.selection import select_object
@@ -83,12 +83,10 @@ def read_file(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
         if path.is_dir():
             raise CatalogError(f"{path}: is a folder: give the path of a file of element sets")
         return _read(path, status.st_mtime_ns, status.st_size)
-    except FileNotFoundError:
-        raise CatalogError(f"{path}: no such file: check the path") from None
     except (OSError, ValueError) as error:
         if isinstance(error, CatalogError):
             raise
-        raise CatalogError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}: check it") from None
+        raise CatalogError(explain_unreadable(path, error)) from None
 
 
 @functools.lru_cache(maxsize=16)

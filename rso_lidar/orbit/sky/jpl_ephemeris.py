@@ -7,6 +7,7 @@ kernel such as de421.bsp or de440s.bsp is good to milliarcseconds, and knows the
 from __future__ import annotations
 
 import struct
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError, did_you_mean
+from rso_lidar.files import check_regular, explain_unreadable
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.records import BodyState
 from rso_lidar.shipped import find
@@ -42,6 +44,7 @@ class JplEphemeris:
         place = find(self.path)
         if place is None:
             raise ScenarioError(f"{self.path}: no such file: give the path of a kernel of the JPL, such as de440s.bsp")
+        check_regular(place, sys.maxsize, ScenarioError, "kernel (SPK, .bsp)")
         object.__setattr__(self, "path", place)
         with self._open() as kernel:
             if 399 not in kernel.codes:
@@ -154,8 +157,11 @@ class JplEphemeris:
         try:
             kernel = SpiceKernel(str(self.path))
         except (OSError, ValueError, EOFError, struct.error) as error:
-            what = getattr(error, "strerror", None) or "is not a kernel (SPK, .bsp)"
-            raise ScenarioError(f"{self.path}: {what}: give a kernel of the JPL, such as de440s.bsp") from None
+            if isinstance(error, OSError):
+                raise ScenarioError(explain_unreadable(self.path, error)) from None
+            raise ScenarioError(
+                f"{self.path}: is not a kernel (SPK, .bsp): give a kernel of the JPL, such as de440s.bsp"
+            ) from None
         try:
             yield kernel
         finally:

@@ -151,7 +151,8 @@ def _flush(stream: Any, place: Path) -> None:
     try:
         stream.flush()
     except (RuntimeError, ValueError, OSError) as error:
-        raise RunError(f"{place}: could not be written ({error}); check the disk and run again") from None
+        why = getattr(error, "strerror", None) or error
+        raise RunError(f"{place}: could not be written ({why}); check the disk and run again") from None
 
 
 def _readable(draft: Path, place: Path) -> None:

@@ -23,7 +23,6 @@ from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
 
 _WRITE_AGAIN = "write it again with `python -m rso_lidar.shapes.write`"
-_MOST_PROBLEMS = 10  # of an entry of an index that one message lists
 _reported: set[object] = set()  # libraries, and models of them, of which a warning has been given
 _OWN_CURE = "correct that line, or add the mesh again with `rso-lidar models add --overwrite`"
 
@@ -344,9 +343,7 @@ def _entry(path: Path, table: Any, cure: str = _WRITE_AGAIN, *, own: bool = Fals
     try:
         read = _ModelTable(**table)
     except ValidationError as error:
-        raise MeshError(
-            f"{path}: model '{name}': {explain(error, _ModelTable, table, most=_MOST_PROBLEMS)}: {cure}"
-        ) from None
+        raise MeshError(f"{path}: model '{name}': {explain(error, _ModelTable, table)}: {cure}") from None
     except ScenarioError as error:
         raise MeshError(f"{path}: model '{name}': {error}: {cure}") from None
     classes = (guess_part_classes(read.parts) if own else dict.fromkeys(read.parts, OTHER)) | read.part_classes

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError, did_you_mean, has_warnings_enabled, warn
-from rso_lidar.files import check_regular, read_bytes
+from rso_lidar.files import check_regular, explain_unreadable, read_bytes
 from rso_lidar.scene.meshes.accessors import MOST_BYTES
 from rso_lidar.scene.meshes.gltf import read_gltf
 from rso_lidar.scene.meshes.obj import read_obj
@@ -108,9 +108,9 @@ def load_mesh(path: Path) -> Mesh:
     path = Path(path)
     status = checked_file(path, SUFFIXES).stat()
     try:
-        return _read_cached(path.resolve(), (status.st_mtime_ns, status.st_size))
+        return _read_cached(path.absolute(), (status.st_mtime_ns, status.st_size))
     except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror or error}); check its permissions") from None
+        raise MeshError(explain_unreadable(path, error)) from None
     except MemoryError:
         raise MeshError(f"{path}: needs more memory than is available; decimate it and export it again") from None
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, suppress_warnings
+from rso_lidar.files import explain_unreadable
 from rso_lidar.files.root_folder import Folder
 from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
@@ -115,8 +116,10 @@ def _list_values(text: str) -> list[str]:
 def _read(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeError) as error:
-        raise ScenarioError(f"{path.name}: cannot be read ({error}); save it again as UTF-8 text") from None
+    except OSError as error:
+        raise ScenarioError(explain_unreadable(path.name, error)) from None
+    except UnicodeError:
+        raise ScenarioError(f"{path.name}: is not UTF-8 text; save it as UTF-8") from None
 
 
 def describe(scenario: Scenario) -> str:

@@ -146,7 +146,7 @@ def test_epochs_that_are_none(text, why):
         ),
         (
             dict.fromkeys(("MEAN_MOTION", "ECCENTRICITY", "INCLINATION", "MEAN_ANOMALY", "BSTAR"), "x"),
-            "INCLINATION 'x' is not a number; MEAN_ANOMALY 'x' is not a number (and 1 more): correct the record",
+            "MEAN_ANOMALY 'x' is not a number; BSTAR 'x' is not a number: correct the record",
         ),
     ],
 )

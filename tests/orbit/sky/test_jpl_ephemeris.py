@@ -74,7 +74,7 @@ def test_bad_input_is_told(kernel, tmp_path):
     for path, message in (
         (tmp_path / "none.bsp", "no such file"),
         (tmp_path / "a.bsp", "is not a kernel"),
-        (tmp_path, "give a kernel of the JPL"),
+        (tmp_path, "is a folder; give a kernel"),
     ):
         with pytest.raises(ScenarioError, match=message):
             JplEphemeris(path)
