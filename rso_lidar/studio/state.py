@@ -15,7 +15,7 @@ from rso_lidar.files.root_folder import Folder
 from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.document import UNSAVED, Document, list_documents
 from rso_lidar.studio.job_queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
-from rso_lidar.study.previews.text_assessment import Assessment, assess, check_study
+from rso_lidar.study.previews.text_assessment import Assessment, assess, check_study, list_warnings
 
 _PAUSE_S = 0.3  # without a further edit, after which a text is assessed
 
@@ -122,7 +122,8 @@ class BrowserTab:
     """One tab of the browser: its document, what `check` says of it, and events to which the pages subscribe.
 
     - `document_changed`: another text, or another document.
-    - `assessed`: a new assessment; `assessment` holds it.
+    - `assessed`: a new assessment; `assessment` holds it, and `warnings` is None until those of a valid text are known.
+    - `warned`: they are known.
     - `field_chosen`: a page should show the field at a place, such as ``lidar.laser.energy_mj``.
     - `page_chosen`: another page is shown, by its name.
     """
@@ -130,9 +131,10 @@ class BrowserTab:
     def __init__(self, workspace: Workspace, document: Document) -> None:
         self.workspace, self.document = workspace, document
         self.assessment: Assessment | None = None
-        self.document_changed, self.assessed = Event[[]](), Event[[]]()
+        self.warnings: list[str] | None = None
+        self.document_changed, self.assessed, self.warned = Event[[]](), Event[[]](), Event[[]]()
         self.field_chosen, self.page_chosen = Event[[str]](), Event[[str]]()
-        self._generation = 0
+        self._generation, self._warning = 0, asyncio.Lock()  # one text after the other: each takes seconds
 
     def show(self, document: Document) -> None:
         """Show another document; of this one, a draft is kept."""
@@ -167,5 +169,16 @@ class BrowserTab:
             return
         made = await run.io_bound(assess, self.document.text, self.workspace.folder, self.document.title)
         if made is not None and generation == self._generation:
-            self.assessment = made
+            self.assessment, self.warnings = made, None
             self.assessed.emit()
+            await self._warn(made, generation)
+
+    async def _warn(self, made: Assessment, generation: int) -> None:
+        """List the warnings on a text that may be flown, unless it changes before its turn."""
+        async with self._warning:
+            if made.scenario is None or made.refusal or generation != self._generation:
+                return
+            lines = await run.io_bound(list_warnings, made, self.workspace.folder, self.document.title)
+            if lines is not None and generation == self._generation:
+                self.warnings = lines
+                self.warned.emit()

@@ -24,7 +24,6 @@ from rso_lidar.shipped import shipped
 
 _WRITE_AGAIN = "write it again with `python -m rso_lidar.shapes.write`"
 _MOST_PROBLEMS = 10  # of an entry of an index that one message lists
-_reported: set[object] = set()  # libraries, and models of them, of which a warning has been given
 _OWN_CURE = "correct that line, or add the mesh again with `rso-lidar models add --overwrite`"
 
 
@@ -154,16 +153,15 @@ def is_mesh_path(name: str) -> bool:
 
 def _tell_of_shadow(name: str) -> None:
     """Warn, once a process, that a shipped model hides one of the user's own of the same name."""
-    place = own_folder(), name
-    if place in _reported or not has_warnings_enabled():
+    if not has_warnings_enabled():
         return
     try:
         hidden = name in _own()[0]
     except RsoLidarError:
         return
     if hidden:
-        _reported.add(place)
-        warn(f"model '{name}': is shipped, and also in your library; the shipped one is used: rename yours")
+        shadow = f"model '{name}': is shipped, and also in your library; the shipped one is used: rename yours"
+        warn(shadow, about=(own_folder(), name))
 
 
 def own_folder() -> Path:
@@ -182,9 +180,7 @@ def own_models() -> dict[str, ModelEntry]:
     """
     good, broken = _own()
     for reason in broken.values():
-        if reason not in _reported and has_warnings_enabled():
-            _reported.add(reason)
-            warn(reason)
+        warn(reason, about=reason)
     return dict(good)
 
 

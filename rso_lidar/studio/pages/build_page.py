@@ -46,6 +46,7 @@ class BuildPage:
                 self._draw_check()
         tab.document_changed.subscribe(self._show_document)
         tab.assessed.subscribe(self._show_check)
+        tab.warned.subscribe(self._show_check)
         tab.field_chosen.subscribe(self._go_to)
         ui.timer(_DISK_S, self._watch_disk)
         ui.on("studio_dark", lambda event: self._editor.set_theme("githubDark" if event.args else "githubLight"))
@@ -58,6 +59,7 @@ class BuildPage:
                 self._verdict = mark(ui.label("Checking").classes("grow break-words"), "verdict")
                 self._to_field = draw_button("Go to it", self._go_to_problem, "go-to-problem")
                 self._more = draw_button("Describe", self._describe, "describe")
+            self._warnings = mark(ui.column().classes("w-full gap-1"), "warnings")
             self._description = mark(ui.label().classes("studio-description"), "description")
             self._description.set_visibility(False)
 
@@ -163,12 +165,20 @@ class BuildPage:
         made = self._tab.assessment
         if made is None:
             return
-        self._description.set_visibility(False)
+        warnings = self._tab.warnings
+        if warnings is None:
+            self._description.set_visibility(False)
         is_good = made.scenario is not None and not made.refusal
-        frames = f": {made.scenario.time.n_frames:,} frames" if made.scenario else ""
-        self._verdict.text = made.problem or made.refusal or f"Ready to fly{frames}"
-        self._icon.props(f"name={'check_circle' if is_good else 'block' if made.refusal else 'error'}")
-        self._icon.classes(replace="text-positive" if is_good else "text-negative")
+        frames = format_count(made.scenario.time.n_frames, "frame") if made.scenario else ""
+        count = "looking for warnings" if warnings is None else format_count(len(warnings), "warning")
+        self._verdict.text = made.problem or made.refusal or f"Ready to fly: {frames}, {count}"
+        look = ("warning", "text-warning") if warnings else ("check_circle", "text-positive")
+        icon, colour = look if is_good else ("block" if made.refusal else "error", "text-negative")
+        self._icon.props(f"name={icon}").classes(replace=colour)
+        self._warnings.clear()
+        with self._warnings:
+            for line in warnings or []:
+                ui.label(line).classes("text-sm break-words studio-warning")
         self._to_field.set_visibility(bool(made.place or made.line))
         self._more.set_visibility(is_good)
         lines = [{"kind": "line", "line": made.line, "class": "studio-bad-line"}] if made.line else []

@@ -21,6 +21,7 @@ from rso_lidar.shipped import shipped
 from rso_lidar.studio.pages.elements import ask, draw_button, draw_list, mark, open_dialog, tell_errors
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.study.material_list import list_materials
+from rso_lidar.study.previews.file_summary import list_mesh_sizes
 from rso_lidar.study.previews.model_portrait import draw_portrait
 from rso_lidar.study.previews.text_assessment import check_file
 
@@ -178,8 +179,34 @@ def _choose_camera(tab: BrowserTab, place: str) -> None:
         draw_list(((name, str(table.get("what", "")), partial(take, name)) for name, table in presets), "camera")
 
 
+def choose_unit(tab: BrowserTab, place: str, name: str = "") -> None:
+    """Open the dialog that puts a mesh on a target, in the unit that the user knows it to be in.
+
+    Parameters
+    ----------
+    tab : whose document it changes.
+    place : of the target.
+    name : of the mesh file; empty for the one that the target has.
+    """
+    with tell_errors():
+        name = name or str(tab.document.get(f"{place}.model"))
+        sizes = list_mesh_sizes(check_file(name, tab.workspace.folder, "unit"))
+        targets = {f"target[{k}]": str(one.get("name")) for k, one in enumerate(tab.document.get("target") or [])}
+        with open_dialog(f"Unit of {name}") as dialog:
+            ui.label("How large is it? Its file does not say for sure.").classes("text-sm")
+            chosen = mark(ui.select(targets, value=place, label="Target").classes("w-full"), "unit-target", "dense")
+
+            def take(metres: float) -> None:
+                with tell_errors():
+                    tab.document.remove(f"{chosen.value}.size_m")
+                _set(tab, {f"{chosen.value}.model": name, f"{chosen.value}.scale": metres}, dialog)
+
+            draw_list(((unit.name, size, partial(take, unit.metres)) for unit, size in sizes), "unit")
+
+
 _CHOOSERS: dict[tuple[type[Part], str], Chooser] = {
     (Target, "model"): Chooser("Gallery", _choose_model),
+    (Target, "scale"): Chooser("Units", choose_unit),
     (Tle, ""): Chooser("Element sets", _choose_elements),
     (Lidar, "preset"): Chooser("Cameras", _choose_camera),
     (Lambertian, ""): Chooser("Catalogue", _choose_material),

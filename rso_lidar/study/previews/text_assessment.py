@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from rso_lidar.errors import RsoLidarError, ScenarioError, suppress_warnings
+from rso_lidar.errors import RsoLidarError, ScenarioError, collect_warnings, suppress_warnings
 from rso_lidar.files.root_folder import Folder
 from rso_lidar.part.toml_text import parse_toml
 from rso_lidar.scenario import Scenario
@@ -121,11 +121,28 @@ def _read(path: Path) -> str:
 
 def describe(scenario: Scenario) -> str:
     """Return the description of a scenario with its warnings, as `rso-lidar check` prints it; it takes seconds."""
-    with suppress_warnings():
+    try:
+        return scenario.describe()
+    except RsoLidarError as error:
+        return str(error)
+
+
+def list_warnings(made: Assessment, folder: Folder, title: str) -> list[str]:
+    """List the warnings that `rso-lidar check` prints of a text that may be flown, by `Scenario.advice`.
+
+    It takes seconds. The scenario is read again, because some warnings are given where files are read.
+
+    Parameters
+    ----------
+    made : assessment of the text, with a scenario and without a refusal.
+    folder, title : as in `assess`.
+    """
+    with collect_warnings() as lines:
         try:
-            return scenario.describe()
+            lines += Scenario.loads(made.text, folder=folder.path, where=title).advice()
         except RsoLidarError as error:
-            return str(error)
+            lines.append(str(error))
+    return list(dict.fromkeys(lines))
 
 
 def check_file(name: str, folder: Folder, where: str) -> Path:
