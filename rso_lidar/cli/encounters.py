@@ -98,7 +98,11 @@ def encounters(
     ] = "long_range_1064",
     target_size: Annotated[
         str | None,
-        typer.Option("--target-size", metavar="LENGTH", help="Side of the plate that is looked at (1m, assumed)."),
+        typer.Option(
+            "--target-size",
+            metavar="LENGTH",
+            help="Side of the plate that is looked at, and of --scenario's target (1m, assumed).",
+        ),
     ] = None,
     reflectance: Annotated[
         float | None, typer.Option("--reflectance", help="Lambertian reflectance of the plate (0.3, assumed).")
@@ -202,7 +206,6 @@ def encounters(
             plate=plate,
             finding=finding,
         )
-    text = scenario_text(table, scenario) if scenario is not None and (table.rows or scenario < 1) else None
     _print_table(table)
     if csv is not None:
         echo(f"{table.csv(csv, overwrite=overwrite)}")
@@ -210,8 +213,9 @@ def encounters(
         echo(f"{_draw(table, plot, scheme)}")
     elif plot is not None:
         echo("no picture written: no encounter to draw", err=True)
-    if text is not None and output is not None:
-        echo(f"{write_text(output, text, overwrite=overwrite)}")
+    # Last: a row without a scenario, such as docked craft, costs neither the table nor the files above.
+    if scenario is not None and output is not None and (table.rows or scenario < 1):
+        echo(f"{write_text(output, scenario_text(table, scenario), overwrite=overwrite)}")
     elif scenario is not None:
         echo("no scenario written")
 

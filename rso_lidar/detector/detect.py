@@ -168,13 +168,9 @@ def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> Non
 
     Parameters
     ----------
-    detector : the detector.
+    detector : the detector; `ScenarioError` where its axis of time is too long.
     pulse_fwhm_s : length of the laser's pulse [s].
     n_pixels : pixels of the array.
-
-    Raises
-    ------
-    ScenarioError : where the axis of time is too long.
     """
     _call(detector, "check_size", pulse_fwhm_s, n_pixels)
 
@@ -201,8 +197,7 @@ def advise(detector: AnyDetector, pulse_fwhm_s: float) -> list[str]:
     detector : the detector.
     pulse_fwhm_s : length of the laser's pulse [s].
     """
-    lines: list[str] = _call(detector, "advise", pulse_fwhm_s, default=[], check=check_lines)
-    return lines
+    return list(_call(detector, "advise", pulse_fwhm_s, default=[], check=check_lines))
 
 
 def describe_storage(detector: AnyDetector) -> list[str]:
@@ -212,8 +207,7 @@ def describe_storage(detector: AnyDetector) -> list[str]:
     ----------
     detector : the detector.
     """
-    lines: list[str] = _call(detector, "describe_storage", default=[], check=check_lines)
-    return lines
+    return list(_call(detector, "describe_storage", default=[], check=check_lines))
 
 
 def describe_window(detector: AnyDetector) -> str:
@@ -235,8 +229,7 @@ def list_neglected_effects(detector: AnyDetector) -> list[str]:
     ----------
     detector : the detector.
     """
-    effects: list[str] = _call(detector, "list_neglected_effects", default=[], check=check_lines)
-    return effects
+    return list(_call(detector, "list_neglected_effects", default=[], check=check_lines))
 
 
 def false_alarm_probability(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:

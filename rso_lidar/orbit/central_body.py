@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.records import BodyState
 
@@ -41,6 +42,33 @@ class CentralBody:
 # Dermott, Solar System Dynamics, sec. 3.13). At twice that, no orbit is bound.
 EARTH = CentralBody("the Earth", units.EARTH_GM_M3_S2, units.EARTH_RADIUS_M, units.EARTH_J2, 3.0e9)
 MOON = CentralBody("the Moon", units.MOON_GM_M3_S2, units.MOON_RADIUS_M, units.MOON_J2, 1.2e8)
+
+
+def check_trajectory(trajectory: Any, name: str) -> None:
+    """Check that an object answers `states`; a motion relative to another body does not.
+
+    Parameters
+    ----------
+    trajectory : the object
+    name : name of the argument, for the message
+
+    Raises
+    ------
+    ScenarioError
+        if it does not
+    """
+    if callable(getattr(trajectory, "states", None)):
+        return
+    kind, chief = type(trajectory).__name__, getattr(trajectory, "relative_to", None)
+    if isinstance(chief, str):
+        raise ScenarioError(
+            f"{name}: {kind} is relative to '{chief}' and has no states alone: give "
+            "types.SimpleNamespace(states=lambda at: rl.truth(scenario, at).states['follower'])"
+        )
+    raise ScenarioError(
+        f"{name}: {kind} has no method states: give a motion about the Earth such as Tle or Kepler, an Ephemeris, or "
+        "for an element set SetSequence((elements,))"
+    )
 
 
 def find_center(trajectory: Any) -> CentralBody:

@@ -10,6 +10,7 @@ import rso_lidar as rl
 from rso_lidar.cli import encounters as command
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.shipped import shipped
+from tests.orbit.sets.sets_for_tests import with_checksum
 
 FLYBY = str(shipped("tle/flyby.tle"))
 ASKED = ["--follower", "99003", "--within", "20km", "--start", "2024-09-17T11:00:00Z", "--days", "0.125"]
@@ -31,6 +32,31 @@ def test_table_csv_plot_and_scenario(call, tmp_path):
     with pytest.raises(RsoLidarError, match=r"a\.csv: exists already"):
         call(FLYBY, *ASKED, "--csv", places[0])
     call(FLYBY, *ASKED, "--csv", places[0], "--overwrite")
+
+
+def test_docked_craft_cost_the_scenario_alone(call, tmp_path):
+    text = Path(FLYBY).read_text(encoding="utf-8")
+    lines = text.strip().split("\n")[-2:]
+    twin = [with_checksum(line.replace(" 99003", " 99004", 1)) for line in lines]
+    both = tmp_path / "both.tle"
+    both.write_text("\n".join(["FOLLOWER", *lines, "TWIN", *twin]) + "\n", encoding="utf-8")
+    with pytest.raises(RsoLidarError, match=r"^scenario 1: TWIN .*docked or one object.*; give another row$") as caught:
+        call(both, *ASKED, "--csv", tmp_path / "a.csv", "--scenario", 1, "-o", tmp_path / "a.toml")
+    assert "\n" not in str(caught.value)
+    assert sorted(place.name for place in tmp_path.iterdir()) == ["a.csv", "both.tle"]
+    with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["docked"] == "the catalogue gives both the same elements"
+
+
+def test_the_plate_that_was_asked_for_is_the_target_of_the_scenario(call, tmp_path):
+    place = tmp_path / "a.toml"
+    call(FLYBY, *ASKED, "--target-size", "3.5m", "--reflectance", 0.1, "--scenario", 1, "-o", place)
+    target = rl.Scenario.load(place).target[0]
+    assert (target.size_m, target.material.reflectance) == (3.5, 0.1)
+    call(FLYBY, *ASKED, "--scenario", 1, "-o", place, "--overwrite")
+    target = rl.Scenario.load(place).target[0]
+    assert (target.size_m, target.material) == (None, None)
 
 
 def test_nothing_found_is_no_error(call, tmp_path):

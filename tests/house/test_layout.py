@@ -54,6 +54,7 @@ SPANNING = {
     "test_learning_examples.py",
     "test_names.py",
     "test_seams.py",
+    "test_tolerances.py",
     "track/pose/test_hinges.py",
 }
 

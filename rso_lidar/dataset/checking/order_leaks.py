@@ -18,7 +18,7 @@ _BLOCKS = (2, 4, 8, 16, 32, 64, 128)
 _LEAST_IN_CELL = 4  # samples for each value of a rule, on average; fewer find no rule
 
 
-class _Trial(NamedTuple):
+class _RuleTest(NamedTuple):
     """A rule that was tried: what it is, its hits among the samples that it was not found with, and their number."""
 
     rule: str
@@ -59,7 +59,7 @@ def find_order_leaks(orders: Mapping[str, np.ndarray], group: np.ndarray) -> lis
     return lines
 
 
-def _try_rules(order: np.ndarray, group: np.ndarray) -> Iterator[_Trial]:
+def _try_rules(order: np.ndarray, group: np.ndarray) -> Iterator[_RuleTest]:
     """Yield the trials of all rules on one order.
 
     Parameters
@@ -84,7 +84,7 @@ def _try_rules(order: np.ndarray, group: np.ndarray) -> Iterator[_Trial]:
         yield _try_rule("the class of the sample before it", before, after, is_found_with[:pairs])
 
 
-def _try_rule(rule: str, cell: np.ndarray, group: np.ndarray, is_found_with: np.ndarray) -> _Trial:
+def _try_rule(rule: str, cell: np.ndarray, group: np.ndarray, is_found_with: np.ndarray) -> _RuleTest:
     """Find the most frequent class of each cell with some samples, and count how often it is right for the others.
 
     Parameters
@@ -97,4 +97,4 @@ def _try_rule(rule: str, cell: np.ndarray, group: np.ndarray, is_found_with: np.
     known = np.bincount(cell[is_found_with] * classes + group[is_found_with], minlength=(int(cell.max()) + 1) * classes)
     predicted = known.reshape(-1, classes).argmax(axis=1)
     others = ~is_found_with
-    return _Trial(rule, int((predicted[cell[others]] == group[others]).sum()), int(others.sum()))
+    return _RuleTest(rule, int((predicted[cell[others]] == group[others]).sum()), int(others.sum()))

@@ -14,7 +14,7 @@ from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.reading.random_access import SPEC_FILE, Dataset
 from rso_lidar.dataset.scoring.ground_truth import COLUMNS, MIN_LIT_PIXELS, FrameTruth
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface
-from rso_lidar.dataset.scoring.prediction_file import PIXELS, Extent
+from rso_lidar.dataset.scoring.prediction_file import PIXELS, PredictionLimits
 from rso_lidar.dataset.scoring.prediction_table import Predictions, check_predictions, load_predictions, match_frames
 from rso_lidar.dataset.scoring.scorecard import CONFIDENCE, REPLICATES, Benchmark, Scorecard, score_run
 from rso_lidar.errors import DatasetError, RsoLidarError, warn
@@ -102,7 +102,7 @@ def _take_predictions(given: PredictionSource, number: int, dataset: Dataset) ->
     """
     if isinstance(given, Mapping):
         return check_predictions(given, dataset.classes, f"predictions {number + 1}")
-    found = load_predictions(Path(given), dataset.classes, _find_extent(dataset))
+    found = load_predictions(Path(given), dataset.classes, _find_limits(dataset))
     known = dataset.constants.sha256
     stated = found.dataset.strip().lower()
     if stated and (len(stated) < _LEAST_HASH or not known.startswith(stated)):
@@ -112,12 +112,12 @@ def _take_predictions(given: PredictionSource, number: int, dataset: Dataset) ->
     return found
 
 
-def _find_extent(dataset: Dataset) -> Extent:
+def _find_limits(dataset: Dataset) -> PredictionLimits:
     """Return the most that a file of predictions for a dataset holds: each frame once, and its images of 64 bits."""
     frames = dataset.split(dataset.splits[0])
     images = frames.read([0], [name for name in PIXELS if name in frames.names])
     row_bytes = _ROW_BYTES + _CLASS_BYTES * len(dataset.classes) + sum(8 * image.size for image in images.values())
-    return Extent.of(sum(record.frames for record in dataset.records), row_bytes)
+    return PredictionLimits.of(sum(record.frames for record in dataset.records), row_bytes)
 
 
 def _sample_surfaces(dataset: Dataset, truth: FrameTruth) -> dict[int, ModelSurface]:

@@ -25,28 +25,28 @@ _SPARE_BYTES = 2**22  # beside the columns that are known, such as columns that 
 _MOST_BYTES = 2**38
 
 
-class Extent(NamedTuple):
+class PredictionLimits(NamedTuple):
     """The most that predictions for a dataset hold: rows, and bytes of memory for all columns that are read at once."""
 
     rows: int
     size_bytes: int
 
     @staticmethod
-    def of(rows: int, row_bytes: int) -> Extent:
-        """Return the extent of predictions for some frames.
+    def of(rows: int, row_bytes: int) -> PredictionLimits:
+        """Return the limits of predictions for some frames.
 
         Parameters
         ----------
         rows : number of frames.
         row_bytes : of all columns of a frame [byte].
         """
-        return Extent(rows, min(rows * row_bytes + _SPARE_BYTES, _MOST_MEMORY_BYTES))
+        return PredictionLimits(rows, min(rows * row_bytes + _SPARE_BYTES, _MOST_MEMORY_BYTES))
 
 
-_ANY_EXTENT = Extent(2**40, _MOST_MEMORY_BYTES)
+_WIDEST_LIMITS = PredictionLimits(2**40, _MOST_MEMORY_BYTES)
 
 
-def read_columns(path: Path, most: Extent = _ANY_EXTENT) -> tuple[dict[str, Any], str]:
+def read_columns(path: Path, most: PredictionLimits = _WIDEST_LIMITS) -> tuple[dict[str, Any], str]:
     """Read the columns of a file of predictions.
 
     Parameters
@@ -87,7 +87,7 @@ def read_columns(path: Path, most: Extent = _ANY_EXTENT) -> tuple[dict[str, Any]
     return columns, identity
 
 
-def _read_csv(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
+def _read_csv(path: Path, most: PredictionLimits) -> tuple[dict[str, Any], str]:
     """Read a CSV file; lines that start with # are comments, one of which may state the dataset."""
     lines = read_text(path, most.size_bytes, DatasetError, "file of predictions for this dataset").splitlines(
         keepends=True
@@ -116,7 +116,7 @@ def _read_csv(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
     return {name: np.array(column, dtype=str) for name, column in zip(names, cells, strict=True)}, identity
 
 
-def _read_parquet(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
+def _read_parquet(path: Path, most: PredictionLimits) -> tuple[dict[str, Any], str]:
     """Read a Parquet file, whose metadata may state the dataset."""
     try:
         import pyarrow
@@ -135,13 +135,13 @@ def _read_parquet(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
     return columns, identity.decode("utf-8", "replace")
 
 
-def _read_npz(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
+def _read_npz(path: Path, most: PredictionLimits) -> tuple[dict[str, Any], str]:
     """Read arrays that `numpy.savez` wrote."""
     columns: dict[str, Any] = dict(read_arrays(path, DatasetError, most_bytes=most.size_bytes))
     return columns, str(columns.pop(IDENTITY, ""))
 
 
-def _read_hdf5(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
+def _read_hdf5(path: Path, most: PredictionLimits) -> tuple[dict[str, Any], str]:
     """Read the datasets of an HDF5 file; arrays of pixels are kept open and read when they are scored."""
     import h5py
 
@@ -167,7 +167,7 @@ def _read_hdf5(path: Path, most: Extent) -> tuple[dict[str, Any], str]:
         ) from None
 
 
-def _check_parquet(path: Path, metadata: Any, most: Extent) -> None:
+def _check_parquet(path: Path, metadata: Any, most: PredictionLimits) -> None:
     """Check the rows of a Parquet file, and the values of each column, before they are decompressed.
 
     Parameters
@@ -185,7 +185,7 @@ def _check_parquet(path: Path, metadata: Any, most: Extent) -> None:
                 raise _make_size_error(path, column.path_in_schema, most)
 
 
-def _check_rows(path: Path, name: str, rows: int, most: Extent) -> None:
+def _check_rows(path: Path, name: str, rows: int, most: PredictionLimits) -> None:
     """Raise `DatasetError` if a column has more rows than the dataset has frames.
 
     Parameters
@@ -199,7 +199,7 @@ def _check_rows(path: Path, name: str, rows: int, most: Extent) -> None:
         )
 
 
-def _make_size_error(path: Path, name: str, most: Extent) -> DatasetError:
+def _make_size_error(path: Path, name: str, most: PredictionLimits) -> DatasetError:
     """Return the error for columns that are larger than predictions can be.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.dataset.scoring.prediction_file import PIXELS, Extent, read_columns
+from rso_lidar.dataset.scoring.prediction_file import PIXELS, PredictionLimits, read_columns
 from rso_lidar.errors import DatasetError, did_you_mean, warn
 
 KEYS = ("sample", "step", "draw")
@@ -39,7 +39,7 @@ class Predictions:
     dataset: str = ""
 
 
-def load_predictions(path: str | Path, classes: Sequence[str], most: Extent | None = None) -> Predictions:
+def load_predictions(path: str | Path, classes: Sequence[str], most: PredictionLimits | None = None) -> Predictions:
     """Load a file of predictions and check it.
 
     Parameters

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.central_body import EARTH, find_center
+from rso_lidar.orbit.central_body import EARTH, check_trajectory, find_center
 from rso_lidar.orbit.earth.ground import GroundStation
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.eclipse import shadow_margins_rad
@@ -80,9 +80,10 @@ def find_access(
     Raises
     ------
     ScenarioError
-        if a limit makes no sense, or a body orbits about the Moon
+        if a limit makes no sense, or a body orbits about the Moon or has no states alone
     """
     for name, body in (("observer", observer), ("target", target)):
+        check_trajectory(body, name)
         if find_center(body) is not EARTH:
             raise ScenarioError(
                 f"{name}: orbits about {find_center(body).name}, and access counts the Earth alone as what hides it: give a "

@@ -9,6 +9,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.central_body import check_trajectory
 from rso_lidar.orbit.earth.axes import convert_states
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
@@ -110,6 +111,7 @@ class GroundStation:
         -------
         LookAngles
         """
+        check_trajectory(trajectory, "trajectory")
         flown = convert_states(trajectory.states(epochs), epochs, to_axes="itrs", orientation=self.orientation)
         line_m = flown.position_m - itrs_from_geodetic(self.place)
         east, north, up = rotate_vectors(itrs_from_horizon(self.place).T, line_m).T
@@ -158,4 +160,5 @@ def find_ground_track(trajectory: Trajectory, epochs: Epochs, orientation: Earth
     >>> (track.latitude_rad / units.DEG).round(1), (track.height_m / units.KM).round(0)  # 400 km above the equator's radius
     (array([51.7]), array([413.]))
     """
+    check_trajectory(trajectory, "trajectory")
     return geodetic_from_itrs(rotate_vectors(itrs_from_gcrs(epochs, orientation), trajectory.states(epochs).position_m))

@@ -47,10 +47,9 @@ from rso_lidar.orbit.screening.close_approach import (
 )
 from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
 from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds
-from rso_lidar.orbit.screening.scheduled_fleet import STEP_S, ScheduledFleet, ScreenedObject
+from rso_lidar.orbit.screening.scheduled_fleet import STEP_S, ScheduledFleet, ScreenedObject, check_object
 from rso_lidar.orbit.screening.trajectory_piece import BRIEF_S, CUT
 from rso_lidar.orbit.sets.fleet import Fleet
-from rso_lidar.orbit.sets.teme import describe_error
 
 _MOST_STATES = 400_000  # propagated at a time: some 50 MB
 _SPEED_OFF_M_S = 5.0
@@ -106,6 +105,7 @@ def screen(
     PropagationError
         if SGP4 has no state of the follower, or its trajectory has none in the whole span
     """
+    check_object(follower, "follower")
     lead, flights = (ScheduledFleet(some, start_utc, duration_s, step_s) for some in ([follower], objects))
     if not len(lead.fleet):
         raise PropagationError(f"follower {lead.gaps[0][0]}: {lead.gaps[0][1]}; shift or shorten the span")
@@ -159,7 +159,8 @@ def _screen_one_set(
     if bad.any():
         at = int(np.argmax(bad))
         instant, what = format_utc(lead.start_utc, float(instants[at])), int(error[0, at])
-        why = f": {describe_error(what)}; take an element set nearer to the span, or" if what > 0 else "; take"
+        reason = lead.fleet.describe_loss(one, float(instants[at]), what)[1]
+        why = f": {reason}; take an element set nearer to the span, or" if what > 0 else "; take"
         raise PropagationError(
             f"follower {lead.fleet.sets[one].label}: {'SGP4 ' * (what > 0)}has no state at {instant}{why} a shorter span",
             bad,

@@ -9,6 +9,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.orbit.central_body import check_trajectory
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
 from rso_lidar.orbit.screening.trajectory_piece import SWITCH_S, find_pieces
@@ -71,6 +72,7 @@ class ScheduledFleet:
                 sets += pieces
                 spans += [(piece.from_s, piece.to_s) for piece in pieces]
             else:
+                check_object(entry, f"object {number + 1}")
                 flown = [(-np.inf, entry)] if isinstance(entry, ElementSet) else _schedule(entry, start, duration_s)
                 begins_s = [begin_s for begin_s, _ in flown]
                 sets += [elements for _, elements in flown]
@@ -167,6 +169,13 @@ class ScheduledFleet:
         """Return the time from the epoch of each set to the start [s]; NaN for a piece of a trajectory."""
         epochs = [getattr(self.fleet.sets[k], "epoch_utc", None) for k in numbers]
         return np.array([np.nan if at is None else (self.start_utc - at).total_seconds() for at in epochs])
+
+
+def check_object(entry: Any, name: str) -> None:
+    """Check that an object is an element set, several of them, or a trajectory."""
+    several = [entry] if isinstance(entry, ElementSet) else entry
+    if not isinstance(several, Sequence) or not all(isinstance(elements, ElementSet) for elements in several):
+        check_trajectory(entry, name)
 
 
 def _schedule(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> list[tuple[float, ElementSet]]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError, suppress_warnings
-from rso_lidar.orbit.central_body import EARTH, find_center
+from rso_lidar.orbit.central_body import EARTH, check_trajectory, find_center
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.orbit.trajectory import Trajectory, find_breaks_s
@@ -54,6 +54,9 @@ class NamedTrajectory:
     norad_id: int = 0
     source: str = ""
     name_in_source: str = ""
+
+    def __post_init__(self) -> None:
+        check_trajectory(self.trajectory, self.name)
 
     @property
     def label(self) -> str:

@@ -54,12 +54,12 @@ _ONLY = {
     "TIME_SYSTEM": ("UTC",),
     "MEAN_ELEMENT_THEORY": ("SGP4", "SGP/SGP4", "SGP4/SDP4", "SDP4"),
 }
-KNOWN = frozenset(KEYS) | frozenset(_ONLY)
+KNOWN = frozenset(KEYS) | frozenset(_ONLY) | {"BTERM"}  # the last is the ballistic term of SGP4-XP
 # Limits of mean motion about the Earth by Kepler's third law, with a margin: 0.0047 rev/day on its Hill sphere (1.5 million
 # km), 17.04 rev/day at its equatorial radius.
 SLOWEST_REV_DAY, FASTEST_REV_DAY = 0.004, 18.0
 SGP4_XP = 4  # ephemeris type of another theory; SGP4 would propagate such a set with errors of kilometres
-
+_MOST_WRONG = 4  # faults of a record that a message lists
 _EPOCH = re.compile(
     r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))[T ](\d\d):(\d\d):(\d\d)(?:\.(\d*))?(Z|[+-]00:?00)?", re.ASCII | re.IGNORECASE
 )
@@ -270,12 +270,18 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
             return 0
         return int(value)
 
-    missing = [key for key in REQUIRED if text(key) == ""]
-    if missing:
-        wrong.append(f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing")
     for key, allowed in _ONLY.items():
         if key in fields and text(key) and text(key).upper() not in allowed:
             wrong.append(f"{key} is {quote(fields[key])}, which SGP4 cannot propagate: it needs {allowed[0]}")
+    is_foreign = any(what.startswith("MEAN_ELEMENT_THEORY") for what in wrong)
+    has_type = text("EPHEMERIS_TYPE") == str(SGP4_XP)
+    if not is_foreign and (has_type or (text("BTERM") and not text("BSTAR"))):
+        is_foreign = True
+        sign = f"ephemeris type {SGP4_XP}" if has_type else "BTERM in place of BSTAR"
+        wrong.append(f"is for SGP4-XP ({sign}), another theory than SGP4")
+    missing = [key for key in REQUIRED if text(key) == "" and not (key == "BSTAR" and is_foreign)]
+    if missing:
+        wrong.append(f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing")
     epoch, rest_ns = NO_EPOCH, 0.0
     if text("EPOCH"):
         try:
@@ -306,8 +312,9 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
     if not wrong and (out := explain_impossible(found)):
         wrong.append(out)
     if wrong:
-        more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
-        message = f"{where}: {wrong[0]}{more}: correct the record, or fetch it again"
+        more = f" (and {len(wrong) - _MOST_WRONG} more)" if len(wrong) > _MOST_WRONG else ""
+        cure = "fetch elements of SGP4" if is_foreign else "correct the record, or fetch it again"
+        message = f"{where}: {'; '.join(wrong[:_MOST_WRONG])}{more}: {cure}"
         found = ElementSet(**{**found.__dict__, "problem": message})
     return found
 

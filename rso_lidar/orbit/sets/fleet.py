@@ -13,8 +13,9 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs, format_utc
+from rso_lidar.orbit.sets.decay import DecayTimes
 from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.teme import MOST_AGE_S, TOO_OLD, describe_error, find_failures
+from rso_lidar.orbit.sets.teme import MOST_AGE_S, TOO_OLD, describe_decay, describe_error, find_failures
 
 
 class Fleet:
@@ -30,6 +31,7 @@ class Fleet:
         self.sets = tuple(sets)
         self.start_utc = start_utc
         self._models = [entry.satrec() for entry in self.sets]
+        self._decays = DecayTimes(self.sets, self._models, MOST_AGE_S)
         epochs = [entry.epoch_utc for entry in self.sets]
         # SGP4 subtracts dates, so each set keeps the leap seconds of its epoch. They change only at half years.
         start = Epochs(start_utc, np.zeros(1))
@@ -54,7 +56,7 @@ class Fleet:
         Returns
         -------
         position_m, velocity_m_s : (set, time, 3) in TEME axes [m], [m/s]; NaN where there is no state
-        error : (set, time) SGP4's codes, `TOO_OLD` beyond `MOST_YEARS` from the epoch
+        error : (set, time) SGP4's codes, beyond a decay that of the decay, `TOO_OLD` beyond `MOST_YEARS` from the epoch
         """
         from sgp4.api import SatrecArray
 
@@ -68,7 +70,9 @@ class Fleet:
             error[rows], position[rows], velocity[rows] = SatrecArray([self._models[k] for k in which[rows]]).sgp4(
                 *dates
             )
-        error[np.abs(self._since_epoch_s[which][:, None] + time_s) > MOST_AGE_S] = TOO_OLD
+        since_s = self._since_epoch_s[which]
+        self._decays.mark(error, which, since_s, time_s)
+        error[np.abs(since_s[:, None] + time_s) > MOST_AGE_S] = TOO_OLD
         return *_mask_failures(position, velocity, error), error
 
     def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -96,7 +100,9 @@ class Fleet:
                 rows = mine[begin:end]
                 model = self._models[which[rows[0]]]
                 error[rows], position[rows], velocity[rows] = model.sgp4_array(whole[begin:end], fraction[begin:end])
-        error[np.abs(self._since_epoch_s[which] + time_s) > MOST_AGE_S] = TOO_OLD
+        since_s = self._since_epoch_s[which] + time_s
+        self._decays.mark(error[:, None], which, since_s, np.zeros(1))
+        error[np.abs(since_s) > MOST_AGE_S] = TOO_OLD
         return _mask_failures(position, velocity, error)
 
     def find_measured_bounds(self, which: np.ndarray) -> np.ndarray | None:
@@ -122,11 +128,10 @@ class Fleet:
         its label, and the reason with its instant
         """
         elements = self.sets[which]
-        return (
-            elements.label,
-            f"{describe_error(error)}, by {format_utc(self.start_utc, since_s)} (elements of "
-            f"{elements.epoch_utc:%Y-%m-%dT%H:%MZ})",
-        )
+        decay_s = self._decays.since_epoch_s(which, float(self._since_epoch_s[which]) + since_s)
+        when = describe_decay(elements, decay_s) if error != TOO_OLD else ""
+        when = when or f", by {format_utc(self.start_utc, since_s)}"
+        return elements.label, f"{describe_error(error)}{when} (elements of {elements.epoch_utc:%Y-%m-%dT%H:%MZ})"
 
     def _dates(self, time_s: np.ndarray, era: int) -> tuple[np.ndarray, np.ndarray]:
         return Epochs(self.start_utc, time_s).utc_julian(leap_seconds_at=self._eras[era])

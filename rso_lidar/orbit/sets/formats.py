@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import html
 import os
 import re
 from collections.abc import Iterable
@@ -15,6 +16,8 @@ from rso_lidar.orbit.sets.element_set import ElementSet, make_printable, quote
 from rso_lidar.orbit.sets.omm_text import Found, KvnCollector, is_csv, read_csv, read_json, read_xml
 from rso_lidar.orbit.sets.selection import select_object
 from rso_lidar.orbit.sets.tle_text import decode_text, identify_element_line, read_set
+
+_QUOTED_FROM, _MOST_QUOTED = 20_000, 120  # characters of a text without element sets: searched for words, and quoted
 
 
 def check_path(path: Any) -> str:
@@ -131,11 +134,28 @@ def parse_text(text: str, where: str) -> Found:
         if not found[0]:  # its beginning may be damaged
             found = _parse_from_middle(text, where) or found
     if not found[0]:
-        raise CatalogError(
-            f"{where}: does not contain a two-line element set or an OMM: element lines begin with '1 ' and '2 ', an OMM "
-            "has the keys of CCSDS 502.0"
-        )
+        raise _make_refusal(where, start)
     return found
+
+
+def _make_refusal(where: str, text: str) -> CatalogError:
+    """Make the error for a text without element sets. It quotes the text, which is often the answer of a server.
+
+    Of a page or message with markup, the words are quoted.
+    """
+    begin = text[:_QUOTED_FROM]
+    if begin.lstrip().startswith("<"):
+        words = re.sub(
+            r"<!--.*?(?:-->|\Z)|<(script|style)\b.*?(?:</\1\s*>|\Z)", " ", begin, flags=re.DOTALL | re.IGNORECASE
+        )
+        begin = html.unescape(re.sub(r"<[^>]*(?:>|\Z)", " ", words)).strip() or begin
+    quoted = " ".join(make_printable(begin).split())
+    if len(quoted) > _MOST_QUOTED:
+        quoted = f"{quoted[: _MOST_QUOTED - 3]}..."
+    what = f", but '{quoted}'" if quoted else ""
+    return CatalogError(
+        f"{where}: does not contain a two-line element set or an OMM{what}: fetch it again, or give another file"
+    )
 
 
 def _parse_from_middle(text: str, where: str) -> Found | None:
@@ -163,11 +183,10 @@ def parse_lines(lines: Iterable[str], where: str) -> list[ElementSet]:
     CatalogError
         if the text contains no element set
     """
+    lines = tuple(lines)
     sets, _ = read_lines(lines, where)
     if not sets:
-        raise CatalogError(
-            f"{where}: does not contain a two-line element set: its lines should begin with '1 ' and '2 '"
-        )
+        raise _make_refusal(where, "\n".join(lines))
     return sets
 
 

@@ -32,6 +32,7 @@ _UNITS = {
     "ARG_OF_PERICENTER": ("deg",),
     "MEAN_ANOMALY": ("deg",),
     "BSTAR": ("1/ER", "1/[Earth radii]"),
+    "BTERM": ("m**2/kg",),
     "MEAN_MOTION_DOT": ("rev/day**2",),
     "MEAN_MOTION_DDOT": ("rev/day**3",),
 }
@@ -57,7 +58,7 @@ def read_json(text: str, where: str) -> Found:
     sets, junk = [], []
     for k, record in enumerate(records, start=1):
         place = f"{where}: record {k}"
-        if isinstance(record, dict):
+        if isinstance(record, dict) and KNOWN.intersection(record):
             sets.append(_set_from_json(record, place))
         else:
             junk.append(f"{place}: is not an object with the keys of an OMM: remove it")
@@ -91,6 +92,9 @@ def _salvage_json(text: str, where: str) -> Found:
         place = f"{where}: line {line}"
         if between:
             junk.append(f"{place}: '{_shorten(between)}' before it is not JSON: remove it")
+        if not any(f'"{key}"' in found[0].upper() for key in KNOWN):
+            junk.append(f"{place}: '{_shorten(found[0])}' has no key of an OMM: remove it")
+            continue
         try:
             if not found[1]:
                 raise ValueError("no end")
@@ -149,7 +153,7 @@ def _check_header(place: str, header: list[str]) -> None:
     twice = next((name for name in header if name in KNOWN and header.count(name) > 1), None)
     if twice:
         raise CatalogError(f"{place}: column '{twice}{_TWICE}: remove one")
-    missing = [name for name in REQUIRED if name not in header]
+    missing = [name for name in REQUIRED if name not in header and not (name == "BSTAR" and "BTERM" in header)]
     if missing:
         raise CatalogError(f"{place}: column {', '.join(missing)} is missing: an OMM needs {', '.join(REQUIRED)}")
 

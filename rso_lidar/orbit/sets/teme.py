@@ -6,11 +6,14 @@ rotated, as in skyfield: the axes turn by 1e-11 rad/s.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, warn
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.epochs import Epochs, format_utc
+from rso_lidar.orbit.sets.decay import DecayTimes
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sky.axes_of_date import gcrs_from_axes_of_date
 from rso_lidar.pose import rotate_vectors
@@ -123,11 +126,33 @@ def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, erro
     first = int(np.argmax(bad))
     code = int(error[first])
     why = describe_error(code) + (f", SGP4 error {code}" if code in REASONS else "")
+    since_s = float(epochs.since(elements.epoch_utc)[first])
+    why += describe_decay(elements, find_decay_times(elements).since_epoch_s(0, since_s)) if code != TOO_OLD else ""
     return (
         f"{elements.kind} {elements.label}: SGP4 has no state at {int(bad.sum())} of {len(bad)} epochs, first at "
         f"time_s = {epochs.time_s[first]:g}: {why}: use epochs nearer to the elements' epoch "
         f"{elements.epoch_utc:%Y-%m-%dT%H:%MZ}, or take another set"
     )
+
+
+@functools.lru_cache(maxsize=256)
+def find_decay_times(elements: ElementSet) -> DecayTimes:
+    """Return when an element set decays, cached for the same set."""
+    return DecayTimes((elements,), (elements.satrec(),), MOST_AGE_S)
+
+
+def describe_decay(elements: ElementSet, decay_s: float) -> str:
+    """Describe when an element set decays, as the end of a clause; an empty text if it does not.
+
+    Parameters
+    ----------
+    elements : the element set
+    decay_s : when SGP4 first has no state [s since its epoch], negative before it, infinite if never
+    """
+    if not np.isfinite(decay_s):
+        return ""
+    instant = format_utc(elements.epoch_utc, decay_s)
+    return f", by {instant}" if decay_s >= 0.0 else f", and has no state before {instant}"
 
 
 def propagate_in_teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -141,12 +166,15 @@ def propagate_in_teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray,
     Returns
     -------
     position_m, velocity_m_s : (time, 3) [m], [m/s]
-    error : (time,) error codes, 0 for none
+    error : (time,) error codes, 0 for none; beyond a decay that of the decay (`DecayTimes`)
     """
     error, position_km, velocity_km_s = elements.satrec().sgp4_array(
         *epochs.utc_julian(leap_seconds_at=elements.epoch_utc)
     )
-    error = np.where(np.abs(epochs.since(elements.epoch_utc)) > MOST_AGE_S, TOO_OLD, error)
+    since_s = epochs.since(elements.epoch_utc)
+    error = error.astype(int)
+    find_decay_times(elements).mark(error[None], np.zeros(1, dtype=int), np.zeros(1), since_s)
+    error[np.abs(since_s) > MOST_AGE_S] = TOO_OLD
     return position_km * units.KM, velocity_km_s * units.KM, error
 
 

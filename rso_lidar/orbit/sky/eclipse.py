@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.central_body import find_center, find_center_states
+from rso_lidar.orbit.central_body import check_trajectory, find_center, find_center_states
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.event_search import find_spans_below
 from rso_lidar.orbit.sky.geometry import angle_rad
@@ -126,6 +126,7 @@ def find_eclipses(trajectory: Trajectory, epochs: Epochs) -> list[Eclipse]:
     -------
     list of Eclipse, in order of time
     """
+    check_trajectory(trajectory, "trajectory")
     start_s, end_s = float(epochs.time_s.min()), float(epochs.time_s.max())
 
     def margin(which: int) -> Callable[[np.ndarray], np.ndarray]:

@@ -97,8 +97,8 @@ class DispersedMission:
         for word, column, about in rows:
             share, low, high = self.probability(column)
             lines.append(f"  P({word}) {share:.4g}  (95 %: {low:.4g} to {high:.4g}; {about})")
-        shares = (float(np.mean(self.table[column])) for column in ("held_fraction", "whole_held_fraction"))
-        lines.append("  in the field      origin {:.1%}, whole body {:.1%} of the samples".format(*shares))
+        origin, whole = (float(np.mean(self.table[column])) for column in ("held_fraction", "whole_held_fraction"))
+        lines.append(f"  in the field      origin {origin:.1%}, whole body {whole:.1%} of the samples")
         lines.append(f"  P(detected by the end) {last['detected_probability']:.4g}")
         nearest = np.percentile(self.table["nearest_m"], PERCENTILES)
         lines.append("  nearest approach  " + " / ".join(f"{one:,.1f}" for one in nearest) + " m (2.5, 50, 97.5 %)")

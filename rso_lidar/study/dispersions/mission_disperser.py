@@ -140,7 +140,8 @@ class MissionDisperser:
         if self.pointing == "target":
             return position_m
         if paths.knowledge is not None:
-            return position_m + paths.knowledge.error_m
+            known: np.ndarray = position_m + paths.knowledge.error_m
+            return known
         assert isinstance(navigation, NavigationErrors)
         fixes = [
             np.random.Generator(np.random.Philox(np.random.SeedSequence(self.scenario.seed, spawn_key=(_FIXES, run))))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import add_place
+from rso_lidar.errors import add_place, suppress_warnings
 from rso_lidar.motion.truth import Chief
 from rso_lidar.orbit import Catalog, Epochs
 from rso_lidar.orbit.sets.selection import select_object
@@ -34,8 +34,10 @@ def resolve_element_sets(scenario: Scenario, target: str) -> Dispersion:
         changes |= _resolve(dispersion, scenario, target, "dispersion.start")
     if dispersion.target is not None and dispersion.target.start is not None:
         found = _resolve(dispersion.target, scenario, target, "dispersion.target.start")
-        changes["target"] = dispersion.target.replace(**found)
-    return dispersion.replace(**changes) if changes else dispersion
+        with suppress_warnings():  # about units: these numbers are computed
+            changes["target"] = dispersion.target.replace(**found)
+    with suppress_warnings():
+        return dispersion.replace(**changes) if changes else dispersion
 
 
 def _resolve(errors: StateErrors, scenario: Scenario, target: str, place: str) -> dict[str, object]:

@@ -75,6 +75,7 @@ def scenario_text(table: Encounters, number: int) -> str:
         "[[target]]",
         f"name     = {write_value(name)}",
         f"model    = {write_value(model)}   # {why}: size and material are as uncertain; put your own here",
+        *_write_size(table),
         f"motion   = {write_motion(row.elements, row.states[1], row.closest_at(table.start_utc))}",
         'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
         "",
@@ -91,6 +92,25 @@ def scenario_text(table: Encounters, number: int) -> str:
         *_write_constraints(table, name),
     ]
     return "\n".join(lines)
+
+
+def _write_size(table: Encounters) -> list[str]:
+    """Write the size and material of the plate that the search was asked for; nothing where they were assumed."""
+    plate = None if table.light is None else table.light.plate
+    if plate is None:
+        return []
+    return [
+        *(
+            []
+            if plate.side_m is None
+            else [f"size_m   = {plate.side_m:g}   # longest side, that of the plate of the search"]
+        ),
+        *(
+            []
+            if plate.reflectance is None
+            else [f'material = {{ type = "lambertian", reflectance = {plate.reflectance:g} }}   # of that plate']
+        ),
+    ]
 
 
 def _check_separate(table: Encounters, number: int) -> None:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.dataset.scoring.prediction_file import Extent, read_columns
+from rso_lidar.dataset.scoring.prediction_file import PredictionLimits, read_columns
 from rso_lidar.errors import DatasetError
 
-MOST = Extent.of(rows=30, row_bytes=4096)  # 4 MiB with what is spare
+MOST = PredictionLimits.of(rows=30, row_bytes=4096)  # 4 MiB with what is spare
 KEYS = {name: np.arange(3) for name in ("sample", "step", "draw")}
 
 

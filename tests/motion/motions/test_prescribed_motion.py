@@ -101,8 +101,8 @@ def test_outside_the_span(tmp_path):
         (f"{HEADER}\n0,0,0,0\n\n1,0,zero,0\n", "line 4: y_m 'zero' is not a number"),
         (f"{HEADER}\n0,0,0,0\n1,0,nan,0\n", "line 3: y_m is nan: give a finite number"),
         (f"{HEADER}\n0,0,0,0\n1,0,0\n", "line 3: has 3 cells, the header 4"),
-        (f"{HEADER}\n0,0,0,0\n2,0,0,0\n1,0,0,0\n", "line 4: its epoch is not 1 ns or more after"),
-        (f"{HEADER}\n0,0,0,0\n0,0,0,0\n", "line 3: its epoch is not 1 ns or more after"),
+        (f"{HEADER}\n0,0,0,0\n2,0,0,0\n1,0,0,0\n", "line 4: its epoch is before that of the row before: sort the rows"),
+        (f"{HEADER}\n0,0,0,0\n0,0,0,0\n", "line 3: its epoch occurs twice, in the row before, too"),
         (f"{HEADER},qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,2\n", "line 3: the quaternion's norm is 2, not 1"),
     ],
 )

@@ -169,8 +169,8 @@ def test_a_spoilt_beginning_spoils_no_record(form):
 def test_texts_that_are_no_catalogue_are_one_line():
     cases = {
         "": "is empty",
-        "[]": "does not contain a two-line element set",
-        "{}": None,
+        "[]": r"does not contain a two-line element set or an OMM, but '\[\]': fetch it again",
+        "{}": "OMM, but '{}'",
         "[[[": "does not contain a two-line",
         "[" * 100_000 + '"': "does not contain a two-line",
         '<!DOCTYPE x [<!ENTITY a "b">]><omm>&a;</omm>': "declares a DOCTYPE",
@@ -189,6 +189,41 @@ def test_texts_that_are_no_catalogue_are_one_line():
         with pytest.raises(CatalogError, match=message) as caught:
             Catalog.from_text(text)
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("answer", "quoted"),
+    [
+        ("No elements found for this query\n", "No elements found for this query"),
+        ('{"error": "blocked"}', '{"error": "blocked"}'),
+        ('{"error": {"code": 403, "reason": "no login"}}\n', '{"error": {"code": 403, "reason": "no login"}}'),
+        ('[{"message": "rate limit"}]', '[{"message": "rate limit"}]'),
+        ('{"error": "cut o', '{"error": "cut o'),
+        ("<?xml version='1.0'?><error>No data</error>", "No data"),
+        (
+            '<!DOCTYPE html>\n<html><style>a { "b": 1 }</style><script>x = {"@id": {"c": 1}}</script>'
+            "<title>403 Forbidden</title>\n<body>Ask &amp; wait</body></html>",
+            "403 Forbidden Ask & wait",
+        ),
+        ("ab" * 500, "ab" * 58 + "a..."),
+        ("a \x1b[31m b", "a [31m b"),
+    ],
+)
+def test_the_refusal_quotes_the_answer_of_a_server(answer, quoted):
+    with pytest.raises(CatalogError) as caught:
+        Catalog.from_text(answer, "answer.tle")
+    begin = "answer.tle: does not contain a two-line element set or an OMM, but"
+    assert str(caught.value) == f"{begin} '{quoted}': fetch it again, or give another file"
+
+
+@pytest.mark.parametrize("form", ["json, numbers", "csv", "xml, namespace", "kvn"])
+def test_sets_of_sgp4_xp_are_left_out_because_of_their_theory(form):
+    text = FORMATS[form]()
+    assert "BSTAR" in text
+    (problem,) = Catalog.from_text(text.replace("BSTAR", "BTERM")).problems
+    assert problem.endswith(
+        ": is for SGP4-XP (BTERM in place of BSTAR), another theory than SGP4: fetch elements of SGP4"
+    )
 
 
 def test_the_same_set_twice_is_kept_once(tmp_path):

@@ -132,7 +132,22 @@ def test_epochs_that_are_none(text, why):
         ({"EPOCH": "yesterday"}, "EPOCH 'yesterday' is not a UTC instant"),
         ({"REF_FRAME": "ICRF"}, "REF_FRAME is 'ICRF', which SGP4 cannot propagate: it needs TEME"),
         ({"MEAN_ELEMENT_THEORY": "DSST"}, "which SGP4 cannot propagate"),
-        ({"EPHEMERIS_TYPE": 4}, "SGP4-XP"),
+        (
+            {"EPHEMERIS_TYPE": 4},
+            "record 7: is for SGP4-XP (ephemeris type 4), another theory than SGP4: fetch elements",
+        ),
+        (
+            {"MEAN_ELEMENT_THEORY": "SGP4-XP", "BSTAR": None, "BTERM": 0.02, "EPHEMERIS_TYPE": 4},
+            "record 7: MEAN_ELEMENT_THEORY is 'SGP4-XP', which SGP4 cannot propagate: it needs SGP4: fetch elements of SGP4",
+        ),
+        (
+            {"BSTAR": None, "MEAN_MOTION": "x", "INCLINATION": "y"},
+            "BSTAR is missing; MEAN_MOTION 'x' is not a number; INCLINATION 'y' is not a number: correct the record",
+        ),
+        (
+            dict.fromkeys(("MEAN_MOTION", "ECCENTRICITY", "INCLINATION", "MEAN_ANOMALY", "BSTAR"), "x"),
+            "INCLINATION 'x' is not a number; MEAN_ANOMALY 'x' is not a number (and 1 more): correct the record",
+        ),
     ],
 )
 def test_what_is_no_element_set_says_so(change, message):

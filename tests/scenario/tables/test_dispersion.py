@@ -35,4 +35,5 @@ def test_what_missions_have_is_not_asked_about():
         Dispersion(position_sigma_m=(0.01, 0.01, 0.01), velocity_sigma_m_s=(1e-5, 1e-5, 1e-5))  # not a covariance
         Dispersion(position_sigma_m=(1e4, 1e5, 1e3), velocity_sigma_m_s=(10.0, 1.0, 0.0))
         Dispersion(covariance=METRES.tolist())
-        Dispersion(covariance=np.diag([1e-4, 0, 0, 0, 0, 0]).tolist())  # velocity known
+        known = Dispersion(covariance=np.diag([1e-4, 0, 0, 0, 0, 0]).tolist())  # velocity known
+    assert known.start_covariance[0, 0] == 1e-4

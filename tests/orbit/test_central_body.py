@@ -1,0 +1,71 @@
+"""What answers `states`, and what the functions of trajectories say of what does not."""
+
+import types
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit import (
+    Catalog,
+    Epochs,
+    GroundStation,
+    NamedTrajectory,
+    find_access,
+    find_eclipses,
+    find_ground_track,
+    screen,
+    screen_pairs,
+)
+from rso_lidar.rpo.relative.hill import Hill
+from tests.orbit.earth.earth_for_tests import LOW, START
+from tests.orbit.sets.sets_for_tests import TERRASAR
+
+SPAN = Epochs(START, np.array([0.0, 600.0]))
+HILL = Hill(relative_to="chief", position_m=(0.0, -3000.0, 0.0), velocity_m_s=(0.0, 0.0, 0.0))
+STATION = GroundStation(latitude_deg=10.0, longitude_deg=20.0)
+ASK = {
+    "observer": lambda motion: find_access(motion, LOW, SPAN),
+    "target": lambda motion: find_access(STATION, motion, SPAN),
+    "trajectory": lambda motion: STATION.see(motion, SPAN),
+    "trajectory ": lambda motion: find_ground_track(motion, SPAN),
+    "trajectory  ": lambda motion: find_eclipses(motion, SPAN),
+    "follower": lambda motion: screen(motion, [LOW], START, 600.0, 1e5),
+    "object 2": lambda motion: screen(LOW, [LOW, motion], START, 600.0, 1e5),
+    "object 1": lambda motion: screen_pairs([motion, LOW], START, 600.0, 1e5),
+    "CRAFT": lambda motion: NamedTrajectory("CRAFT", motion),
+}
+
+
+@pytest.mark.parametrize("name", ASK)
+def test_a_relative_motion_is_refused_with_the_way_through(name):
+    with pytest.raises(ScenarioError) as caught:
+        ASK[name](HILL)
+    assert str(caught.value) == (
+        f"{name.strip()}: Hill is relative to 'chief' and has no states alone: give "
+        "types.SimpleNamespace(states=lambda at: rl.truth(scenario, at).states['follower'])"
+    )
+
+
+def test_the_way_through_gives_the_states_of_the_follower():
+    scenario = [
+        rl.motion.Body(name="chief", motion=LOW, attitude=rl.LookAt(at="follower")),
+        rl.motion.Body(name="follower", motion=HILL, attitude=rl.LookAt(at="chief")),
+    ]
+    follower = types.SimpleNamespace(states=lambda at: rl.truth(scenario, at).states["follower"])
+    (span,) = find_access(follower, LOW, SPAN)
+    assert (span.from_s, span.to_s) == (-np.inf, np.inf)
+    assert 2900.0 < span.closest_m <= 3000.0 + 1e-6
+    assert find_ground_track(follower, SPAN).latitude_rad.shape == (2,)
+
+
+def test_an_element_set_alone_is_no_trajectory():
+    (elements,) = Catalog.from_text("\n".join(TERRASAR))
+    with pytest.raises(
+        ScenarioError, match=r"^observer: ElementSet has no method states: .* SetSequence\(\(elements,\)\)$"
+    ):
+        find_access(elements, LOW, SPAN)
+    for other in (None, "tdrs", [elements, "tdrs"]):
+        with pytest.raises(ScenarioError, match=r"^object 1: \w+ has no method states"):
+            screen(elements, [other], START, 600.0, 1e5)
