@@ -15,7 +15,7 @@ from rso_lidar.files.root_folder import Folder
 from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.document import UNSAVED, Document, list_documents
 from rso_lidar.studio.job_queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
-from rso_lidar.study.previews.text_assessment import Assessment, assess, check_study, list_warnings
+from rso_lidar.study.previews.text_assessment import Assessment, assess, check_study, list_warnings, load_flyable
 
 _PAUSE_S = 0.3  # without a further edit, after which a text is assessed
 
@@ -43,13 +43,8 @@ class Workspace:
             if path.suffix == ".toml":
                 check_study(path, self.folder)
             return 0
-        try:
-            found = assess(path.read_text(encoding="utf-8"), self.folder, request.source)
-        except (OSError, UnicodeError) as error:
-            raise ScenarioError(f"{request.source}: cannot be read ({error}); save it again") from None
-        if found.scenario is None or found.refusal:
-            raise ScenarioError(found.problem or f"{request.source}: {found.refusal}")
-        return len(found.scenario.time.choose_frames(parse_frames(request.frames or None)))
+        time = load_flyable(path, self.folder, request.source).time
+        return len(time.choose_frames(parse_frames(request.frames or None)))
 
     def open_document(self, name: str) -> Document:
         """Return the document of a scenario file, the same one for all tabs.
@@ -176,7 +171,7 @@ class BrowserTab:
     async def _warn(self, made: Assessment, generation: int) -> None:
         """List the warnings on a text that may be flown, unless it changes before its turn."""
         async with self._warning:
-            if made.scenario is None or made.refusal or generation != self._generation:
+            if not made.is_ready or generation != self._generation:
                 return
             lines = await run.io_bound(list_warnings, made, self.workspace.folder, self.document.title)
             if lines is not None and generation == self._generation:

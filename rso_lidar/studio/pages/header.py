@@ -167,9 +167,8 @@ async def take_upload(tab: BrowserTab, event: Any) -> None:
     with tell_errors():
         content = await event.file.read()
         ui.notify(await run.io_bound(keep_upload, tab.workspace.folder, name, content) or name, type="positive")
-        if name.endswith(MESHES) and (targets := tab.document.get("target")):
-            place = next((k for k, one in enumerate(targets) if one.get("model") == name), 0)
-            choose_unit(tab, f"target[{place}]", name)
+        if name.endswith(MESHES):
+            await choose_unit(tab, "", name)
 
 
 def _open_upload(tab: BrowserTab) -> None:

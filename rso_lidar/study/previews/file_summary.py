@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
@@ -11,8 +10,7 @@ from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
 from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library.mesh_units import MeshUnit, list_units
-from rso_lidar.scene.meshes.components import format_count
+from rso_lidar.study.previews.mesh_sizes import summarize_mesh
 
 MESHES = (".stl", ".obj", ".ply", ".glb", ".off")
 _ELEMENT_SETS = (".tle", ".3le", ".omm")
@@ -39,30 +37,9 @@ def summarize_file(path: Path) -> str:
         raise ScenarioError(str(error).replace(str(path), path.name)) from None
 
 
-def list_mesh_sizes(path: Path) -> list[tuple[MeshUnit, str]]:
-    """List the units that a mesh file may be in, each with the size of the mesh in metres, in words; the likely one first.
-
-    Raises
-    ------
-    MeshError
-        If the mesh cannot be read.
-    """
-    mesh = load_mesh(path)
-    likely = " (likely)", ""
-    return [
-        (unit, f"{_format_sides(mesh.size_m * unit.metres)} m{likely[not unit.is_likely]}") for unit in list_units(mesh)
-    ]
-
-
-def _format_sides(sides: Sequence[float]) -> str:
-    return " × ".join(f"{side:,.4g}" if side < 1e4 else f"{side:,.0f}" for side in sides)
-
-
 def _read(path: Path) -> str:
     if path.suffix in MESHES:
-        mesh = load_mesh(path)
-        counts = f"{format_count(len(mesh.facets), 'facet')}, {format_count(len(mesh.part_names), 'part')}"
-        return f"{counts}, {_format_sides(mesh.size_m)} in the unit of the file"
+        return summarize_mesh(load_mesh(path))
     if path.suffix in _ELEMENT_SETS:
         return f"{len(read_element_sets(path)):,} element sets"
     if path.suffix == ".oem":
