@@ -65,9 +65,9 @@ def pair(handmade) -> tuple[Frame, Frame]:
     """A frame with 8 weak returns near 900 m, and one with 391 returns from 1000 to 1010 m of up to 4000 counts."""
     seen = handmade.make_frame(labelled=False)
     frames = []
-    for top, count, ends_m, ends_counts in (
-        (16, 8, (900.0, 900.7), (20, 27)),
-        (96, 391, (1000.0, 1010.0), (100, 4000)),
+    for top, count, across, ends_m, ends_counts in (
+        (16, 8, 4, (900.0, 900.7), (20, 27)),
+        (96, 391, 20, (1000.0, 1010.0), (100, 4000)),
     ):
         range_m, counts = np.full((128, 128), np.nan), np.zeros((128, 128))
         at = divmod(np.arange(count), across)
