@@ -88,7 +88,7 @@ def draw_pages(page: Any, url: str, folder: Path, ending: str) -> list[Path]:
     ending : of their names, before the suffix.
     """
     page.goto(url)
-    page.wait_for_function("document.querySelector('[data-test=verdict]')?.innerText.includes('frames')")
+    page.wait_for_function("/[0-9] warning/.test(document.querySelector('[data-test=verdict]')?.innerText)")
     if page.locator("[data-test=guide-close]").count():
         page.click("[data-test=guide-close]")
     page.click('[data-test="table-lidar.laser"]')

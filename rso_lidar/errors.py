@@ -6,7 +6,7 @@ A message reads *where: what: what to do*. The command line prints it as one lin
 
 import difflib
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from types import TracebackType
@@ -87,6 +87,7 @@ class RsoLidarWarning(UserWarning):
 
 
 _suppressed: ContextVar[bool] = ContextVar("suppressed", default=False)
+_collected: ContextVar[list[str] | None] = ContextVar("collected", default=None)
 
 
 @contextmanager
@@ -99,18 +100,37 @@ def suppress_warnings() -> Iterator[None]:
         _suppressed.reset(token)
 
 
+@contextmanager
+def collect_warnings() -> Iterator[list[str]]:
+    """Collect the messages of warnings in this thread, each once, instead of showing them; yield the list.
+
+    Warnings that are given once a process are collected each time. `suppress_warnings` around this context has no effect.
+    """
+    lines: list[str] = []
+    tokens = _collected.set(lines), _suppressed.set(False)
+    try:
+        yield lines
+    finally:
+        _collected.reset(tokens[0])
+        _suppressed.reset(tokens[1])
+
+
 def has_warnings_enabled() -> bool:
     """Return whether warnings are shown here, for callers that must compute something to decide on one."""
     return not _suppressed.get()
 
 
-def warn(message: str) -> None:
-    """Warn of a setting that is allowed and probably not intended, unless `suppress_warnings` is in effect."""
-    if has_warnings_enabled():
+_warned: set[Hashable] = set()  # of what warnings were given that are given once a process
+
+
+def warn(message: str, *, about: Hashable = None) -> None:
+    """Warn of a setting that is allowed and probably not intended, unless `suppress_warnings` is in effect.
+
+    With `about`, the warning is shown once a process for whatever equals it.
+    """
+    if has_warnings_enabled() and not _collect(message) and (about is None or about not in _warned):
+        _warned.add(about)
         warnings.warn(message, RsoLidarWarning, stacklevel=3)
-
-
-_warned_inputs: set[str] = set()
 
 
 def warn_of_input(message: str) -> None:
@@ -118,9 +138,19 @@ def warn_of_input(message: str) -> None:
 
     The place of the warning is always this line, so that Python's default filter prints each message once.
     """
-    if has_warnings_enabled() or message not in _warned_inputs:
-        _warned_inputs.add(message)
+    if has_warnings_enabled() and _collect(message):
+        return
+    if has_warnings_enabled() or message not in _warned:
+        _warned.add(message)
         warnings.warn(message, RsoLidarWarning, stacklevel=1)
+
+
+def _collect(message: str) -> bool:
+    """Add a message to the warnings that are collected in this thread, and return whether they are."""
+    lines = _collected.get()
+    if lines is not None and message not in lines:
+        lines.append(message)
+    return lines is not None
 
 
 class _PlacePrefix(AbstractContextManager[None]):

@@ -92,3 +92,23 @@ def test_problems_are_joined_as_far_as_they_fit():
     assert errors.join_problems(["a", "b"], ", ") == "a, b"
     assert errors.join_problems(["x" * 398, "y" * 400, "z"]) == "x" * 398 + "; " + "y" * 400 + " (and 1 more)"
     assert errors.join_problems(["x" * 900, "y"]) == "x" * 900 + " (and 1 more)"
+
+
+def test_warnings_are_collected_once_each_and_not_shown():
+    with errors.suppress_warnings(), errors.collect_warnings() as lines:
+        for message in ("a: is odd", "b: is odder", "a: is odd"):
+            errors.warn(message)
+        errors.warn_of_input("c.oem: has a gap")
+        with errors.suppress_warnings():
+            errors.warn("d: is suppressed here")
+    assert lines == ["a: is odd", "b: is odder", "c.oem: has a gap"]
+
+
+def test_what_is_warned_of_once_a_process_is_collected_each_time():
+    with pytest.warns(errors.RsoLidarWarning, match="e: is odd"):
+        errors.warn("e: is odd", about="e")
+    errors.warn("e: is odd", about="e")  # an error here, if it were shown again
+    for _ in range(2):
+        with errors.collect_warnings() as lines:
+            errors.warn("e: is odd", about="e")
+        assert lines == ["e: is odd"]

@@ -9,7 +9,7 @@ from rso_lidar.cli.models_add import MeshFile
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError
 from rso_lidar.scene import Mesh, load_mesh
-from rso_lidar.scene.library.adding import known_meshes
+from rso_lidar.scene.library.mesh_units import known_meshes
 from rso_lidar.scene.library.model_index import model
 from rso_lidar.scene.meshes.cad import is_cad, tessellate
 from rso_lidar.scene.meshes.mesh import normalize_mesh, parse_mesh

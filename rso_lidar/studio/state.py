@@ -11,12 +11,11 @@ from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.export.reader.recording_list import RecordingList
-from rso_lidar.files import explain_unreadable
 from rso_lidar.files.root_folder import Folder
 from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.document import UNSAVED, Document, list_documents
 from rso_lidar.studio.job_queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
-from rso_lidar.study.previews.text_assessment import Assessment, assess, check_study
+from rso_lidar.study.previews.text_assessment import Assessment, assess, check_study, list_warnings, load_flyable
 
 _PAUSE_S = 0.3  # without a further edit, after which a text is assessed
 
@@ -44,15 +43,8 @@ class Workspace:
             if path.suffix == ".toml":
                 check_study(path, self.folder)
             return 0
-        try:
-            found = assess(path.read_text(encoding="utf-8"), self.folder, request.source)
-        except OSError as error:
-            raise ScenarioError(explain_unreadable(request.source, error)) from None
-        except UnicodeError:
-            raise ScenarioError(f"{request.source}: is not UTF-8 text; save it as UTF-8") from None
-        if found.scenario is None or found.refusal:
-            raise ScenarioError(found.problem or f"{request.source}: {found.refusal}")
-        return len(found.scenario.time.choose_frames(parse_frames(request.frames or None)))
+        time = load_flyable(path, self.folder, request.source).time
+        return len(time.choose_frames(parse_frames(request.frames or None)))
 
     def open_document(self, name: str) -> Document:
         """Return the document of a scenario file, the same one for all tabs.
@@ -125,7 +117,8 @@ class BrowserTab:
     """One tab of the browser: its document, what `check` says of it, and events to which the pages subscribe.
 
     - `document_changed`: another text, or another document.
-    - `assessed`: a new assessment; `assessment` holds it.
+    - `assessed`: a new assessment; `assessment` holds it, and `warnings` is None until those of a valid text are known.
+    - `warned`: they are known.
     - `field_chosen`: a page should show the field at a place, such as ``lidar.laser.energy_mj``.
     - `page_chosen`: another page is shown, by its name.
     """
@@ -133,9 +126,10 @@ class BrowserTab:
     def __init__(self, workspace: Workspace, document: Document) -> None:
         self.workspace, self.document = workspace, document
         self.assessment: Assessment | None = None
-        self.document_changed, self.assessed = Event[[]](), Event[[]]()
+        self.warnings: list[str] | None = None
+        self.document_changed, self.assessed, self.warned = Event[[]](), Event[[]](), Event[[]]()
         self.field_chosen, self.page_chosen = Event[[str]](), Event[[str]]()
-        self._generation = 0
+        self._generation, self._warning = 0, asyncio.Lock()  # one text after the other: each takes seconds
 
     def show(self, document: Document) -> None:
         """Show another document; of this one, a draft is kept."""
@@ -170,5 +164,16 @@ class BrowserTab:
             return
         made = await run.io_bound(assess, self.document.text, self.workspace.folder, self.document.title)
         if made is not None and generation == self._generation:
-            self.assessment = made
+            self.assessment, self.warnings = made, None
             self.assessed.emit()
+            await self._warn(made, generation)
+
+    async def _warn(self, made: Assessment, generation: int) -> None:
+        """List the warnings on a text that may be flown, unless it changes before its turn."""
+        async with self._warning:
+            if not made.is_ready or generation != self._generation:
+                return
+            lines = await run.io_bound(list_warnings, made, self.workspace.folder, self.document.title)
+            if lines is not None and generation == self._generation:
+                self.warnings = lines
+                self.warned.emit()

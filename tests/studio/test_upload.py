@@ -26,7 +26,7 @@ def list_names(folder):
 
 
 def test_a_mesh_is_kept_to_the_byte_and_said(folder):
-    assert keep_upload(folder, "box.obj", OBJECT) == "box.obj: 4 facets, 1 parts"
+    assert keep_upload(folder, "box.obj", OBJECT) == "box.obj: 4 facets, 1 part, 1 × 1 × 1 m as it stands"
     assert (folder.path / "box.obj").read_bytes() == OBJECT
     assert list_names(folder) == ["box.obj"]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
+from typing import Any
 
 from rso_lidar.errors import RecordingError, RsoLidarError, ScenarioError
 from rso_lidar.export.reader.outside_data import check_self_contained
@@ -49,6 +50,19 @@ class RecordingList:
                 problems[path] = str(error).removeprefix(f"{path}: ")
         self._known, self.problems = found, problems
         return [status for _, status in found.values()]
+
+    def tabulate(self) -> list[dict[str, Any]]:
+        """List the recordings as rows of a table: name in the folder, frames, state and size [MB]; last, those not read."""
+        rows: list[dict[str, Any]] = []
+        for one in self.read():
+            size = f"{one.file.stat().st_size / 1e6:.1f}" if one.file.exists() else "0.0"
+            state = "complete" if one.complete else "running" if one.running else "interrupted"
+            rows.append({"name": self._name(one.output), "frames": one.frames, "state": state, "size": size})
+        unread = {"frames": "", "state": "cannot be read", "size": ""}
+        return rows + [{"name": self._name(path), **unread} for path in self.problems]
+
+    def _name(self, path: Path) -> str:
+        return path.relative_to(self.folder.path).as_posix()
 
 
 def open_recording(folder: Folder, name: str) -> tuple[Recording, bool]:

@@ -12,10 +12,19 @@ import numpy as np
 from rso_lidar.picture.frames.panels import range_limits_m
 from rso_lidar.picture.frames.raster import draw_panel, write
 from rso_lidar.picture.selection.scale import Scale, count_limits, nice_down, nice_up
-from rso_lidar.picture.selection.sequence import Thumbnail, find_target_pixels, on_target
+from rso_lidar.picture.selection.sequence import Thumbnail, find_shown_returns, find_target_pixels
 from rso_lidar.picture.selection.window import Window, bounding_window, crop
 from rso_lidar.picture.style.colour_maps import ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
-from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE, LIGHT, NO_LIGHT, NO_RETURN, Scheme, split_rgb
+from rso_lidar.picture.style.palette import (
+    IMAGE_BLACK,
+    IMAGE_MARK,
+    IMAGE_WHITE,
+    LIGHT,
+    NO_LIGHT,
+    NO_RETURN,
+    Scheme,
+    split_rgb,
+)
 from rso_lidar.records import Frame
 
 if TYPE_CHECKING:
@@ -25,23 +34,26 @@ _SIDE, _LEFT, _TOP, _GAP, _FOOT, _TEXT = 440, 44, 30, 60, 66, 17  # of a panel, 
 IMAGE_SIZE = (2 * _SIDE + 2 * _LEFT + _GAP - 16, _TOP + _SIDE + _FOOT)
 
 
-def choose_window(frame: Frame, *, whole: bool = False) -> Window:
-    """Choose the part of the field that an image shows: a square about the target, or the whole field."""
+def choose_window(*frames: Frame, whole: bool = False) -> Window:
+    """Choose the part of the field that images of frames show: a square about all their targets, or the whole field."""
+    masks = [find_target_pixels(frame) for frame in frames]
     if whole:
-        return bounding_window(np.zeros(frame.valid.shape, bool))
-    return crop(bounding_window(find_target_pixels(frame)))
+        return bounding_window(np.zeros(masks[0].shape, bool))
+    return crop(bounding_window(np.logical_or.reduce(masks)))
 
 
-def choose_scale(frame: Frame) -> Scale:
-    """Choose the colour limits of one frame, as the package's figure of a frame has them."""
-    low_m, high_m = range_limits_m(frame)
-    counts = frame.intensity_counts.astype(float)
-    on = on_target(frame) if on_target(frame).any() else frame.valid
-    low, high, logarithmic = count_limits([counts[on]] if on.any() else [])
-    return Scale(False, low_m, high_m, low, high if logarithmic else max(float(counts.max()), 1.0), logarithmic)
+def choose_scale(*frames: Frame) -> Scale:
+    """Choose the colour limits that span frames, of one frame as the package's figure of a frame has them."""
+    low_m, high_m = range_limits_m(*frames)
+    counts = [frame.intensity_counts.astype(float) for frame in frames]
+    seen = [one[of] for one, of in zip(counts, find_shown_returns(frames), strict=True) if of.any()]
+    low, high, logarithmic = count_limits(seen)
+    if not logarithmic:
+        high = max(1.0, *(float(one.max()) for one in counts))
+    return Scale(False, low_m, high_m, low, high, logarithmic)
 
 
-def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, like: Frame | None = None) -> bytes:
+def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, beside: Frame | None = None) -> bytes:
     """Draw range and intensity of a frame side by side, with axes, colour bars and a scale bar, as PNG.
 
     Parameters
@@ -49,9 +61,10 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, lik
     frame : of a scenario or of a recording.
     scheme : `LIGHT` or `DARK`.
     whole : whether to show the whole field, instead of a square about the target.
-    like : a frame whose part of the field and colours are taken, so that the two can be compared.
+    beside : a frame to compare with; the part of the field and the colours span both, whichever is drawn.
     """
-    window, scale = choose_window(like or frame, whole=whole), choose_scale(like or frame)
+    spanned = (frame,) if beside is None else (frame, beside)
+    window, scale = choose_window(*spanned, whole=whole), choose_scale(*spanned)
     saturated = int(frame.saturated.sum())
     kind, low, high = scale.intensity_words
     ranges, counts = scale.range_rgb(frame.range_m, 0.0), scale.intensity_rgb(frame.intensity_counts)
@@ -73,7 +86,7 @@ def draw_difference(one: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes:
     one, other : the frames; what is shown is the second minus the first.
     scheme : `LIGHT` or `DARK`.
     """
-    window, both = choose_window(one), one.valid & other.valid
+    window, both = choose_window(one, other), one.valid & other.valid
     panels = []
     for title, unit, differences in (
         ("Range B − A", "m", np.asarray(other.range_m, float) - one.range_m),
@@ -167,6 +180,20 @@ def mark_pixel(window: Window, row: int, col: int) -> list[tuple[float, float, f
     right, down, step = _box(window)
     x, y = right + step * (col - window.left), _TOP + down + step * (row - window.top)
     return [(left + x, y, step) for left in (_LEFT, _LEFT + _SIDE + _GAP)]
+
+
+def outline_pixel(window: Window, row: int, col: int) -> str:
+    """Return the outline of a pixel in each panel, as SVG over the image.
+
+    Parameters
+    ----------
+    window : what the image shows.
+    row, col : the pixel.
+    """
+    return "".join(
+        f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="{IMAGE_MARK}" stroke-width="3"/>'
+        for x, y, side in mark_pixel(window, row, col)
+    )
 
 
 def _draw_axes(draw: ImageDraw, left: int, window: Window, scheme: Scheme) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.picture.frames.part_colours import PartKey, choose_part_colours, count_parts, find_part_name
 from rso_lidar.picture.selection.scale import count_limits, nice_down, nice_up
-from rso_lidar.picture.selection.sequence import on_target, pixel_rad
+from rso_lidar.picture.selection.sequence import find_shown_returns, on_target, pixel_rad
 from rso_lidar.picture.selection.window import Window
 from rso_lidar.picture.style.colour_maps import ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
 from rso_lidar.picture.style.figures import (
@@ -106,11 +106,14 @@ def _write_heading(axes: Axes, text: str, note: str = "") -> None:
     axes.set_title(note, loc="right", fontsize=SMALL_PT, color=QUIET)
 
 
-def range_limits_m(frame: Frame) -> tuple[float, float]:
-    """Return the limits [m] of the range's colours: 1st and 99th percentile of the target's returns."""
-    seen = frame.range_m[on_target(frame)]
-    seen = seen if seen.size else frame.range_m[frame.valid]
-    low, high = np.percentile(seen, [1, 99]) if seen.size else (0.0, 1.0)
+def range_limits_m(*frames: Frame) -> tuple[float, float]:
+    """Return the limits [m] of the range's colours: 1st and 99th percentile of the target's returns.
+
+    Of several frames, the limits span those of each, however few returns one has.
+    """
+    shown = find_shown_returns(frames)
+    ends = [np.percentile(frame.range_m[of], [1, 99]) for frame, of in zip(frames, shown, strict=True) if of.any()]
+    low, high = min((end[0] for end in ends), default=0.0), max((end[1] for end in ends), default=1.0)
     if high - low < 0.1:  # a flat target: its noise does not fill the ramp
         low, high = low - 0.05, high + 0.05
     return float(low), float(high)
@@ -165,7 +168,7 @@ def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
     from matplotlib.colors import ListedColormap
 
     counts = frame.intensity_counts.astype(float)
-    on = on_target(frame) if on_target(frame).any() else frame.valid
+    (on,) = find_shown_returns([frame])
     low, high, logarithmic = count_limits([counts[on]] if on.any() else [])
     shown = window.cut(np.where(counts > 0, counts, np.nan))
     if not logarithmic:

@@ -123,6 +123,12 @@ def on_target(frame: Frame) -> np.ndarray:
     return np.asarray(valid & (around_it >= 2))
 
 
+def find_shown_returns(frames: Sequence[Frame]) -> list[np.ndarray]:
+    """Find the returns (row, col) of each frame that limit its colours: those from targets, or all where none has any."""
+    found = [on_target(frame) for frame in frames]
+    return found if any(mask.any() for mask in found) else [np.asarray(frame.valid) for frame in frames]
+
+
 def find_target_pixels(frame: Frame) -> np.ndarray:
     """Find the pixels of interest (row, col): targets by the labels, else returns with neighbours, else any return."""
     for mask in (frame.labels.target >= 0, on_target(frame), frame.valid):

@@ -304,6 +304,10 @@ class Mission(Part):
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
         """Surfaces of the targets: meshes in body axes, with materials. Each hinge carries a surface of its own."""
+        return self.build_surfaces()
+
+    def build_surfaces(self) -> tuple[Surface, ...]:
+        """Build `surfaces`, and give the warnings of their construction, also where they were built before."""
         surfaces: list[Surface] = []
         for number, target in enumerate(self.target):
             with self.locate_errors(f"target {target.name}"):

@@ -1,6 +1,5 @@
 """Surfaces of targets: the model, scaled and with materials."""
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -9,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.errors import RsoLidarWarning
+from rso_lidar.errors import warn_of_input
 from rso_lidar.part import Part, Vector
 from rso_lidar.records.part_classes import OTHER, PartClass
 from rso_lidar.records.symmetry import Symmetry
@@ -79,11 +78,9 @@ def build_whole_surface(
     elif target.is_path:
         path = file(target.shape)
         if target.center_of_mass_m is None:
-            warnings.warn(
+            warn_of_input(
                 f"target {target.name}: the centre of mass of {path.name} is assumed at its origin; "
-                "give center_of_mass_m in mesh coordinates",
-                RsoLidarWarning,
-                stacklevel=2,
+                "give center_of_mass_m in mesh coordinates"
             )
         mesh = load_mesh(path)
         warn_of_repairs(mesh, target.name)

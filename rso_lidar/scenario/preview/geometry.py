@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion
-from rso_lidar.errors import RsoLidarWarning
+from rso_lidar.errors import collect_warnings
 from rso_lidar.motion.aim import simulate_drive
 from rso_lidar.optics import Laser
 from rso_lidar.orbit import Epochs
@@ -79,9 +78,9 @@ def preview_mission(mission: Mission, most_epochs: int = _MOST_EPOCHS) -> Previe
     """Compute the geometry of a mission at some of its frames, the first and the last among them."""
     numbers = np.unique(np.linspace(0, mission.time.n_frames - 1, most_epochs).round().astype(int))
     epochs = mission.epochs(numbers)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RsoLidarWarning)
-        _ = mission.surfaces  # warnings of their construction belong to the preview
+    with collect_warnings() as lines:
+        # Warnings of their construction belong to the preview, even where a flight has built them before.
+        _ = mission.build_surfaces() if "surfaces" in vars(mission) else mission.surfaces
         with mission.locate_errors():
             course = motion.truth(
                 mission.bodies, epochs, local=mission.is_local, sun_direction=mission.world.sun_direction
@@ -94,7 +93,6 @@ def preview_mission(mission: Mission, most_epochs: int = _MOST_EPOCHS) -> Previe
         _trace_target(target.name, mission.surfaces_of(number), poses, half_field, len(epochs))
         for number, target in enumerate(mission.target)
     ]
-    lines = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, RsoLidarWarning))
     return Preview(epochs, tuple(targets), replace(course, poses=poses), tuple(lines), lag_rad)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import math
 import re
@@ -11,7 +10,6 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from textwrap import shorten
-from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -21,6 +19,7 @@ from rso_lidar.files import hold_lock, write_atomically
 from rso_lidar.records.part_classes import OTHER, PART_CLASSES
 from rso_lidar.records.taxonomy import Taxonomy, classify_size
 from rso_lidar.scene.library.group_materials import materials_of
+from rso_lidar.scene.library.mesh_units import guess_scale, known_meshes
 from rso_lidar.scene.library.model_index import (
     ModelEntry,
     guess_part_classes,
@@ -31,21 +30,17 @@ from rso_lidar.scene.library.model_index import (
     own_folder,
     own_models,
     read_own_index,
-    read_table,
 )
 from rso_lidar.scene.meshes.accessors import GltfFile
 from rso_lidar.scene.meshes.cad import CHORD_MM, is_cad, tessellate
-from rso_lidar.scene.meshes.components import find_helper_cube, format_count
+from rso_lidar.scene.meshes.components import format_count
 from rso_lidar.scene.meshes.mesh import (
     FARTHEST_M,
     Mesh,
-    guess_units,
-    is_plausible_size,
     load_mesh,
     normalize_mesh,
     parse_mesh,
 )
-from rso_lidar.shipped import shipped
 
 # Of `rso-lidar models`, which takes a model's name in their place.
 COMMANDS = ("list", "show", "materials", "add", "check", "remove")
@@ -54,7 +49,6 @@ _WAIT_S = 60.0  # for another process that adds a model: the largest meshes take
 _LONGEST_LIST = 1000  # characters of the names of parts in a message
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}")
 _DEFAULT = "lambertian_30"
-_METRIC = (".glb", ".gltf")  # by their standard
 _HEAD = (
     "# Your own models, kept by `rso-lidar models add` and `remove`. Correct what you know better: centre of mass, parts,\n"
     "# taxonomy; mass_kg, inertia_kg_m2 and hinges may be added, in the form of the shipped models/index.toml.\n\n"
@@ -80,13 +74,6 @@ class MeshOptions:
     center_of_mass_m: tuple[float, float, float] | None = None
     what: str | None = None
     taxonomy: Mapping[str, Any] = field(default_factory=dict)
-
-
-@functools.cache
-def known_meshes() -> Mapping[str, Mapping[str, Any]]:
-    """Return what is known about NASA's printable files by SHA-256: name, units_per_metre, left_out, taxonomy."""
-    entries = read_table(shipped("models") / "known_meshes.toml", "install the package again")["mesh"]
-    return MappingProxyType({entry["sha256"]: MappingProxyType(entry) for entry in entries})
 
 
 def add_model(
@@ -306,22 +293,8 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: flo
     if unit_m is not None:
         report.append(f"unit       as the file states: {longest * unit_m:.4g} m across")
         return unit_m
-    if mesh.path.suffix.lower() in _METRIC and is_plausible_size(longest):
-        report.append(f"unit       metres, as glTF has it: {longest:.4g} m across")
-        return 1.0
-    fits = guess_units(longest)
-    if not fits and not is_plausible_size(longest):
-        raise MeshError(f"{mesh.path.name}: is {longest:.4g} units across; give --scale or --size-m")
-    unit, metres = next(iter(fits.items()), ("metres", 1.0))
-    others = "".join(f", or {other}" for other in list(fits)[1:])
-    report.append(
-        f"guessed    unit is {unit}{others}: {longest * metres:.4g} m across; otherwise give --scale or --size-m"
-    )
-    if cube := find_helper_cube(mesh):
-        report.append(
-            f"guessed    a cube of {cube.size_m:.4g} units about the origin: if it is a helper cube of 1 m, "
-            f"--scale {1.0 / cube.size_m:.6g}"
-        )
+    metres, lines = guess_scale(mesh)
+    report += lines
     return metres
 
 

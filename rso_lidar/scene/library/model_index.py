@@ -23,7 +23,6 @@ from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
 
 _WRITE_AGAIN = "write it again with `python -m rso_lidar.shapes.write`"
-_reported: set[object] = set()  # libraries, and models of them, of which a warning has been given
 _OWN_CURE = "correct that line, or add the mesh again with `rso-lidar models add --overwrite`"
 
 
@@ -153,16 +152,15 @@ def is_mesh_path(name: str) -> bool:
 
 def _tell_of_shadow(name: str) -> None:
     """Warn, once a process, that a shipped model hides one of the user's own of the same name."""
-    place = own_folder(), name
-    if place in _reported or not has_warnings_enabled():
+    if not has_warnings_enabled():
         return
     try:
         hidden = name in _own()[0]
     except RsoLidarError:
         return
     if hidden:
-        _reported.add(place)
-        warn(f"model '{name}': is shipped, and also in your library; the shipped one is used: rename yours")
+        shadow = f"model '{name}': is shipped, and also in your library; the shipped one is used: rename yours"
+        warn(shadow, about=(own_folder(), name))
 
 
 def own_folder() -> Path:
@@ -181,9 +179,7 @@ def own_models() -> dict[str, ModelEntry]:
     """
     good, broken = _own()
     for reason in broken.values():
-        if reason not in _reported and has_warnings_enabled():
-            _reported.add(reason)
-            warn(reason)
+        warn(reason, about=reason)
     return dict(good)
 
 

@@ -1,7 +1,6 @@
 """Meshes: triangles in named parts, read from a file and repaired."""
 
 import hashlib
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -9,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError, did_you_mean, has_warnings_enabled, warn
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, warn, warn_of_input
 from rso_lidar.files import check_regular, explain_unreadable, read_bytes
 from rso_lidar.scene.meshes.accessors import MOST_BYTES
 from rso_lidar.scene.meshes.gltf import read_gltf
@@ -27,8 +26,7 @@ _LARGEST_M, _SMALLEST_M = 250.0, 0.02
 _MOST_PARTS = 32_767  # labels number them in 16 bits
 _COLOURED = (".glb", ".ply")  # formats of which colours are read
 FARTHEST_M = 1e7  # float32 still resolves a metre there
-_OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
-_reported: set[tuple[Path, str]] = set()  # files, with their SHA-256, whose repairs have been reported
+UNITS_M = {"metres": 1.0, "millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +285,7 @@ def guess_units(largest_m: float) -> dict[str, float]:
     """Return the units, with their metres, in which a mesh of this size is a spacecraft; none where metres fit."""
     if is_plausible_size(largest_m):
         return {}
-    return {unit: metres for unit, metres in _OTHER_UNITS.items() if 0.3 <= largest_m * metres <= 120.0}
+    return {unit: metres for unit, metres in UNITS_M.items() if 0.3 <= largest_m * metres <= 120.0}
 
 
 def is_plausible_size(largest_m: float) -> bool:
@@ -303,13 +301,12 @@ def warn_of_repairs(mesh: Mesh, name: str) -> None:
     mesh : the mesh as it was read.
     name : name of the target, for the message.
     """
-    if not mesh.degenerate or not has_warnings_enabled() or (mesh.path, mesh.sha256) in _reported:
-        return
-    _reported.add((mesh.path, mesh.sha256))
-    warn(
-        f"target {name}: {mesh.path.name}: {mesh.degenerate:,} of {mesh.source_facets:,} facets have no area and were "
-        f"dropped; `rso-lidar models check {mesh.path.name}` reports them"
-    )
+    if mesh.degenerate:
+        warn(
+            f"target {name}: {mesh.path.name}: {mesh.degenerate:,} of {mesh.source_facets:,} facets have no area and were "
+            f"dropped; `rso-lidar models check {mesh.path.name}` reports them",
+            about=(mesh.path, mesh.sha256),
+        )
 
 
 def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
@@ -325,9 +322,5 @@ def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
     if is_plausible_size(largest):
         return
     fits = list(guess_units(largest))
-    guess = f"; it may be in {' or '.join(fits)} (scale = {_OTHER_UNITS[fits[0]] * scale:g})" if fits else ""
-    warnings.warn(
-        f"target {name}: {mesh.path.name} is {largest:.4g} m across{guess}; give scale or size_m",
-        RsoLidarWarning,
-        stacklevel=2,
-    )
+    guess = f"; it may be in {' or '.join(fits)} (scale = {UNITS_M[fits[0]] * scale:g})" if fits else ""
+    warn_of_input(f"target {name}: {mesh.path.name} is {largest:.4g} m across{guess}; give scale or size_m")

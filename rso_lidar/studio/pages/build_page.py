@@ -9,14 +9,13 @@ from typing import Any
 from nicegui import events, run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.part import Part
 from rso_lidar.part.toml_text import split_place
 from rso_lidar.scenario import Scenario
 from rso_lidar.studio.pages.elements import draw_button, mark
 from rso_lidar.studio.pages.form import TableForm, change_document, draw_add, draw_type
 from rso_lidar.studio.pages.header import draw_menu
 from rso_lidar.studio.state import BrowserTab
-from rso_lidar.study.mission_parameters.form_fields import FieldForm, find_part, iterate_tables, list_fields
+from rso_lidar.study.mission_parameters.form_fields import FieldForm, find_field, find_part, iterate_tables, list_fields
 from rso_lidar.study.previews.text_assessment import describe
 
 _NESTED = "lidar"  # its tables have forms of their own, because they are long
@@ -46,6 +45,7 @@ class BuildPage:
                 self._draw_check()
         tab.document_changed.subscribe(self._show_document)
         tab.assessed.subscribe(self._show_check)
+        tab.warned.subscribe(self._show_check)
         tab.field_chosen.subscribe(self._go_to)
         ui.timer(_DISK_S, self._watch_disk)
         ui.on("studio_dark", lambda event: self._editor.set_theme("githubDark" if event.args else "githubLight"))
@@ -58,6 +58,7 @@ class BuildPage:
                 self._verdict = mark(ui.label("Checking").classes("grow break-words"), "verdict")
                 self._to_field = draw_button("Go to it", self._go_to_problem, "go-to-problem")
                 self._more = draw_button("Describe", self._describe, "describe")
+            self._warnings = mark(ui.column().classes("w-full gap-1"), "warnings")
             self._description = mark(ui.label().classes("studio-description"), "description")
             self._description.set_visibility(False)
 
@@ -121,21 +122,12 @@ class BuildPage:
             if not document.text.strip():
                 mark(ui.label("An empty scenario. “New” begins with an example."), "empty")
             cls = find_part(Scenario, document.tables(), steps) if steps else Scenario
-            field = self._find_field(steps)
+            field = find_field(Scenario, document.tables(), steps)
             if field is not None:
                 ui.label(field.meaning).classes("text-sm opacity-80")
                 self._draw_choice(field, steps)
             if cls is not None:
                 self._form = TableForm(self._tab, cls, self._place, lambda place: not self._place or place in own)
-
-    def _find_field(self, steps: tuple[str | int, ...]) -> FieldForm | None:
-        if not steps:
-            return None
-        names = [step for step in steps if isinstance(step, str)]
-        parent: type[Part] | None = (
-            find_part(Scenario, self._tab.document.tables(), tuple(names[:-1])) if names[1:] else Scenario
-        )
-        return next((one for one in list_fields(parent) if one.key == names[-1]), None) if parent else None
 
     def _draw_choice(self, field: FieldForm, steps: tuple[str | int, ...]) -> None:
         """Draw the choice of the type of the table, and the buttons that add, copy and remove it."""
@@ -163,14 +155,19 @@ class BuildPage:
         made = self._tab.assessment
         if made is None:
             return
-        self._description.set_visibility(False)
-        is_good = made.scenario is not None and not made.refusal
-        frames = f": {made.scenario.time.n_frames:,} frames" if made.scenario else ""
-        self._verdict.text = made.problem or made.refusal or f"Ready to fly{frames}"
-        self._icon.props(f"name={'check_circle' if is_good else 'block' if made.refusal else 'error'}")
-        self._icon.classes(replace="text-positive" if is_good else "text-negative")
+        warnings = self._tab.warnings
+        if warnings is None:
+            self._description.set_visibility(False)
+        self._verdict.text = made.tell(warnings)
+        look = ("warning", "text-warning") if warnings else ("check_circle", "text-positive")
+        icon, colour = look if made.is_ready else ("block" if made.refusal else "error", "text-negative")
+        self._icon.props(f"name={icon}").classes(replace=colour)
+        self._warnings.clear()
+        with self._warnings:
+            for line in warnings or []:
+                ui.label(line).classes("text-sm break-words studio-warning")
         self._to_field.set_visibility(bool(made.place or made.line))
-        self._more.set_visibility(is_good)
+        self._more.set_visibility(made.is_ready)
         lines = [{"kind": "line", "line": made.line, "class": "studio-bad-line"}] if made.line else []
         if self._editor.decorations != lines:
             self._editor.decorations = lines

@@ -21,6 +21,7 @@ from rso_lidar.shipped import shipped
 from rso_lidar.studio.pages.elements import ask, draw_button, draw_list, mark, open_dialog, tell_errors
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.study.material_list import list_materials
+from rso_lidar.study.previews.mesh_sizes import list_mesh_sizes, list_mesh_targets
 from rso_lidar.study.previews.model_portrait import draw_portrait
 from rso_lidar.study.previews.text_assessment import check_file
 
@@ -62,12 +63,12 @@ def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None
     Parameters
     ----------
     tab : whose document it changes.
-    changes : values by their places.
+    changes : values by their places; None removes one.
     dialog : which is closed if that is possible.
     """
     with tell_errors():
         for place, value in changes.items():
-            tab.document.set(place, value)
+            tab.document.remove(place) if value is None else tab.document.set(place, value)
         if not dialog.is_deleted:  # the page may have been drawn again, with the changed document
             dialog.close()
 
@@ -167,19 +168,47 @@ def _choose_camera(tab: BrowserTab, place: str) -> None:
         own = [key for key in ("laser", "receiver", "detector") if tab.document.get(f"{place}.{key}") is not None]
         question = f"The file has its own {', '.join(own)}, whose values hold instead of the camera's."
         answer = await ask(question, {"remove": "Remove them", "keep": "Keep them"}) if own else "keep"
-        with tell_errors():
-            for key in own if answer == "remove" else []:
-                tab.document.remove(f"{place}.{key}")
         if answer:
-            _set(tab, {f"{place}.preset": name}, dialog)
+            removed = own if answer == "remove" else []
+            _set(tab, {**{f"{place}.{key}": None for key in removed}, f"{place}.preset": name}, dialog)
 
     with open_dialog("Cameras", _WIDE) as dialog:
         presets = load_presets().items()
         draw_list(((name, str(table.get("what", "")), partial(take, name)) for name, table in presets), "camera")
 
 
+async def choose_unit(tab: BrowserTab, place: str, name: str = "") -> None:
+    """Open the dialog that puts a mesh on a target, in the unit that the user knows it to be in.
+
+    Parameters
+    ----------
+    tab : whose document it changes.
+    place : of the target; empty for the one that has the mesh, or else the first.
+    name : of the mesh file; empty for the one that the target has.
+    """
+    name = name or str(tab.document.get(f"{place}.model") or "")
+    with tell_errors():
+        sizes = await run.io_bound(list_mesh_sizes, name, tab.workspace.folder)
+        targets = list_mesh_targets(tab.document.tables(), name)
+        if not sizes or not targets:
+            return
+        with open_dialog(f"Unit of {name}") as dialog:
+            ui.label("How large is it? The target gets the mesh, and the scale of the unit that you choose.").classes(
+                "text-sm"
+            )
+            chosen = ui.select(targets, value=place or next(iter(targets)), label="Target").classes("w-full")
+            mark(chosen, "unit-target", "dense")
+
+            def take(metres: float) -> None:
+                values = {"model": name, "size_m": None, "scale": metres}
+                _set(tab, {f"{chosen.value}.{key}": value for key, value in values.items()}, dialog)
+
+            draw_list(((unit, size, partial(take, metres)) for unit, size, metres in sizes), "unit")
+
+
 _CHOOSERS: dict[tuple[type[Part], str], Chooser] = {
     (Target, "model"): Chooser("Gallery", _choose_model),
+    (Target, "scale"): Chooser("Units", choose_unit),
     (Tle, ""): Chooser("Element sets", _choose_elements),
     (Lidar, "preset"): Chooser("Cameras", _choose_camera),
     (Lambertian, ""): Chooser("Catalogue", _choose_material),

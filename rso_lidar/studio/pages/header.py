@@ -11,6 +11,7 @@ from nicegui import run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.scenario.examples import SHORTEST, find_companions, find_examples, summarize_example
 from rso_lidar.studio.document import EditConflictError, list_documents
+from rso_lidar.studio.pages.choosers import choose_unit
 from rso_lidar.studio.pages.elements import (
     ask,
     draw_button,
@@ -23,7 +24,7 @@ from rso_lidar.studio.pages.elements import (
 from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.studio.upload import MOST_BYTES, keep_upload
-from rso_lidar.study.previews.file_summary import KINDS
+from rso_lidar.study.previews.file_summary import KINDS, MESHES
 
 _PAGES = ("build", "see", "run")
 _SCHEMES = {None: "brightness_auto", True: "dark_mode", False: "light_mode"}
@@ -166,6 +167,8 @@ async def take_upload(tab: BrowserTab, event: Any) -> None:
     with tell_errors():
         content = await event.file.read()
         ui.notify(await run.io_bound(keep_upload, tab.workspace.folder, name, content) or name, type="positive")
+        if name.endswith(MESHES):
+            await choose_unit(tab, "", name)
 
 
 def _open_upload(tab: BrowserTab) -> None:

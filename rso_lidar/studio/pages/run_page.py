@@ -15,13 +15,12 @@ from nicegui import run, ui
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.reader.recording_list import RECORDINGS
-from rso_lidar.export.reader.status import RecordingStatus
 from rso_lidar.export.registry import FORMATS
-from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.job_queue import KINDS, Job, JobRequest
 from rso_lidar.studio.pages.elements import ask, draw_button, draw_icon_button, mark, tell_errors
 from rso_lidar.studio.pages.frame_viewer import FrameViewer
 from rso_lidar.studio.state import BrowserTab, Workspace
+from rso_lidar.study.previews.text_assessment import estimate_run
 
 _USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
 _CHECKBOX = '<q-checkbox v-model="props.selected" dense :aria-label="`Show ${props.row.name}`" />'
@@ -113,15 +112,11 @@ class RunPage:
         problem = "" if found is None or self._kind.value in ("trade", "dataset") else found.problem or found.refusal
         text = problem or f"{document.title}: {kind.title.lower()}"
         if not problem and self._kind.value == "run" and found is not None and found.scenario is not None:
-            frames = found.scenario.time
+            rate_hz = next((job.rate_hz for job in reversed(self.jobs.jobs) if job.rate_hz), _USUAL_HZ)
             try:
-                count = len(frames.choose_frames(parse_frames((self._frames.value or "").strip() or None)))
+                text = estimate_run(found.scenario, (self._frames.value or "").strip(), rate_hz)
             except RsoLidarError as error:
                 text = problem = str(error)
-            else:
-                rate = next((job.rate_hz for job in reversed(self.jobs.jobs) if job.rate_hz), _USUAL_HZ)
-                of = f"{count:,} of {frames.n_frames:,} frames in all"
-                text = f"{of}; some {max(count / rate, 1):,.0f} s, and 15 s more at the very first start"
         self._note.set_text(text)
         self._start.set_enabled(not problem)
 
@@ -221,13 +216,8 @@ class RunPage:
         self._is_listing = True
         try:
             self._draw_jobs()
-            found = await run.io_bound(self.tab.workspace.recordings.read)
-            if found is not None:
-                rows = [self._describe_recording(status) for status in found]
-                unread = [
-                    one.relative_to(self.folder.path).as_posix() for one in self.tab.workspace.recordings.problems
-                ]
-                rows += [{"name": name, "frames": "", "state": "cannot be read", "size": ""} for name in unread]
+            rows = await run.io_bound(self.tab.workspace.recordings.tabulate)
+            if rows is not None:
                 if rows != self._table.rows:
                     self._table.rows = rows
                 self._viewer.offer([row["name"] for row in rows])
@@ -238,12 +228,6 @@ class RunPage:
                 await self._viewer.refresh()
         finally:
             self._is_listing = False
-
-    def _describe_recording(self, status: RecordingStatus) -> dict[str, Any]:
-        name = status.output.relative_to(self.folder.path).as_posix()
-        size = status.file.stat().st_size / 1e6 if status.file.exists() else 0.0
-        state = "complete" if status.complete else "running" if status.running else "interrupted"
-        return {"name": name, "frames": status.frames, "state": state, "size": f"{size:.1f}"}
 
     async def _open(self, selection: list[dict[str, Any]]) -> None:
         if selection:

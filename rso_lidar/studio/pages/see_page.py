@@ -13,9 +13,8 @@ import fastapi
 from nicegui import events, run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.orbit.epochs import format_utc
 from rso_lidar.picture import DARK, LIGHT
-from rso_lidar.picture.frames.frame_image import choose_window, draw_image, find_pixel, mark_pixel
+from rso_lidar.picture.frames.frame_image import choose_window, draw_image, find_pixel, outline_pixel
 from rso_lidar.picture.viewers.space_scene import draw_cloud
 from rso_lidar.picture.viewers.waveform_chart import make_waveform_chart
 from rso_lidar.records import Frame
@@ -227,7 +226,7 @@ class SeePage:
         if made is None or made is self.flown:
             return
         self.flown = made
-        if made.scenario is None or made.refusal:
+        if made.scenario is None or not made.is_ready:
             self._complain(made.problem or made.refusal)
             return
         self.note.text = _FIRST if self.flight is None else "Working."
@@ -273,10 +272,7 @@ class SeePage:
         shown, scheme, view = self.tabs.value or "image", self.scheme, self.view.value or "target"
         scene = await self._work(lambda: VIEWS[view](flight, row, scheme).pack())
         self.space.show(self._put("space", scene, "application/octet-stream"))
-        seconds, truth_range = flight.truth(row).time_s, flight.range_m(row)
-        far = f"range {truth_range:,.2f} m" if flight.targets else "no target"
-        utc = format_utc(flight.scenario.time.start_utc, seconds)
-        self.when.text = f"frame {flight.numbers[row]}  ·  {seconds:,.3f} s  ·  {utc}  ·  {far}"
+        self.when.text = flight.describe_moment(row)
         if shown in FIGURES:
             if (shown, scheme) not in self.drawn:
                 self.note.text = "Drawing."
@@ -311,10 +307,7 @@ class SeePage:
         if not (0 <= self.pixel[0] < rows and 0 <= self.pixel[1] < cols):  # the brightest
             self.pixel = self.row.value, self.col.value = divmod(int(frame.intensity_counts.argmax()), cols)
         report = await self._work(report_pixel, frame, flight.moments[row].lidar, self.pixel)
-        self.image.content = "".join(
-            f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="#ff7a18" stroke-width="3"/>'
-            for x, y, side in mark_pixel(choose_window(frame, whole=self.whole), *self.pixel)
-        )
+        self.image.content = outline_pixel(choose_window(frame, whole=self.whole), *self.pixel)
         self.numbers.clear()
         with self.numbers:
             for name, value in report.numbers:

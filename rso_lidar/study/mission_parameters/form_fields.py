@@ -96,6 +96,18 @@ def find_part(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int
     return part
 
 
+def find_field(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int, ...]) -> FieldForm | None:
+    """Return the field that holds the table, or the list with the entry, at a place of a text; None where it is not known.
+
+    Parameters
+    ----------
+    cls, tables, steps : as in `find_part`.
+    """
+    names = [step for step in steps if isinstance(step, str)]
+    parent = find_part(cls, tables, tuple(names[:-1])) if names[1:] else cls
+    return next((one for one in list_fields(parent) if names and one.key == names[-1]), None) if parent else None
+
+
 def iterate_tables(cls: type[Part], tables: Mapping[str, Any], nested: str) -> Iterator[tuple[str, str, bool]]:
     """Yield the label and the place of each table that a text may have, and whether it has it.
 

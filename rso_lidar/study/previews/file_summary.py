@@ -10,10 +10,11 @@ from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
 from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.scene import load_mesh
+from rso_lidar.study.previews.mesh_sizes import summarize_mesh
 
-_MESHES = (".stl", ".obj", ".ply", ".glb", ".off")
+MESHES = (".stl", ".obj", ".ply", ".glb", ".off")
 _ELEMENT_SETS = (".tle", ".3le", ".omm")
-KINDS = (*_MESHES, *_ELEMENT_SETS, ".toml", ".csv", ".json", ".oem", ".aem", ".txt")  # suffixes of files that are read
+KINDS = (*MESHES, *_ELEMENT_SETS, ".toml", ".csv", ".json", ".oem", ".aem", ".txt")  # suffixes of files that are read
 
 
 def summarize_file(path: Path) -> str:
@@ -37,9 +38,8 @@ def summarize_file(path: Path) -> str:
 
 
 def _read(path: Path) -> str:
-    if path.suffix in _MESHES:
-        mesh = load_mesh(path)
-        return f"{len(mesh.facets):,} facets, {len(mesh.part_names)} parts"
+    if path.suffix in MESHES:
+        return summarize_mesh(load_mesh(path))
     if path.suffix in _ELEMENT_SETS:
         return f"{len(read_element_sets(path)):,} element sets"
     if path.suffix == ".oem":

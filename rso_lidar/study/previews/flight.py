@@ -8,6 +8,7 @@ from threading import Lock
 
 import numpy as np
 
+from rso_lidar.orbit import format_utc
 from rso_lidar.picture import even_indices
 from rso_lidar.records import Frame, Truth
 from rso_lidar.scenario import Scenario
@@ -65,6 +66,13 @@ class PreviewFlight:
         if not self.targets:
             return float("nan")
         return float(np.linalg.norm(self.truth(row).pose("lidar", self.base).translation))
+
+    def describe_moment(self, row: int) -> str:
+        """Return number, time and UTC of the frame of a row, and the true range, in one line."""
+        seconds = self.truth(row).time_s
+        far = f"range {self.range_m(row):,.2f} m" if self.targets else "no target"
+        utc = format_utc(self.scenario.time.start_utc, seconds)
+        return f"frame {self.numbers[row]}  ·  {seconds:,.3f} s  ·  {utc}  ·  {far}"
 
     @cached_property
     def path_m(self) -> np.ndarray:

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from rso_lidar.errors import RsoLidarError, ScenarioError, suppress_warnings
+from rso_lidar.errors import RsoLidarError, ScenarioError, collect_warnings, suppress_warnings
 from rso_lidar.files import explain_unreadable
 from rso_lidar.files.root_folder import Folder
 from rso_lidar.part.toml_text import parse_toml
@@ -14,7 +14,9 @@ from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.assessment.problem_place import locate_problem
 from rso_lidar.scenario.examples import iterate_texts
 from rso_lidar.scenario.mission.named_files import iterate_named_files, list_named_code
+from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.scene.library.model_index import model
+from rso_lidar.scene.meshes.components import format_count
 from rso_lidar.shipped import find, is_shipped
 
 _CODE = re.compile(r"\bdynamics\b|\bfmu\b", re.IGNORECASE)  # fields and files that hold Python or native code
@@ -36,6 +38,18 @@ class Assessment:
     place: str = ""
     line: int | None = None
     refusal: str = ""
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the text is a scenario that may be flown."""
+        return self.scenario is not None and not self.refusal
+
+    def tell(self, warnings: list[str] | None) -> str:
+        """Return the verdict in one line, with the number of its warnings; None while they are not known."""
+        if self.scenario is None or self.refusal:
+            return self.problem or self.refusal
+        count = "looking for warnings" if warnings is None else format_count(len(warnings), "warning")
+        return f"Ready to fly: {format_count(self.scenario.time.n_frames, 'frame')}, {count}"
 
 
 def assess(text: str, folder: Folder, title: str) -> Assessment:
@@ -100,9 +114,26 @@ def check_study(path: Path, folder: Folder) -> None:
         return  # the command says that it is missing
     place = path.parent / named
     if place.is_file():
-        found = assess(_read(place), folder, named)
-        if found.scenario is None or found.refusal:
-            raise ScenarioError(found.problem or f"{named}: {found.refusal}")
+        load_flyable(place, folder, named)
+
+
+def load_flyable(path: Path, folder: Folder, title: str) -> Scenario:
+    """Load the scenario of a file as it is now, and check that it may be flown here.
+
+    Parameters
+    ----------
+    path : of the file.
+    folder, title : as in `assess`.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, is no scenario, or may not be flown.
+    """
+    found = assess(_read(path), folder, title)
+    if found.scenario is None or found.refusal:
+        raise ScenarioError(found.problem or f"{title}: {found.refusal}")
+    return found.scenario
 
 
 def _list_values(text: str) -> list[str]:
@@ -124,11 +155,48 @@ def _read(path: Path) -> str:
 
 def describe(scenario: Scenario) -> str:
     """Return the description of a scenario with its warnings, as `rso-lidar check` prints it; it takes seconds."""
-    with suppress_warnings():
+    try:
+        return scenario.describe()
+    except RsoLidarError as error:
+        return str(error)
+
+
+def list_warnings(made: Assessment, folder: Folder, title: str) -> list[str]:
+    """List the warnings that `rso-lidar check` prints of a text that may be flown, by `Scenario.advice`.
+
+    It takes seconds. The scenario is read again, because some warnings are given where files are read.
+
+    Parameters
+    ----------
+    made : assessment of the text, with a scenario and without a refusal.
+    folder, title : as in `assess`.
+    """
+    with collect_warnings() as lines:
         try:
-            return scenario.describe()
+            lines += Scenario.loads(made.text, folder=folder.path, where=title).advice()
         except RsoLidarError as error:
-            return str(error)
+            lines.append(str(error))
+    return list(dict.fromkeys(lines))
+
+
+def estimate_run(scenario: Scenario, frames: str, rate_hz: float) -> str:
+    """Return how many frames a run makes, and about how long it takes, in one line.
+
+    Parameters
+    ----------
+    scenario : that is flown.
+    frames : which of its frames, as `rso-lidar run` takes them; empty for all.
+    rate_hz : frames per second of earlier runs.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario has no such frames.
+    """
+    count = len(scenario.time.choose_frames(parse_frames(frames or None)))
+    seconds = max(count / rate_hz, 1)
+    of = f"{count:,} of {scenario.time.n_frames:,} frames in all"
+    return f"{of}; some {seconds:,.0f} s, and 15 s more at the very first start"
 
 
 def check_file(name: str, folder: Folder, where: str) -> Path:

@@ -23,7 +23,7 @@ class DrawnFrame:
 def draw_recorded_frame(
     k: int, recording: Recording, other: Recording | None, marked: bool, scheme: Scheme
 ) -> DrawnFrame:
-    """Read a frame and draw it, with the frame of the other recording that has its number.
+    """Read a frame and draw it, with the frame of the other recording that has its number, by scales that span both.
 
     Parameters
     ----------
@@ -35,18 +35,20 @@ def draw_recorded_frame(
     try:
         frame = recording[k]
         lines = [f"Frame {frame.index}, {frame.time_s:,.3f} s, {int(frame.valid.sum()):,} returns."]
-        images, marks = {"A": draw_image(frame, scheme)}, ""
-        second = find_frame(other, frame.index) if other is not None else None
+        second, marks = find_frame(other, frame.index) if other is not None else None, ""
         if second is not None:
-            images |= {"B": draw_image(second, scheme, like=frame), "B − A": draw_difference(frame, second, scheme)}
             lines += compare_frames(frame, second).describe().splitlines()
-        elif other is not None:
-            lines.append(f"{other.path.name} has no frame {frame.index}.")
+            window = choose_window(frame, second)
+            images = {"A": draw_image(frame, scheme, beside=second), "B": draw_image(second, scheme, beside=frame)}
+            images["B − A"] = draw_difference(frame, second, scheme)
+        else:
+            lines += [f"{other.path.name} has no frame {frame.index}."] if other is not None else []
+            window, images = choose_window(frame), {"A": draw_image(frame, scheme)}
         if marked:
             for number, (name, (row, col)) in enumerate(locate_centers(frame).items()):
                 colour, dash = ((IMAGE_MARK, ""), (OKABE_ITO[4], "6 4"))[name.startswith("centroid")]
                 lines.append(f"{name.capitalize()}: row {row}, column {col} ({'dashed, blue' if dash else 'orange'}).")
-                for x, y, side in mark_pixel(choose_window(frame), row, col):
+                for x, y, side in mark_pixel(window, row, col):
                     x, y, r = x + side / 2, y + side / 2, 12 + 4 * number
                     marks += (
                         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{r}" fill="none" stroke="{colour}" stroke-width="3" '

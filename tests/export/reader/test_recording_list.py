@@ -65,3 +65,12 @@ def test_a_run_that_ends_while_it_is_opened_is_complete(folder, monkeypatch):
     monkeypatch.setattr(recording_list, "read_status", lambda path: before)
     with pytest.raises(RecordingError, match="there is no such file"):
         open_recording(folder, "a.h5")
+
+
+def test_the_table_has_a_row_for_each_recording_and_then_those_not_read(folder):
+    (folder.path / "0.h5").write_bytes(b"words")
+    size = f"{(folder.path / 'a.h5').stat().st_size / 1e6:.1f}"
+    assert RecordingList(folder).tabulate() == [
+        {"name": "a.h5", "frames": 1, "state": "complete", "size": size},
+        {"name": "0.h5", "frames": "", "state": "cannot be read", "size": ""},
+    ]

@@ -108,8 +108,8 @@ def compare_recordings(page, folder):
             page.get_by_text(re.compile(rf"^Frame {first.index}, ")).wait_for()
             for line in compare_frames(first, second).describe().splitlines():
                 words.get_by_text(line, exact=True).wait_for()
-            assert read_image(page, "frame-A") == draw_image(first)
-            assert read_image(page, "frame-B") == draw_image(second, like=first)
+            assert read_image(page, "frame-A") == draw_image(first, beside=second)
+            assert read_image(page, "frame-B") == draw_image(second, beside=first)
             difference = read_image(page, "frame-difference")
             assert difference == draw_difference(first, second)
             seen.add(difference)

@@ -7,11 +7,15 @@ import pytest
 
 pytest.importorskip("nicegui", reason="the extra studio is not installed")
 
+from nicegui import ui
+from nicegui.elements.upload_files import SmallFileUpload
 from nicegui.testing.user_simulation import user_simulation
 
 from rso_lidar.scenario.examples import SHORTEST, find_examples
 from rso_lidar.studio.application import make_root
 from rso_lidar.studio.state import Workspace
+from rso_lidar.study.previews.text_assessment import assess, list_warnings
+from tests.scene.meshes.test_mesh import BOX, binary_stl
 
 APPROACH = find_examples()["tdrs_approach"].read_text(encoding="utf-8")
 OMM = """OBJECT_NAME = TDRS
@@ -156,5 +160,45 @@ def test_a_pasted_message_becomes_the_motion(folder):
         await wait_for(lambda: document.get("target[0].motion.type") == "omm")
         assert document.get("target[0].motion.norad_id") == 100019548
         await user.should_see("Ready to fly: 540 frames", retries=100)
+
+    visit(folder, journey)
+
+
+def test_a_mesh_in_millimetres_is_warned_of_beside_the_verdict_and_gets_its_scale(folder):
+    (folder / "probe.stl").write_bytes(binary_stl(BOX * 1000.0))
+    (folder / "bench.toml").write_text(SHORTEST.replace('model = "plate"', 'model = "probe.stl"'), encoding="utf-8")
+
+    async def journey(user, workspace):
+        await user.should_see("Ready to fly: 10 frames, 4 warnings", retries=300)
+        await user.should_see("probe.stl is 3000 m across; it may be in millimetres")
+        document = workspace.open_document("bench.toml")
+        made = assess(document.text, workspace.folder, "bench.toml")
+        (warnings,) = user.find(marker="warnings").elements
+        shown = [label.text for label in warnings.default_slot.children]
+        assert shown == list_warnings(made, workspace.folder, "bench.toml")
+        user.find("table-target[0]").click()
+        user.find("choose-target[0].scale").click()
+        await user.should_see("1 × 2 × 3 m (likely)", retries=100)
+        user.find("unit-millimetres").click()
+        assert (document.get("target[0].model"), document.get("target[0].scale")) == ("probe.stl", 0.001)
+        await user.should_see("Ready to fly: 10 frames, 1 warning", retries=300)
+        await user.should_not_see("m across")
+
+    visit(folder, journey)
+
+
+def test_an_uploaded_mesh_shows_its_size_and_its_unit_is_chosen(folder):
+    async def journey(user, workspace):
+        await user.should_see("Ready to fly", retries=100)
+        document = workspace.open_document("bench.toml")
+        document.set("target[0].size_m", 7.0)
+        user.find("upload").click()
+        (upload,) = user.find(kind=ui.upload).elements
+        await upload.handle_uploads([SmallFileUpload("part.stl", "model/stl", binary_stl(BOX * 50.0))])
+        await user.should_see("12 facets, 1 part, 50 × 100 × 150 m as it stands", retries=100)
+        await user.should_see("1.27 × 2.54 × 3.81 m", retries=100)
+        user.find("unit-inches").click()
+        target = document.tables()["target"][0]
+        assert (target["model"], target["scale"], "size_m" in target) == ("part.stl", 0.0254, False)
 
     visit(folder, journey)

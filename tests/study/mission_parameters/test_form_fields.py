@@ -11,6 +11,7 @@ from rso_lidar.scenario.examples import find_examples
 from rso_lidar.study.mission_parameters.form_fields import (
     SCALARS,
     TABLES,
+    find_field,
     find_part,
     list_fields,
     parse_value,
@@ -133,6 +134,14 @@ def test_places_of_examples_have_the_part_that_the_scenario_has(name):
                     wrong.append(f"{steps}: {found}, not {type(here).__name__}")
     assert wrong == []
     assert count > 3
+
+
+def test_a_field_is_found_by_the_place_of_its_table():
+    tables = {"target": [{"motion": {"type": "no_such"}}], "lidar": {"laser": {}}}
+    for steps, key in ((("target", 0), "target"), (("lidar", "laser"), "laser"), (("target", 0, "motion"), "motion")):
+        assert find_field(Scenario, tables, steps).key == key
+    for steps in ((), ("no_such",), ("target", 0, "motion", "deeper"), (0,)):
+        assert find_field(Scenario, tables, steps) is None
 
 
 def test_no_part_at_places_that_a_text_has_not():

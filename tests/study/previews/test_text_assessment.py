@@ -7,11 +7,19 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import ScenarioError, collect_warnings
 from rso_lidar.files.root_folder import Folder
-from rso_lidar.scenario.examples import find_companions, find_examples
+from rso_lidar.scenario.examples import SHORTEST, find_companions, find_examples
 from rso_lidar.shipped import shipped
-from rso_lidar.study.previews.text_assessment import assess, check_file, check_study, describe
+from rso_lidar.study.previews.text_assessment import (
+    assess,
+    check_file,
+    check_study,
+    describe,
+    estimate_run,
+    list_warnings,
+)
+from tests.scene.meshes.test_mesh import BOX, binary_stl
 
 EXAMPLES = find_examples()
 APPROACH = EXAMPLES["tdrs_approach"].read_text(encoding="utf-8")
@@ -165,6 +173,62 @@ def test_an_assessed_scenario_flies_as_the_file_does(folder, text):
     (mine,) = rl.simulate(assess(text, folder, "a.toml").scenario, frames=[0])
     (other,) = rl.simulate(rl.Scenario.loads(text), frames=[0])
     np.testing.assert_array_equal(mine.range_m, other.range_m)
+
+
+@pytest.fixture
+def in_millimetres(folder):
+    """Return the text of a scenario whose target is a mesh in millimetres, 1 to 3 m, read as metres."""
+    (folder.path / "probe.stl").write_bytes(binary_stl(BOX * 1000.0))
+    return SHORTEST.replace('model = "plate"', 'model = "probe.stl"')
+
+
+def list_printed(scenario):
+    """Return the warnings that `check` prints of a scenario."""
+    lines = scenario.describe().splitlines()
+    return [line.removeprefix("warning").strip() for line in lines if line.startswith("warning ")]
+
+
+def test_the_warnings_are_those_that_check_prints(folder, in_millimetres):
+    made = assess(in_millimetres, folder, "a.toml")
+    found = list_warnings(made, folder, "a.toml")
+    assert found[1] == (
+        "target plate: probe.stl is 3000 m across; it may be in millimetres or centimetres or inches (scale = 0.001); "
+        "give scale or size_m"
+    )
+    assert found == list_printed(rl.Scenario.loads(in_millimetres, folder=folder.path))
+    assert len(found) == 4  # centre of mass, size, part outside the field, lidar within
+    assert made.tell(None) == "Ready to fly: 10 frames, looking for warnings"
+    assert made.tell(found) == "Ready to fly: 10 frames, 4 warnings"
+
+
+def test_what_is_warned_of_where_files_are_read_is_told_each_time(folder):
+    """A message of an orbit with gaps is read at once; `check` prints its warning first, on the error stream."""
+    rows = "".join(f"2024-09-17T{hour:02d}:00:00 42164 0 0 0 3.0747 0\n" for hour in (12, 13, 14, 15, 16, 17))
+    head = (
+        "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = A\nOBJECT_ID = A\nCENTER_NAME = EARTH\nREF_FRAME = EME2000\n"
+    )
+    times = "TIME_SYSTEM = UTC\nSTART_TIME = 2024-09-17T12:00:00\nSTOP_TIME = 2024-09-17T17:00:00\nMETA_STOP\n"
+    (folder.path / "a.oem").write_text(head + times + rows, encoding="utf-8")
+    text = APPROACH.replace('{ type = "tle", file = "tle/tdrs.tle" }', '{ type = "ephemeris", file = "a.oem" }')
+    made = assess(text, folder, "a.toml")
+    first = [line for line in list_warnings(made, folder, "a.toml") if "a.oem" in line]
+    assert len(first) == 1
+    assert first == [line for line in list_warnings(made, folder, "a.toml") if "a.oem" in line]
+
+
+def test_a_flown_scenario_is_described_with_its_warnings(folder, in_millimetres):
+    scenario = assess(in_millimetres, folder, "a.toml").scenario
+    with collect_warnings():
+        _ = scenario.surfaces
+    assert any("probe.stl is 3000 m across" in line for line in list_printed(scenario))
+
+
+def test_a_run_is_estimated_by_the_frames_that_it_makes(folder, text):
+    scenario = assess(text, folder, "a.toml").scenario
+    assert estimate_run(scenario, "2:8", 0.5).startswith("6 of 10 frames in all; some 12 s,")
+    assert estimate_run(scenario, "", 100.0).startswith("10 of 10 frames in all; some 1 s,")
+    with pytest.raises(ScenarioError):
+        estimate_run(scenario, "eight", 1.0)
 
 
 STUDY = """version = 1
