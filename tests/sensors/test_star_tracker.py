@@ -126,6 +126,12 @@ def test_it_searches_after_an_outage_and_after_a_fast_turn(cause):
     assert out.sum() < sum(expected) < 30
 
 
+@pytest.mark.parametrize(("acquisition_s", "rate_hz", "samples"), [(0.25, 10.0, 3), (0.07, 100.0, 7), (0.001, 10.0, 1)])
+def test_an_acquisition_that_has_begun_a_sample_takes_it(acquisition_s, rate_hz, samples):
+    """0.07 s at 100 Hz are 7 samples, though their product rounds to more."""
+    assert sensors.StarTracker(name="tracker", rate_hz=rate_hz, acquisition_s=acquisition_s).look_back == samples
+
+
 @pytest.mark.parametrize("acquisition_s", [0.0, 0.3, 1.0, 7.0])
 def test_samples_of_an_acquisition_do_not_depend_on_how_they_are_divided(acquisition_s):
     """Each is valid after the clear samples that an acquisition takes, whatever calls they were in."""
