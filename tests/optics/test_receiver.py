@@ -121,7 +121,7 @@ def test_a_baffle_is_as_wide_as_the_lens_and_twice_the_slope_of_the_corner_of_th
     if fits:
         assert Receiver(**fields, glare=glare).glare == glare
     else:
-        with pytest.raises(ScenarioError, match="needs 57.21 mm; widen or shorten it"):
+        with pytest.raises(ScenarioError, match=r"needs 57\.21 mm; widen or shorten it"):
             Receiver(**fields, glare=glare)
 
 

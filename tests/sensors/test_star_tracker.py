@@ -71,6 +71,17 @@ def test_the_earth_blinds_from_its_limb():
     assert tracker.measure(motion, KEY, 0)[0].valid.tolist() == [False, True, True]
 
 
+def test_the_boresight_is_the_z_axis_of_a_mount_askew_on_a_body_askew():
+    """The Sun at 29 and at 31 degrees from it, to either side of it along two directions across."""
+    body = Rotation.from_euler("ZYX", [50.0, -20.0, 110.0], degrees=True)
+    tracker = Rotation.from_euler("ZYX", MOUNT["euler_zyx_deg"], degrees=True)
+    off = Rotation.from_rotvec([[a, b, 0.0] for d in (29.0, 31.0) for a, b in ((d, 0), (-d, 0), (0, d), (0, -d))], True)
+    sun = (body * tracker).apply(off.apply([0.0, 0.0, 1.0]))
+    motion = make_motion(np.arange(8.0), quaternion_xyzw=np.tile(body.as_quat(), (8, 1)), sun_direction=sun)
+    part = sensors.StarTracker(name="tracker", rate_hz=1.0, mount=MOUNT, sun_exclusion_deg=30.0)
+    assert part.measure(motion, KEY, 0)[0].valid.tolist() == [False] * 4 + [True] * 4
+
+
 def test_a_fast_body_blurs_the_stars():
     motion = make_motion(np.arange(2.0), angular_velocity_rad_s=[[0.0, 0.009, 0.009], [0.0, 0.0, 0.017]])
     tracker = sensors.StarTracker(name="tracker", rate_hz=1.0, max_rate_deg_s=1.0)
@@ -124,6 +135,12 @@ def test_it_searches_after_an_outage_and_after_a_fast_turn(cause):
     expected = [bool(out[max(0, k - 4) : k + 1].any()) for k in range(30)]
     assert (~tracker.measure(motion, KEY, 0)[0].valid).tolist() == expected
     assert out.sum() < sum(expected) < 30
+
+
+@pytest.mark.parametrize(("acquisition_s", "rate_hz", "samples"), [(0.25, 10.0, 3), (0.07, 100.0, 7), (0.001, 10.0, 1)])
+def test_an_acquisition_that_has_begun_a_sample_takes_it(acquisition_s, rate_hz, samples):
+    """0.07 s at 100 Hz are 7 samples, though their product rounds to more."""
+    assert sensors.StarTracker(name="tracker", rate_hz=rate_hz, acquisition_s=acquisition_s).look_back == samples
 
 
 @pytest.mark.parametrize("acquisition_s", [0.0, 0.3, 1.0, 7.0])

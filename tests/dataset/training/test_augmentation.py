@@ -53,6 +53,17 @@ class TestRedrawNoise:
         # Bins of 16 pixels hold some spread of light, which bends the curve a little.
         assert np.mean(counts.std(axis=0) / wanted) == pytest.approx(1.0, abs=0.15)
 
+    def test_as_much_light_as_that_of_the_faintest_saturated_pixel_saturates(self):
+        frame = make_frame(light=4000.0, noisy=False)
+        lit = frame["photons"] > 0.0
+        frame["detection_probability"][lit] = 1.0
+        full = (frame["photons"] > 5000.0) & np.isfinite(frame["range_m"])
+        full[14, 18] = False  # reports noise
+        frame["saturated"][full] = 1
+        (one,) = redraw(RedrawNoise(), frame, 1)
+        expected = lit & (frame["photons"] >= frame["photons"][full].min())
+        np.testing.assert_array_equal(one["saturated"].astype(bool), expected)
+
     def test_a_frame_without_light_or_reports(self):
         dark = make_frame(light=1.0)
         dark["range_m"][:] = np.nan

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Gate, Gsfl, detect
+from rso_lidar.detector import Gate, Gsfl, detect, detect_with_taps
 from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.settings.noise import noise_rms
@@ -39,6 +39,16 @@ def test_a_short_gate_keeps_below_the_false_alarms_asked_for(pulses):
     """20 samples: at the two ends the filter sees less noise. 4 sigma above what is asked for, and no less than half."""
     seen, n = false_alarms(gated(pulses=pulses, false_alarm_probability=1e-2), 4)
     assert 0.5 * 1e-2 * n < seen < 1e-2 * n + 4.0 * math.sqrt(1e-2 * n)
+
+
+def test_the_amplitude_of_a_frame_is_the_mean_over_its_pulses_as_its_samples_are():
+    part = gated(QUIET.replace(readout=QUIET.readout.replace(quantised=False)), width_ns=60.0, pulses=3)
+    light = returns(np.full(2, 3000.0), [500.0, 2000.0])
+    _, waveforms, taps = detect_with_taps(light, part, np.random.default_rng(4))
+    at_samples = taps.amplitude_electrons[:, :: round(waveforms.sample_s / taps.step_s)]
+    above = waveforms.samples_counts - waveforms.baseline_counts
+    assert above.max() > 10.0
+    np.testing.assert_allclose(above, at_samples / part.readout.electrons_per_count, rtol=1e-4, atol=1e-2)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (4, 4)])

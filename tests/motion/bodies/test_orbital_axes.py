@@ -20,7 +20,7 @@ def test_the_axes_of_a_body_about_the_moon_turn_with_its_own_orbit_and_not_with_
     """Body and chief are in free fall, so that the body's plane is fixed and its axes turn by |r x v| / r² about z."""
     moon = BodyState(np.array([[3.1e8, -2.2e8, 0.9e8]]), np.array([[600.0, 750.0, -310.0]]))
     chief_m, chief_m_s = np.array([1.9e6, 0.3e6, -0.2e6]), np.array([-200.0, 1500.0, 420.0])
-    body_m, body_m_s = chief_m + [4e4, -9e4, 6e4], chief_m_s + [30.0, -70.0, 110.0]
+    body_m, body_m_s = chief_m + np.array([4e4, -9e4, 6e4]), chief_m_s + np.array([30.0, -70.0, 110.0])
     momentum, radius = np.cross(chief_m, chief_m_s), np.linalg.norm(chief_m)
     x, z = chief_m / radius, momentum / np.linalg.norm(momentum)
     axes = np.stack([x, np.cross(z, x), z], axis=1)

@@ -98,9 +98,8 @@ def test_shadow_runs_from_middle_to_middle_between_two_instants():
     ]  # one frame, and the first
     assert find_shadow_spans_s(time_s, np.zeros(6)) == [(0.0, 16.0)]
     assert find_shadow_spans_s(time_s, np.full(6, np.nan)) == []
-    assert find_shadow_spans_s(time_s, np.array([1.0, 0.5, 0.5, 0.49, 0.5, 1.0])) == [
-        (3.0, 6.0)
-    ]  # half a disc is light
+    half = np.array([1.0, 0.5, 0.5, 0.49, 0.5, 1.0])
+    assert find_shadow_spans_s(time_s, half) == [(3.0, 6.0)]  # half a disc is light
 
 
 def test_spans_of_shadow_may_be_given():
