@@ -168,7 +168,17 @@ def _too_large(path: Path, size: int, most_bytes: int, what: str) -> str:
 
 
 def describe_size(size: int) -> str:
-    """Return a size as text: in MiB, or in bytes below 1 MiB."""
+    """Return a size as text: in MiB, or in bytes below 1 MiB.
+
+    Parameters
+    ----------
+    size : [byte].
+
+    Returns
+    -------
+    str
+        Such as "256 MiB" or "4,096 bytes".
+    """
     return f"{size / _MIB:,.0f} MiB" if size >= _MIB else f"{size:,} bytes"
 
 

@@ -28,8 +28,6 @@ _GRID = 96  # rays along each side of the square that they are cast from
 _GRAZING = 0.05  # cosine below which a facet is not probed: float32 could start the ray behind it
 _TIE = 1e-9  # of the weight: a sum this near to half of it counts as half
 _STRAY = 2.0  # times as far from the middle as 95 % of the surface
-
-
 _LISTED = 40  # strays that have a line each
 
 
