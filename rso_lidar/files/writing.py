@@ -104,7 +104,13 @@ def write_atomically(place: Path, *, keep_suffix: bool = True) -> Iterator[Path]
 
 
 def _name_output(error: RsoLidarError, draft: Path | None, place: Path) -> RsoLidarError:
-    """Return an error that names the output where its message has the name of the temporary file."""
+    """Return an error that names the output where its message has the name of the temporary file.
+
+    Parameters
+    ----------
+    error : of the writing.
+    draft, place : the temporary file, None before it was made, and the output.
+    """
     message = str(error)
     if draft is None or draft.name not in message:
         return error
