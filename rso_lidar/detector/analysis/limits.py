@@ -54,6 +54,6 @@ def check_noise_gsfl(gsfl: Gsfl) -> None:
         raise ScenarioError(
             f"detector.trigger.threshold_electrons: {gsfl.trigger.threshold_electrons:g} is "
             f"{gsfl.threshold_over_noise:.2g} times the noise ({gsfl.noise_electrons:.0f} electrons): noise alone would "
-            f"trigger each pixel {rate:.3g} times a second, {false:.3g} times while it is armed; raise the threshold, "
-            "lower the noise or the dark current, or arm a shorter window"
+            f"trigger a nominal pixel {rate:,.0f} times a second, {false:.3g} times while it is armed; raise the threshold, "
+            "lower the noise, the dark current or the gain, or arm a shorter window (detector.armed_to_m)"
         )

@@ -229,17 +229,24 @@ class Mission(Part):
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
-        """Targets and follower, with the paths of their motions' files."""
+        """Targets and follower, with the paths of their motions' files; refused where code of theirs is not trusted."""
+        for body in (*self.target, self.follower):
+            for place in ("motion", "attitude"):
+                with self.locate_errors(f"{body.name}.{place}"):
+                    self._check_code(getattr(body, place))
+        return self.located_bodies
+
+    @cached_property
+    def located_bodies(self) -> tuple[Body, ...]:
+        """The bodies, for what asks of their motions without flying them."""
         return tuple(self._find_files_of(body) for body in (*self.target, self.follower))
 
     def _find_files_of(self, body: Body) -> Body:
         changes = {}
         for place in ("motion", "attitude"):
-            part = getattr(body, place)
-            if part is None:
+            if (part := getattr(body, place)) is None:
                 continue
             with self.locate_errors(f"{body.name}.{place}"):
-                self._check_code(part)
                 found = find_named_files(part, self.file)
                 if (check := getattr(found, "check", None)) is not None:
                     check(self.time.start_utc)  # a bad element set is an error now, with its place

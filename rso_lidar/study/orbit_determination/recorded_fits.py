@@ -265,7 +265,7 @@ def _check_frames(frames: Sequence[Frame], folder: Path | None) -> Scenario:
     scenario = load_scenario(frames[0].source, folder)
     if scenario.is_local:
         raise RecordingError("fit: the scenario is in a local world, without orbits; record one in orbit")
-    if lunar := list_lunar_bodies(scenario.bodies):
+    if lunar := list_lunar_bodies(scenario.located_bodies):
         raise RecordingError(
             f"fit: '{lunar[0]}' orbits about the Moon, but fits have the Earth's gravity; record bodies about the Earth"
         )

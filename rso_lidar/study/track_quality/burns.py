@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from rso_lidar import rpo
 from rso_lidar.motion.proximity import find_plan, list_commands
-from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.scenario import Scenario
 
 _LEAST_M_S = 1e-9  # velocity change between two frames below which the flight counts as free
 
 
-def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[PlannedImpulse, int]]:
+def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[rpo.PlannedImpulse, int]]:
     """List the follower's burns after the first of some ascending times (time) [s], each with the index of the next time.
 
     Burns are in the rtn axes of the approached body. These differ from the follower's own by separation over radius only.
     Continuous thrust along a path becomes one impulse half way between two times, from the acceleration there. A follower
     without a plan has no known burns, because tables, state-space models and controllers do not state theirs.
     """
-    plan = find_plan(scenario.follower, scenario.bodies, scenario.time.start_utc)
+    has_plan = isinstance(scenario.follower.motion, rpo.Flown | rpo.ProximityOperation)
+    plan = find_plan(scenario.follower, scenario.bodies, scenario.time.start_utc) if has_plan else None
     if plan is None or time_s.size < 2:
         return []
     commands = list_commands(scenario.follower, scenario.bodies, scenario.time.start_utc, float(time_s[-1]))
@@ -28,10 +29,10 @@ def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Plann
     return list(zip(burns, places.tolist(), strict=True))
 
 
-def _sample_control(plan: Plan, time_s: np.ndarray) -> list[PlannedImpulse]:
+def _sample_control(plan: rpo.Plan, time_s: np.ndarray) -> list[rpo.PlannedImpulse]:
     """Return the velocity change of thrust along a path from each time to the next, as impulses."""
     step_s = np.diff(time_s)
     middle_s = time_s[:-1] + 0.5 * step_s
     given = plan.control_m_s2(middle_s) * step_s[:, None]
     size = np.sqrt((given**2).sum(axis=1))
-    return [PlannedImpulse(float(middle_s[k]), given[k]) for k in np.flatnonzero(size > _LEAST_M_S)]
+    return [rpo.PlannedImpulse(float(middle_s[k]), given[k]) for k in np.flatnonzero(size > _LEAST_M_S)]

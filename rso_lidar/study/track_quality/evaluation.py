@@ -153,7 +153,7 @@ def tracking(
     table = _tabulate(rows, model)
     tracks = {}
     for kind, mean_motion in _choose_filters(
-        frames[0], local=scenario.is_local or bool(list_lunar_bodies(scenario.bodies))
+        frames[0], local=scenario.is_local or bool(list_lunar_bodies(scenario.located_bodies))
     ).items():
         made = tracks[kind] = filter_positions(
             time_s,

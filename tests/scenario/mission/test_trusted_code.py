@@ -67,12 +67,11 @@ def test_reading_a_recording_runs_nothing(recording, call_line):
         ["plot", recording, "-o", folder / "p.png"],
         ["animate", recording, folder / "a.gif"],
         ["track", recording],
-        ["export", recording, "-o", folder / "x.npz"],
-        ["export", recording, "-o", folder / "x.czml"],
-        ["view", recording, "--with", "files", "-o", folder / "v.png"],
+        ["export", recording, "--to", folder / "x.npz"],
+        ["export", recording, "--to", folder / "x.csv"],
     ):
         status, said = call_line(words)
-        assert status in (0, 2), said
+        assert status == 0, said
         assert not (folder / "it_ran").exists(), words
     assert not [name for name in sys.modules if name.startswith("strange_dynamics_")]
 

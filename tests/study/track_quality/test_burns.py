@@ -79,3 +79,10 @@ def test_who_flies_no_plan_has_none():
     drift = rl.Hill(relative_to="stage", position_m=(0.0, -500.0, 0.0), velocity_m_s=(0.0, 0.0, 0.0))
     assert list_known_burns(scenario(drift), np.arange(5.0)) == []
     assert list_known_burns(scenario(HOPS), np.zeros(1)) == []
+
+
+def test_code_that_is_not_trusted_is_not_needed_to_know_that_there_are_no_burns():
+    motion = {"type": "state_space", "relative_to": "stage", "axes": "rtn", "dynamics": "absent.py:pull"}
+    about = scenario(STRAIGHT)
+    follower = {"name": "follower", "motion": motion | {"initial_state": [0.0, -100.0, 0.0, 0.0, 0.0, 0.0]}}
+    assert list_known_burns(about.replace(follower=follower), np.arange(3.0)) == []
