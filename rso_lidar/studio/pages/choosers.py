@@ -193,9 +193,7 @@ async def choose_unit(tab: BrowserTab, place: str, name: str = "") -> None:
         if not sizes or not targets:
             return
         with open_dialog(f"Unit of {name}") as dialog:
-            ui.label("How large is it? The target gets the mesh, and the scale of the unit that you choose.").classes(
-                "text-sm"
-            )
+            ui.label("How large is it? The target gets the mesh, and a scale.").classes("text-sm")
             chosen = ui.select(targets, value=place or next(iter(targets)), label="Target").classes("w-full")
             mark(chosen, "unit-target", "dense")
 

@@ -344,17 +344,6 @@ def test_who_adds_waits_for_who_is_adding(library, box):
     assert sorted(file.name for file in library.iterdir()) == ["index.toml", "second.stl", "third.stl"]
 
 
-def test_what_is_known_of_meshes_cannot_be_changed_and_is_read_like_all_else(tmp_path, monkeypatch):
-    one = next(iter(known_meshes().values()))
-    for table in (known_meshes(), one):
-        with pytest.raises(TypeError):
-            table["name"] = "other"
-    monkeypatch.setattr("rso_lidar.scene.library.adding.shipped", lambda name: tmp_path)
-    known_meshes.cache_clear()
-    with pytest.raises(MeshError, match=r"known_meshes\.toml: cannot be read \(no such file\): install"):
-        known_meshes()
-
-
 def test_the_library_lies_where_the_platform_keeps_data(monkeypatch, tmp_path):
     import platformdirs
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from rso_lidar.errors import MeshError
 from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library.mesh_units import MeshUnit, list_units
+from rso_lidar.scene.library.mesh_units import MeshUnit, known_meshes, list_units
 from tests.scene.meshes.test_mesh import BOX, binary_stl, glb
 
 
@@ -51,3 +52,14 @@ def test_a_helper_cube_is_a_unit_of_its_own(load):
     cube = (BOX / [1, 2, 3] - BOX.reshape(-1, 3).mean(axis=0) / [1, 2, 3]) * 8.0
     units = list_units(load(binary_stl(np.concatenate([cube, BOX * 30 + 20]))))
     assert units[-1] == MeshUnit("helper cube of 1 m, which is 8 units", 0.125, False)
+
+
+def test_what_is_known_of_meshes_cannot_be_changed_and_is_read_like_all_else(tmp_path, monkeypatch):
+    one = next(iter(known_meshes().values()))
+    for table in (known_meshes(), one):
+        with pytest.raises(TypeError):
+            table["name"] = "other"
+    monkeypatch.setattr("rso_lidar.scene.library.mesh_units.shipped", lambda name: tmp_path)
+    known_meshes.cache_clear()
+    with pytest.raises(MeshError, match=r"known_meshes\.toml: cannot be read \(no such file\): install"):
+        known_meshes()
