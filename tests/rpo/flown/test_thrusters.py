@@ -35,6 +35,15 @@ def test_errors_have_the_covariance_of_gates():
     assert abs(down.mean()) < 5.0 * s_along / math.sqrt(N) + 1.3 * (0.5 * units.DEG) ** 2  # the cosine of the angle
 
 
+def test_a_fixed_error_of_pointing_is_across_the_burn_alone():
+    """Its variance along each of the two axes is that of the setting; a sample variance of 2 N draws is off by √(1/N)."""
+    error = np.array(
+        [Thrusters(pointing_sigma_m_s=0.004).disturb(WANTED, make_generator(7, IMPULSES, k)) - WANTED for k in range(N)]
+    )
+    np.testing.assert_allclose(error @ WANTED, 0.0, atol=1e-15)
+    assert np.mean(np.sum(error**2, axis=1)) == pytest.approx(2.0 * 0.004**2, rel=5.0 / math.sqrt(N))
+
+
 def test_constant_errors_scale_and_turn():
     bad = Thrusters(magnitude_error_fraction=0.02, misalignment_deg=(0.0, 0.0, 90.0))
     done = bad.disturb(np.array([1.0, 0.0, 0.0]), make_generator(0, IMPULSES, 0))
