@@ -104,7 +104,14 @@ def write_atomically(place: Path, *, keep_suffix: bool = True) -> Iterator[Path]
 
 
 def _name_output(error: RsoLidarError, draft: Path | None, place: Path) -> RsoLidarError:
-    """Return an error that names the output where its message has the name of the temporary file."""
+    """Return an error that names the output where its message has the name of the temporary file.
+
+    Parameters
+    ----------
+    error : as it was raised.
+    draft : path of the temporary file; None if there is none yet.
+    place : of the output.
+    """
     message = str(error)
     if draft is None or draft.name not in message:
         return error

@@ -11,7 +11,6 @@ from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.export.reader.recording_list import RecordingList
-from rso_lidar.files import explain_unreadable
 from rso_lidar.files.root_folder import Folder
 from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.document import UNSAVED, Document, list_documents
@@ -46,10 +45,9 @@ class Workspace:
             return 0
         try:
             found = assess(path.read_text(encoding="utf-8"), self.folder, request.source)
-        except OSError as error:
-            raise ScenarioError(explain_unreadable(request.source, error)) from None
-        except UnicodeError:
-            raise ScenarioError(f"{request.source}: is not UTF-8 text; save it as UTF-8") from None
+        except (OSError, UnicodeError) as error:
+            why = getattr(error, "strerror", "it is not UTF-8 text")
+            raise ScenarioError(f"{request.source}: cannot be read ({why}); save it again") from None
         if found.scenario is None or found.refusal:
             raise ScenarioError(found.problem or f"{request.source}: {found.refusal}")
         return len(found.scenario.time.choose_frames(parse_frames(request.frames or None)))
