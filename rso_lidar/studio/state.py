@@ -46,8 +46,9 @@ class Workspace:
         try:
             found = assess(path.read_text(encoding="utf-8"), self.folder, request.source)
         except (OSError, UnicodeError) as error:
-            why = getattr(error, "strerror", "it is not UTF-8 text")
-            raise ScenarioError(f"{request.source}: cannot be read ({why}); save it again") from None
+            raise ScenarioError(
+                f"{request.source}: cannot be read ({getattr(error, 'strerror', 'no UTF-8')}); save it again"
+            ) from None
         if found.scenario is None or found.refusal:
             raise ScenarioError(found.problem or f"{request.source}: {found.refusal}")
         return len(found.scenario.time.choose_frames(parse_frames(request.frames or None)))
