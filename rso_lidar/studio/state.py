@@ -45,10 +45,8 @@ class Workspace:
             return 0
         try:
             found = assess(path.read_text(encoding="utf-8"), self.folder, request.source)
-        except (OSError, UnicodeError) as error:
-            raise ScenarioError(
-                f"{request.source}: cannot be read ({getattr(error, 'strerror', 'no UTF-8')}); save it again"
-            ) from None
+        except (OSError, UnicodeError):
+            raise ScenarioError(f"{request.source}: cannot be read as UTF-8 text; save it again") from None
         if found.scenario is None or found.refusal:
             raise ScenarioError(found.problem or f"{request.source}: {found.refusal}")
         return len(found.scenario.time.choose_frames(parse_frames(request.frames or None)))
