@@ -108,8 +108,9 @@ def _name_output(error: RsoLidarError, draft: Path | None, place: Path) -> RsoLi
 
     Parameters
     ----------
-    error : of the writing.
-    draft, place : the temporary file, None before it was made, and the output.
+    error : as it was raised.
+    draft : path of the temporary file; None if there is none yet.
+    place : of the output.
     """
     message = str(error)
     if draft is None or draft.name not in message:
