@@ -301,6 +301,10 @@ class Study(FilePart):
         Parameters
         ----------
         trust_code, trust_fmu : whether Python code and FMUs that the scenario names may run.
+
+        Returns
+        -------
+        the scenario.
         """
         with add_place(self.where):
             scenario = Scenario.load(self.scenario_file(), self.set, trust_code=trust_code, trust_fmu=trust_fmu)
