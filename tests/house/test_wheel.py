@@ -109,7 +109,7 @@ for example in sys.argv[1:]:
             rso_lidar.cli.main(words)
         except SystemExit as left:
             assert not left.code, words
-    scenario = rso_lidar.Scenario.load(f"my_{example}.toml")
+    scenario = rso_lidar.Scenario.load(f"my_{example}.toml", trust_code=True)
     epochs = scenario.epochs().at(slice(2))  # bodies and surfaces of two frames read all that a scenario names
     bodies = rso_lidar.motion.truth(
         scenario.bodies, epochs, local=scenario.is_local, sun_direction=scenario.world.sun_direction
