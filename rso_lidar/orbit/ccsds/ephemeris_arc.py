@@ -27,13 +27,16 @@ from rso_lidar.orbit.ccsds.message import (
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
 from rso_lidar.orbit.ccsds.reference_frames import freeze_axes, parse_frame
+from rso_lidar.orbit.central_body import EARTH
 from rso_lidar.orbit.earth.axes import EarthAxes
 from rso_lidar.orbit.epochs import parse_epoch_ps
+from rso_lidar.pose import length
 
 DEGREE = 7
 EDGE_S = 1e-8  # an epoch this close outside an edge counts as on it, because dates are rounded
 PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
 SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
+_LOWEST = 0.5  # Earth radii; a table whose rows are all below is of another unit
 _LEAST_HERMITE = 3  # the cubic through two rows; one row alone does not interpolate
 
 
@@ -143,11 +146,24 @@ def read_arcs(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> 
         raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
     else:
         arcs = [_read_csv(text, str(path))]
+    for arc in arcs:
+        _check_distance(arc)
     arcs.sort(key=lambda arc: arc.begin_s)
     for before, after in itertools.pairwise(arcs):
         if after.begin_s < before.end_s - EDGE_S:
             raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
     return tuple(arcs)
+
+
+def _check_distance(arc: EphemerisArc) -> None:
+    """Raise `ScenarioError` where all positions are inside the Earth or beyond its reach, as in another unit."""
+    radius_m = length(arc.position_m)
+    low_m, high_m = float(radius_m.min()), float(radius_m.max())
+    if high_m < _LOWEST * EARTH.radius_m or low_m > EARTH.reach_m:
+        raise ScenarioError(
+            f"{arc.where}: its positions are {low_m / units.KM:,.0f} to {high_m / units.KM:,.0f} km from the Earth's "
+            "centre, where nothing orbits it: correct their unit"
+        )
 
 
 def _read_csv(text: str, where: str) -> EphemerisArc:

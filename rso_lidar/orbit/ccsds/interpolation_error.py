@@ -313,7 +313,10 @@ def _advise(arc: EphemerisArc, method: str, degree: int, errors: IntervalErrors,
         if off_m < 0.5 * errors.off_m[k]:
             change = "" if choice == method else f"`interpolation` to '{choice}' and "
             return f"set {change}`degree` to {order}, for an error of {_format_length(off_m)}"
-    burn = ", begin a new segment at each burn" if _LEAST_BURN_M < errors.doubt_m[k] < errors.off_m[k] else ""
+    # The polynomial reaches over a burn from the intervals beside it, whose own rows show none.
+    beside = np.abs(errors.first - errors.first[k]) <= (degree + 1) // 2
+    is_burn = errors.doubt_m[k] < errors.off_m[k] and errors.doubt_m[beside].max() > _LEAST_BURN_M
+    burn = ", begin a new segment at each burn" if is_burn else ""
     return f"take a finer table{burn}, or 'numerical' from one of its states"
 
 

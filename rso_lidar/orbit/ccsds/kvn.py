@@ -71,7 +71,8 @@ def read_kvn(text: str, kind: str, where: str) -> Message:
             into = message.segments[-1].meta if inside == "META" else message.header
             if match[1] in into:
                 raise ScenarioError(f"{where}: line {number}: {match[1]} is given twice: remove one")
-            into[match[1]] = Entry(match[2].strip(), number)
+            if match[2].strip():  # a keyword without a value is not given
+                into[match[1]] = Entry(match[2].strip(), number)
         elif inside == "META" or not message.segments:
             raise ScenarioError(f"{where}: line {number}: '{line:.40}' is not KEYWORD = value: correct the line")
         else:

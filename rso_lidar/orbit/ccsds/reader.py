@@ -58,7 +58,7 @@ def read_table_text(path: Path) -> str:
         )
     if not text.strip():
         raise ScenarioError(f"{path}: is empty: give a file with at least two rows")
-    return text
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _decompress(content: bytes, path: Path) -> bytes:

@@ -91,14 +91,18 @@ class _Walker:
         ----------
         kind, where, elements : as for `walk_message`
         """
-        self.tag, self.where, self.elements = kind.lower(), where, elements
+        self.kind, self.tag, self.where, self.elements = kind, kind.lower(), where, elements
         self.parser: Any = None
         self.version = ""
         self.depth = 0  # of open elements from that of the message on; 0 outside
         self.words: list[str] = []
         self.unit = ""
 
-    def doctype(self, *_: Any) -> None:
+    def doctype(self, root: str, *_: Any) -> None:
+        if root.lower() == "html":
+            raise ScenarioError(
+                f"{self.where}: is a web page (HTML) and not {_ARTICLES[self.kind]} {self.kind}: fetch the file again"
+            )
         raise ScenarioError(f"{self.where}: has a DOCTYPE, which these messages must not have: remove it")
 
     def start(self, name: str, attributes: dict[str, str]) -> None:

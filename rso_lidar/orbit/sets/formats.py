@@ -107,7 +107,10 @@ def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, 
     CatalogError
         if the file is not UTF-8 text
     """
-    text = decode_text(read_bytes(path, MOST_BYTES, CatalogError, "catalogue"))
+    content = read_bytes(path, MOST_BYTES, CatalogError, "catalogue")
+    if content.startswith((b"\x1f\x8b", b"PK\x03\x04")):
+        raise CatalogError(f"{path}: is compressed ({'zip' if content[:1] == b'P' else 'gzip'}): decompress it")
+    text = decode_text(content)
     if text is None:
         raise CatalogError(f"{path}: is not UTF-8 text: give a file of two-line element sets")
     sets, junk = parse_text(text, str(path))

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rso_lidar.errors import CatalogError, warn
-from rso_lidar.orbit.sets.element_set import NO_EPOCH, ElementSet, explain_impossible
+from rso_lidar.orbit.sets.element_set import NO_EPOCH, SGP4_XP, ElementSet, explain_impossible
 
 LINE_LENGTH = 69
 _ALPHA5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # without I and O; A means 10
@@ -115,7 +115,8 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
         out = explain_impossible(found)
         if out is None:
             return found, at
-        problem = f"{place}: {out}: fetch the set again"
+        cure = "fetch elements of SGP4" if found.ephemeris_type == SGP4_XP else "fetch the set again"
+        problem = f"{place}: {out}: {cure}"
     return ElementSet(name, identity, line1, line2, place, problem, **fields), at
 
 

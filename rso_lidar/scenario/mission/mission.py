@@ -76,7 +76,7 @@ class Mission(Part):
     dispersion: Dispersion | None = Field(default=None, description="Errors that `disperse` applies. A run uses none.")
     _folder: Path | None = PrivateAttr(default=None)
     _where: str = PrivateAttr(default="scenario")
-    _trust_code: bool = PrivateAttr(default=True)
+    _trust_code: bool | None = PrivateAttr(default=True)
     _trust_fmu: bool = PrivateAttr(default=False)
 
     @classmethod
@@ -111,7 +111,7 @@ class Mission(Part):
         folder: Path | None = None,
         where: str = "scenario",
         settings: tuple[str, ...] = (),
-        trust_code: bool = False,
+        trust_code: bool | None = False,
     ) -> Self:
         """Load a scenario from a TOML text, such as that of a recording.
 
@@ -122,7 +122,8 @@ class Mission(Part):
         where : name of the text in error messages.
         settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
         trust_code : whether Python code that the text names as `dynamics` may run when the scenario is flown. Otherwise
-            such a scenario can be read but not flown, because its text may come from somebody else.
+            such a scenario can be read but not flown, because its text may come from somebody else. None for the text of
+            a recording, whose code never runs.
 
         Raises
         ------
@@ -266,14 +267,19 @@ class Mission(Part):
 
     def _check_code(self, part: Any) -> None:
         """Raise `ScenarioError` for a part that names Python code or an FMU, unless it is trusted."""
-        if not self._trust_fmu and part is not None and (named := list_fmus(part)):
+        fmus = [] if self._trust_fmu else list_fmus(part)
+        code = [] if self._trust_code else list_dynamics(part)
+        if self._trust_code is None and (fmus or code):
+            what = f"the FMU '{fmus[0]}'" if fmus else f"the Python code '{code[0]}'"
+            raise ScenarioError(f"needs {what}, and no code of a recording runs; take a recording of other motions")
+        if fmus:
             raise ScenarioError(
-                f"the FMU '{named[0]}' holds native code, which runs only where it is trusted; give --trust-fmu, or in "
+                f"the FMU '{fmus[0]}' holds native code, which runs only where it is trusted; give --trust-fmu, or in "
                 "Python trust_fmu=True to Scenario.load"
             )
-        if not self._trust_code and part is not None and (named := list_dynamics(part)):
+        if code:
             raise ScenarioError(
-                f"dynamics: names the Python code '{named[0]}', which runs only where it is trusted; give --trust-code, or "
+                f"dynamics: names the Python code '{code[0]}', which runs only where it is trusted; give --trust-code, or "
                 "in Python trust_code=True"
             )
 

@@ -283,7 +283,8 @@ class GltfFile:
             return self._loaded[number]
         buffer = self._buffers[number]
         for name in COMPRESSIONS:
-            if self.table_of(self.table_of(buffer, "extensions"), name).get("fallback"):
+            # A fallback buffer without a place holds nothing; with one, it holds the data without compression.
+            if "uri" not in buffer and self.table_of(self.table_of(buffer, "extensions"), name).get("fallback"):
                 raise self.refuse(f"is compressed with {name}, which is not read; export it without compression")
         uri, needed = buffer.get("uri"), self.count_of(buffer, "byteLength")
         if uri is None:

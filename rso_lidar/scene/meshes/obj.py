@@ -1,5 +1,6 @@
 """OBJ files: triangles in the order of the file, by group."""
 
+import itertools
 from array import array
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from rso_lidar.errors import MeshError
 from rso_lidar.scene.meshes.polygons import MeshPiece, cut_polygons
 from rso_lidar.scene.meshes.text_lines import number_lines, refuse_line
 
+_CONTINUED = (b"v", b"f", b"fo", b"l", b"p", b"g", b"o")  # lines that a backslash may continue; paths are in others
 _CURVED = ("surf", "curv", "cdc", "cdp", "bzp", "bsp")  # surfaces and curves without triangles, and patches
 
 
@@ -37,8 +39,10 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[MeshPiece]:
     runs: list[tuple[str, array, array]] = []
     names: set[str] = set()
     name = "body"
-    for number, line in number_lines(path, blob, joined=True):
-        words = line.partition("#")[0].split()
+    for number, line in number_lines(path, blob, joined=_CONTINUED):
+        words = line.split()
+        if words and words[0] not in ("g", "o"):  # a name may have a number sign inside, as in panel#2
+            words = line.partition("#")[0].split()
         if not words:
             continue
         try:
@@ -46,7 +50,7 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[MeshPiece]:
                 x, y, z = (float(word) for word in words[1:4])
                 vertices.extend((x, y, z))
             elif words[0] in ("g", "o"):
-                name = "_".join(words[1:]) or "body"
+                name = "_".join(itertools.takewhile(lambda word: word[0] != "#", words[1:])) or "body"
             elif words[0] in ("f", "fo"):
                 corners = [_index(word, len(vertices) // 3) for word in words[1:]]
                 if len(corners) < 3:

@@ -107,6 +107,8 @@ def _read_header(path: Path, blob: bytes) -> tuple[str | None, list[_Element], b
                 elements.append(_Element(name, int(rows), {}))
                 if int(rows) < 0:
                     raise ValueError
+            case ["property", *_, name] if name in elements[-1].properties:
+                raise MeshError(f"{path.name}: its header states '{name}' twice; export it again")
             case ["property", "list", count, kind, name]:
                 elements[-1].properties[name] = _TYPES[kind], _TYPES[count]
             case ["property", kind, name]:

@@ -76,8 +76,9 @@ def _read_ascii(path: Path, blob: bytes) -> list[MeshPiece]:
                     case "facet":
                         if not is_open or corners >= 0 or words[1].lower() != "normal":
                             raise ValueError
-                        x, y, z = (float(word) for word in words[2:5])  # unused: the corners state the plane
-                        words = words[5:]
+                        if len(words) < 5:
+                            raise ValueError
+                        words = words[5:]  # the normal is not read: the corners state the plane
                     case "outer":
                         if not is_open or corners >= 0 or words[1].lower() != "loop":
                             raise ValueError

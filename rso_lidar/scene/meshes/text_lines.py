@@ -12,14 +12,15 @@ _LONGEST = 1_000_000  # characters of a line: a polygon of 100,000 corners
 _LOOKED_AT = 4096  # bytes at the start in which text has no zero byte
 
 
-def number_lines(path: Path, blob: bytes, *, joined: bool = False) -> Iterator[tuple[int, str]]:
+def number_lines(path: Path, blob: bytes, *, joined: tuple[bytes, ...] = ()) -> Iterator[tuple[int, str]]:
     """Yield the lines of a text file with their numbers, without its byte order mark.
 
     Parameters
     ----------
     path : name of the file, for messages.
     blob : its contents.
-    joined : whether a line that ends in a backslash goes on in the next one.
+    joined : first words of the lines that go on in the next one where they end in a backslash. A path at the end of a
+        comment may end in one, too.
 
     Raises
     ------
@@ -38,8 +39,8 @@ def number_lines(path: Path, blob: bytes, *, joined: bool = False) -> Iterator[t
             raise MeshError(f"{path.name}: line {number}: is over {_LONGEST:,} characters long; export it again")
         line = held + blob[start:end]
         start, held = end + 1, b""
-        if joined and line.endswith(b"\\") and start < len(blob):
-            held = line[:-1] + b" "
+        if joined and line.rstrip().endswith(b"\\") and start < len(blob) and line.split(None, 1)[0] in joined:
+            held = line.rstrip()[:-1] + b" "
             continue
         yield number, line.decode("utf-8", errors="replace")
 

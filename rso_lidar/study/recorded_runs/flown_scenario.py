@@ -13,7 +13,7 @@ from rso_lidar.scene import Surface
 def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
     """Load the scenario of a recording; `folder` holds the mesh files that it names (None: the working folder)."""
     with suppress_warnings():
-        return Scenario.loads(source.scenario, folder=folder, where="recording")
+        return Scenario.loads(source.scenario, folder=folder, where="recording", trust_code=None)
 
 
 def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str) -> tuple[Surface, ...]:

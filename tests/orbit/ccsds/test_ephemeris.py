@@ -9,7 +9,9 @@ import pytest
 
 from rso_lidar.errors import PropagationError, RecordingError, RsoLidarWarning, ScenarioError, suppress_warnings
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
+from rso_lidar.orbit.ccsds.ephemeris_arc import read_arcs
 from rso_lidar.orbit.ccsds.interpolation import interpolate_hermite, interpolate_lagrange
+from rso_lidar.orbit.ccsds.reader import find_table
 from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
 from rso_lidar.orbit.earth.axes import gcrs_from_axes, gcrs_from_eme2000
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
@@ -456,3 +458,14 @@ def test_states_written_in_any_axes_are_read_again(axes, tmp_path):
             states = plain.states(between)
         off_m = np.linalg.norm(states.position_m - expected.position_m, axis=1)
         assert 5.0 < off_m.max() < 30.0
+
+
+@pytest.mark.parametrize(
+    ("factor", "says"),
+    [(1000.0, "are 7,000,000 to 7,240,000 km from"), (0.001, "are 7 to 7 km from the Earth's centre")],
+)
+def test_positions_of_another_unit_are_refused(tmp_path, factor, says):
+    rows = [f"2024-09-17T12:{m:02d}:00 {factor * (7000 + 60 * m)} 0 0 {factor} 0 0" for m in range(5)]
+    with pytest.raises(ScenarioError, match=says) as refused:
+        read_arcs(*find_table(saved(tmp_path, HEAD + segment(rows))), None)
+    assert str(refused.value).endswith(", where nothing orbits it: correct their unit")

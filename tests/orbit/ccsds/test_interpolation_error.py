@@ -12,7 +12,7 @@ from rso_lidar.orbit.earth.axes import convert_states
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Drag, Forces
 from rso_lidar.orbit.propagation.numerical import Numerical
-from rso_lidar.orbit.two_body.kepler import Kepler
+from rso_lidar.orbit.two_body.kepler import Kepler, State
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 
@@ -134,6 +134,21 @@ def test_a_burn_between_rows_is_found_beside_it():
     arc = EphemerisArc(before.where, START, 0.0, 3600.0, before.time_s, position, velocity)
     remark = check_row_spacing([arc], None, None)
     assert "12:31:00" in remark and "begin a new segment at each burn" in remark
+
+
+def test_a_burn_at_a_row_is_named_though_the_error_is_greatest_beside_it():
+    """The row at 300 s is of the orbit before, and shows no burn to the interval that ends there."""
+    arc = make_arc(orbit(), 60.0, 600.0)
+    rest = Epochs(START, arc.time_s[6:])
+    at_burn = arc.position_m[5], arc.velocity_m_s[5] + np.array([0.0, 50.0, 0.0])
+    after = State(
+        epoch_utc=START + datetime.timedelta(seconds=300), position_m=at_burn[0], velocity_m_s=at_burn[1]
+    ).states(rest)
+    position, velocity = arc.position_m.copy(), arc.velocity_m_s.copy()
+    position[6:], velocity[6:] = after.position_m, after.velocity_m_s
+    flown = EphemerisArc(arc.where, START, 0.0, 600.0, arc.time_s, position, velocity)
+    remark = check_row_spacing([flown], None, None)
+    assert "12:04:00" in remark and "begin a new segment at each burn" in remark
 
 
 def test_of_many_intervals_the_longest_is_judged():

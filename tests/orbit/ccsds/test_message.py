@@ -62,6 +62,14 @@ def test_bad_epochs_are_refused(text, system, says):
     assert str(error.value).startswith("file: line 7: epoch") and "\n" not in str(error.value)
 
 
+def test_a_keyword_without_a_value_is_not_given():
+    text = HEAD + META.replace("META_STOP", "USEABLE_START_TIME =\nINTERPOLATION_DEGREE = \nMETA_STOP")
+    assert (
+        read_message(text, "OEM", "f").segments[0].meta.keys()
+        == read_message(HEAD + META, "OEM", "f").segments[0].meta.keys()
+    )
+
+
 def test_blocks_comments_and_covariance():
     text = (
         HEAD
@@ -94,6 +102,10 @@ def test_blocks_comments_and_covariance():
         ("<oem version='2.0'><body></oem>", "line 1: is not well-formed XML"),
         ("<oem version='2.0'><body><stateVector><X>1</X></stateVector></body></oem>", "has no segment"),
         ("<aem version='2.0'></aem>", "does not contain <oem>"),
+        (
+            "<!DOCTYPE html><html><p>403 Forbidden</html>",
+            r"is a web page \(HTML\) and not an OEM: fetch the file again",
+        ),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><oem version='2.0'/>", "DOCTYPE"),
         (
             "<oem version='2.0'><body><segment><data><stateVector><X units='m'>1</X></stateVector></data>"

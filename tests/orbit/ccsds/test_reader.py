@@ -17,6 +17,8 @@ TEXT = "time_s,x_km,y_km,z_km\n0,7000,0,0\n1,7000,7.5,0\n"
     [
         TEXT.encode(),
         TEXT.encode("utf-8-sig"),
+        TEXT.replace("\n", "\r").encode(),
+        TEXT.replace("\n", "\r\n").encode(),
         TEXT.encode("utf-16"),
         b"\xfe\xff" + TEXT.encode("utf-16-be"),
         gzip.compress(TEXT.encode()),

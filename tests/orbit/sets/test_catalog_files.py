@@ -1,6 +1,7 @@
 """Catalogues of every format, mixed and dirty: what is good is kept, what is bad is told with place and reason."""
 
 import datetime
+import gzip
 import json
 
 import numpy as np
@@ -214,6 +215,13 @@ def test_the_refusal_quotes_the_answer_of_a_server(answer, quoted):
         Catalog.from_text(answer, "answer.tle")
     begin = "answer.tle: does not contain a two-line element set or an OMM, but"
     assert str(caught.value) == f"{begin} '{quoted}': fetch it again, or give another file"
+
+
+def test_a_compressed_catalogue_is_refused_as_such(tmp_path):
+    path = tmp_path / "sets.tle.gz"
+    path.write_bytes(gzip.compress(b"1 25544U"))
+    with pytest.raises(CatalogError, match=r"sets\.tle\.gz: is compressed \(gzip\): decompress it$"):
+        Catalog.from_file(path)
 
 
 @pytest.mark.parametrize("form", ["json, numbers", "csv", "xml, namespace", "kvn"])

@@ -8,6 +8,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.dynamics import flight
+from rso_lidar.study.recorded_runs.flown_scenario import load_scenario
 
 CODE = """
 from pathlib import Path
@@ -74,6 +75,13 @@ def test_reading_a_recording_runs_nothing(recording, call_line):
         assert status == 0, said
         assert not (folder / "it_ran").exists(), words
     assert not [name for name in sys.modules if name.startswith("strange_dynamics_")]
+
+
+def test_a_recording_whose_code_would_be_needed_is_refused_with_a_cure_that_exists(recording):
+    scenario = load_scenario(rl.open(recording).source, recording.parent)
+    with pytest.raises(ScenarioError, match=r"^recording: follower\.motion: needs the Python code '.*'") as refused:
+        _ = scenario.bodies
+    assert str(refused.value).endswith("no code of a recording runs; take a recording of other motions")
 
 
 def test_flying_the_text_of_a_recording_is_refused_unless_it_is_trusted(recording):

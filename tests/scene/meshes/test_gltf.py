@@ -1,3 +1,4 @@
+import base64
 import json
 import os
 import struct
@@ -245,6 +246,16 @@ def test_what_is_not_applied_is_refused_by_name(load, tree, says):  # noqa: F811
         {
             "extensionsUsed": ["KHR_draco_mesh_compression"],
             "meshes": [mesh({"extensions": {"KHR_draco_mesh_compression": {}}})],
+        },
+        {
+            "extensionsUsed": ["EXT_meshopt_compression"],
+            "buffers": [
+                {
+                    "byteLength": 36,
+                    "uri": "data:;base64," + base64.b64encode(PLATE.astype("f4").tobytes()).decode(),
+                    "extensions": {"EXT_meshopt_compression": {"fallback": True}},
+                }
+            ],
         },
     ],
 )

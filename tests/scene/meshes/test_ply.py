@@ -46,3 +46,9 @@ def test_strips_are_refused_by_name_and_points_alone_have_no_triangles(load):  #
         load("a.ply", (head + strips + "end_header\n0 0 0\n3 0 0 0\n").encode())
     with pytest.raises(MeshError, match="contains no triangles"):
         load("b.ply", (head + "end_header\n0 0 0\n").encode())
+
+
+def test_a_property_that_is_stated_twice_is_refused_by_name(load):  # noqa: F811
+    whole = binary("<", [(0, 1, 2)])
+    with pytest.raises(MeshError, match="its header states 'x' twice; export it again"):
+        load("a.ply", whole.replace(b"property float y\n", b"property float y\nproperty int x\n"))

@@ -53,3 +53,10 @@ def test_an_ascii_file_may_begin_with_a_byte_order_mark(load):  # noqa: F811
     assert np.array_equal(load("a.stl", b"\xef\xbb\xbf" + ascii_stl(BOX)).vertices.reshape(-1, 3, 3), BOX)
     with pytest.raises(MeshError, match="is UTF-16 text or no text; save it as UTF-8"):
         load("b.stl", ascii_stl(BOX).decode().encode("utf-16"))
+
+
+def test_a_normal_that_is_no_number_does_not_bear_on_the_corners(load):  # noqa: F811
+    """Compilers write the normal of a facet without area as -nan(ind) or -1.#IND."""
+    lines = ["solid a", "facet normal -nan(ind) -1.#IND 1.#QNAN", "outer loop", "vertex 0 0 7", "vertex 2 0 7"]
+    text = "\n".join([*lines, "vertex 0 3 7", "endloop", "endfacet", "endsolid a"])
+    assert load("a.stl", text.encode()).vertices.tolist() == [[0, 0, 7], [2, 0, 7], [0, 3, 7]]
