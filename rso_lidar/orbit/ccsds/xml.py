@@ -100,9 +100,7 @@ class _Walker:
 
     def doctype(self, root: str, *_: Any) -> None:
         if root.lower() == "html":
-            raise ScenarioError(
-                f"{self.where}: is a web page (HTML) and not {_ARTICLES[self.kind]} {self.kind}: fetch the file again"
-            )
+            raise ScenarioError(f"{self.where}: is a web page (HTML) and no {self.kind}: fetch the file again")
         raise ScenarioError(f"{self.where}: has a DOCTYPE, which these messages must not have: remove it")
 
     def start(self, name: str, attributes: dict[str, str]) -> None:

@@ -122,8 +122,7 @@ class Mission(Part):
         where : name of the text in error messages.
         settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
         trust_code : whether Python code that the text names as `dynamics` may run when the scenario is flown. Otherwise
-            such a scenario can be read but not flown, because its text may come from somebody else. None for the text of
-            a recording, whose code never runs.
+            such a scenario can be read but not flown. None for the text of a recording, whose code never runs.
 
         Raises
         ------
@@ -269,19 +268,14 @@ class Mission(Part):
         """Raise `ScenarioError` for a part that names Python code or an FMU, unless it is trusted."""
         fmus = [] if self._trust_fmu else list_fmus(part)
         code = [] if self._trust_code else list_dynamics(part)
-        if self._trust_code is None and (fmus or code):
-            what = f"the FMU '{fmus[0]}'" if fmus else f"the Python code '{code[0]}'"
-            raise ScenarioError(f"needs {what}, and no code of a recording runs; take a recording of other motions")
-        if fmus:
-            raise ScenarioError(
-                f"the FMU '{fmus[0]}' holds native code, which runs only where it is trusted; give --trust-fmu, or in "
-                "Python trust_fmu=True to Scenario.load"
-            )
-        if code:
-            raise ScenarioError(
-                f"dynamics: names the Python code '{code[0]}', which runs only where it is trusted; give --trust-code, or "
-                "in Python trust_code=True"
-            )
+        if not (fmus or code):
+            return
+        what = f"the FMU '{fmus[0]}' holds native code" if fmus else f"dynamics: names the Python code '{code[0]}'"
+        option = "fmu" if fmus else "code"
+        cure = f"runs only where it is trusted; give --trust-{option}, or in Python trust_{option}=True"
+        if self._trust_code is None:
+            cure = "never runs from a recording; take a recording of other motions"
+        raise ScenarioError(f"{what}, which {cure}")
 
     def locate_errors(self, place: str = "") -> AbstractContextManager[None]:
         """Return a context that prefixes the messages of errors with the scenario's name and a place in it.

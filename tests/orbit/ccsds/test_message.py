@@ -104,7 +104,7 @@ def test_blocks_comments_and_covariance():
         ("<aem version='2.0'></aem>", "does not contain <oem>"),
         (
             "<!DOCTYPE html><html><p>403 Forbidden</html>",
-            r"is a web page \(HTML\) and not an OEM: fetch the file again",
+            r"is a web page \(HTML\) and no OEM: fetch the file again",
         ),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><oem version='2.0'/>", "DOCTYPE"),
         (

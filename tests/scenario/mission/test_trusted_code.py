@@ -79,9 +79,11 @@ def test_reading_a_recording_runs_nothing(recording, call_line):
 
 def test_a_recording_whose_code_would_be_needed_is_refused_with_a_cure_that_exists(recording):
     scenario = load_scenario(rl.open(recording).source, recording.parent)
-    with pytest.raises(ScenarioError, match=r"^recording: follower\.motion: needs the Python code '.*'") as refused:
+    with pytest.raises(
+        ScenarioError, match=r"^recording: follower\.motion: dynamics: names the Python code '.*'"
+    ) as refused:
         _ = scenario.bodies
-    assert str(refused.value).endswith("no code of a recording runs; take a recording of other motions")
+    assert str(refused.value).endswith("which never runs from a recording; take a recording of other motions")
 
 
 def test_flying_the_text_of_a_recording_is_refused_unless_it_is_trusted(recording):
