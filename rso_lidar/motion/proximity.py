@@ -20,6 +20,11 @@ from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 
+def follows_plan(body: Body) -> bool:
+    """Return whether a body flies a proximity operation, whose plan `find_plan` finds."""
+    return isinstance(body.motion, Flown | ProximityOperation)
+
+
 def find_plan(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> Plan | None:
     """Find the plan of a body in a proximity operation, flown by real forces or not.
 

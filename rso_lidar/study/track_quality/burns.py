@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import rpo
-from rso_lidar.motion.proximity import find_plan, list_commands
+from rso_lidar.motion.proximity import find_plan, follows_plan, list_commands
 from rso_lidar.scenario import Scenario
 
 _LEAST_M_S = 1e-9  # velocity change between two frames below which the flight counts as free
@@ -18,8 +18,9 @@ def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[rpo.P
     Continuous thrust along a path becomes one impulse half way between two times, from the acceleration there. A follower
     without a plan has no known burns, because tables, state-space models and controllers do not state theirs.
     """
-    has_plan = isinstance(scenario.follower.motion, rpo.Flown | rpo.ProximityOperation)
-    plan = find_plan(scenario.follower, scenario.bodies, scenario.time.start_utc) if has_plan else None
+    if not follows_plan(scenario.follower):  # so that no code that it may name is needed
+        return []
+    plan = find_plan(scenario.follower, scenario.bodies, scenario.time.start_utc)
     if plan is None or time_s.size < 2:
         return []
     commands = list_commands(scenario.follower, scenario.bodies, scenario.time.start_utc, float(time_s[-1]))
