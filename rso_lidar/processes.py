@@ -10,6 +10,7 @@ import os
 import pickle
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, suppress
@@ -174,10 +175,22 @@ def _begin(file: str) -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    warnings.formatwarning = _format_warning
     try:
         _work = pickle.loads(Path(file).read_bytes())
     except Exception as error:  # whatever a user's own object raises
         _work = partial(_refuse, f"{type(error).__name__}: {error}")
+
+
+def _format_warning(message: Warning | str, *_place: Any, **_more: Any) -> str:
+    """Format a warning as one line, as the command line does, without a place in the source.
+
+    Parameters
+    ----------
+    message : the warning.
+    _place, _more : where it was raised, not used.
+    """
+    return f"warning: {message}\n"
 
 
 def _refuse(problem: str, *_given: Any, **_chosen: Any) -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.errors import RunError, ScenarioError, warn
 from rso_lidar.processes import Processes
 
 
@@ -247,3 +247,13 @@ def _command(pid):
     with contextlib.suppress(OSError):
         return Path(f"/proc/{pid}/cmdline").read_text()
     return ""
+
+
+def warns(word):
+    warn(f"tdrs: {word}")
+
+
+def test_a_warning_of_a_worker_is_one_line_without_a_place_in_the_source(capfd):
+    with Processes(1, warns) as processes:
+        processes.result(processes.submit("1,370 m across"))
+    assert capfd.readouterr().err == "warning: tdrs: 1,370 m across\n"
