@@ -15,11 +15,12 @@ from rso_lidar.orbit.sets.element_set import make_printable
 from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.scenario import Lidar
 from rso_lidar.study.passes.conjunction_assessment import ConjunctionAssessment
-from rso_lidar.study.passes.pass_geometry import PLATE_M2, reach_m
+from rso_lidar.study.passes.pass_geometry import reach_m
 from rso_lidar.study.passes.scenario_lines import (
     choose_attitude,
     guess_model,
     name_target,
+    write_cautions,
     write_lidar,
     write_part,
     write_value,
@@ -77,8 +78,7 @@ def conjunction_scenario_text(
     slew_deg_s = conjunction.speed_m_s / conjunction.miss_m / units.DEG
     lines = [
         *map(make_printable, _write_facts(conjunction, own, other)),
-        *([] if near_m <= conjunction.miss_m <= far_m else [_warn_reach(near_m, far_m)]),
-        *([] if slew_deg_s <= MAX_SLEW_DEG_S else [_warn_slew(slew_deg_s)]),
+        *write_cautions(conjunction.miss_m, (near_m, far_m), slew_deg_s, MAX_SLEW_DEG_S),
         "version = 1",
         f"name    = {write_value(f'{other.label} past {own.label}')}",
         f"seed    = {seed}",
@@ -135,20 +135,6 @@ def _write_facts(conjunction: ConjunctionAssessment, own: ConjunctionObject, oth
             f"{conjunction.radius_m:g} m."
         )
     return lines
-
-
-def _warn_reach(near_m: float, far_m: float) -> str:
-    return (
-        f"# BEWARE: the closest approach is outside the lidar's reach ({near_m:,.0f} to {far_m:,.0f} m for a facing plate "
-        f"of {PLATE_M2:g} m2)."
-    )
-
-
-def _warn_slew(slew_deg_s: float) -> str:
-    return (
-        f"# BEWARE: the line of sight turns at {slew_deg_s:,.3g} deg/s at the closest approach, more than the "
-        f"{MAX_SLEW_DEG_S:g} deg/s of the drive."
-    )
 
 
 def _choose_time(conjunction: ConjunctionAssessment, reach: float) -> tuple[datetime.datetime, float, float]:

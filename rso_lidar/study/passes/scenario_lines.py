@@ -121,3 +121,28 @@ def write_value(value: Any) -> str:
     if isinstance(value, datetime.datetime):
         return value.astimezone(datetime.UTC).isoformat().replace("+00:00", "Z")
     return json.dumps(make_printable(value) if isinstance(value, str) else value, ensure_ascii=False)
+
+
+def write_cautions(
+    range_m: float, reach_m: tuple[float, float], slew_deg_s: float, most_slew_deg_s: float
+) -> list[str]:
+    """Write the comments that warn of a closest approach outside the lidar's reach, or too fast for the drive.
+
+    Parameters
+    ----------
+    range_m : of the closest approach [m].
+    reach_m : nearest and farthest range of the lidar for a facing plate of 1 m2 [m].
+    slew_deg_s, most_slew_deg_s : rate of the line of sight there, and greatest rate of the drive [deg/s].
+    """
+    lines = []
+    if not reach_m[0] <= range_m <= reach_m[1]:
+        lines.append(
+            f"# BEWARE: the closest approach is outside the lidar's reach ({reach_m[0]:,.0f} to {reach_m[1]:,.0f} m for a "
+            "facing plate of 1 m2): frames there show false alarms at most."
+        )
+    if slew_deg_s > most_slew_deg_s:
+        lines.append(
+            f"# BEWARE: the line of sight turns at {slew_deg_s:,.3g} deg/s at the closest approach, more than the "
+            f"{most_slew_deg_s:g} deg/s of the drive."
+        )
+    return lines

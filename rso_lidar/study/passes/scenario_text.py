@@ -15,6 +15,7 @@ from rso_lidar.study.passes.scenario_lines import (
     choose_attitude,
     guess_model,
     name_target,
+    write_cautions,
     write_lidar,
     write_motion,
     write_value,
@@ -173,17 +174,7 @@ def _choose_time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, 
 
 
 def _write_warnings(table: Encounters, row: Encounter) -> list[str]:
-    lines = []
-    if row.lidar_s == 0.0:
-        lines.append(
-            f"# BEWARE: it never comes into the lidar's reach ({table.reach_m[0]:,.0f} to {table.reach_m[1]:,.0f} m for a "
-            "facing plate of 1 m2): expect empty frames."
-        )
-    if row.slew_deg_s > table.max_slew_deg_s:
-        lines.append(
-            f"# BEWARE: the line of sight turns at {row.slew_deg_s:.3g} deg/s at the closest approach, more than the "
-            f"{table.max_slew_deg_s:g} deg/s of the drive."
-        )
+    lines = write_cautions(row.range_m, table.reach_m, row.slew_deg_s, table.max_slew_deg_s)
     if row.breaks:
         lines.append(f"# BEWARE: at the closest approach it violates [constraints]: {', '.join(row.breaks)}.")
     return lines
