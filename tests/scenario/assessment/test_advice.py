@@ -94,13 +94,13 @@ class TestThreshold:
         ) as error:
             rl.Scenario.loads(text, settings=(self.low(1.0), 'lidar.detector.apd.statistics="gaussian"'))
         rate = math.exp(-0.5) / (2.0 * math.pi * rl.Gsfl().amplifier.pole_s)
-        assert f"{rate:.3g} times a second" in str(error.value) and "\n" not in str(error.value)
+        assert f"a nominal pixel {rate:,.0f} times a second" in str(error.value) and "\n" not in str(error.value)
 
     def test_one_that_avalanches_alone_reach_is_refused(self, text):
         """At 15.4 times the noise Gaussian noise never triggers, and avalanches do 80,000 times a second."""
         avalanches = ('lidar.detector.preset="offset_limited"', "lidar.detector.apd={gain=40, dark_current_na=0.05}")
         with pytest.raises(
-            ScenarioError, match=r"15 times the noise .* each pixel 8.05e\+04 times a second, 2.68 times"
+            ScenarioError, match=r"15 times the noise .* a nominal pixel 80,461 times a second, 2.68 times"
         ):
             rl.Scenario.loads(text, settings=avalanches)
         for bears in ("lidar.detector.armed_to_m=1500", 'lidar.detector.apd.statistics="gaussian"'):
