@@ -90,6 +90,10 @@ class Processes:
         for process in list(getattr(self._pool, "_processes", None) or ()):
             with suppress(OSError):
                 os.kill(process, signal.SIGTERM)
+        # A call that is being written to a full pipe ends with an error once nothing can read it. Otherwise Python 3.11.2
+        # would wait for that thread for ever (CPython gh-94777).
+        if (queue := getattr(self._pool, "_call_queue", None)) is not None:
+            queue._reader.close()
 
     def submit(self, *given: Any, **chosen: Any) -> Future[Any]:
         """Call the function in one of the processes, and return the future of its result."""

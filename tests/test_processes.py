@@ -249,6 +249,17 @@ def _command(pid):
     return ""
 
 
+def waits(_data):
+    time.sleep(60.0)
+
+
+def test_leaving_early_ends_a_call_that_waits_at_a_full_pipe():
+    with pytest.raises(KeyError), Processes(1, waits) as processes:
+        for _ in range(4):
+            processes.submit(bytes(300_000))  # a pipe holds 65,536
+        raise KeyError
+
+
 def warns(word):
     warn(f"tdrs: {word}")
 
