@@ -25,6 +25,17 @@ TEXT = "time_s,x_km,y_km,z_km\n0,7000,0,0\n1,7000,7.5,0\n"
         gzip.compress(TEXT[:20].encode()) + gzip.compress(TEXT[20:].encode()),
         gzip.compress(TEXT.encode("utf-16")),
     ],
+    ids=[
+        "utf-8",
+        "mark",
+        "cr",
+        "crlf",
+        "utf-16",
+        "utf-16-be",
+        "gzip",
+        "two members",
+        "utf-16 in gzip",
+    ],  # gzip holds the time
 )
 def test_text_of_any_usual_encoding_is_read(tmp_path, content):
     path = tmp_path / "some.csv"
@@ -43,6 +54,7 @@ def test_text_of_any_usual_encoding_is_read(tmp_path, content):
         (b"\x1f\x8b" + b"no gzip at all", "is damaged gzip"),
         (gzip.compress(b""), "is empty"),
     ],
+    ids=["no mark", "half a letter", "latin-1", "cut gzip", "no gzip", "empty gzip"],
 )
 def test_what_is_no_text_is_refused_with_the_reason(tmp_path, content, says):
     path = tmp_path / "some.oem.gz"
