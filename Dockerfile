@@ -20,8 +20,8 @@ FROM python:3.13-slim AS build
 WORKDIR /source
 COPY . .
 RUN python -m venv /opt/rso_lidar \
-    && sed -n '/^pip==/,/[^\]$/p' constraints.txt > /tmp/pip.txt \
-    && /opt/rso_lidar/bin/pip install --no-cache-dir --require-hashes -r /tmp/pip.txt \
+    && sed -n '/^pip==/,/[^\]$/p' constraints.txt > pip.txt \
+    && /opt/rso_lidar/bin/pip install --no-cache-dir --require-hashes -r pip.txt \
     && PIP_NO_REQUIRE_HASHES=1 /opt/rso_lidar/bin/pip install --no-cache-dir -c constraints.txt --build-constraint constraints.txt .
 
 FROM python:3.13-slim
