@@ -191,7 +191,7 @@ def _format_warning(message: Warning | str, *_place: Any, **_more: Any) -> str:
 
     Parameters
     ----------
-    message : the warning.
+    message : the warning, which `warnings` passes.
     _place, _more : where it was raised, not used.
     """
     return f"warning: {message}\n"

@@ -181,8 +181,8 @@ def _load_camera(text: str, settings: tuple[str, ...], *, trust_code: bool, trus
 
     Parameters
     ----------
-    text, settings : as the user gave them.
-    trust_code, trust_fmu : whether code that the scenario names may run.
+    text, settings : name of a camera or path of a scenario, and `key=value` of fields.
+    trust_code, trust_fmu : as for `Scenario.load`.
     """
     if text in load_presets():
         return validate_toml(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text

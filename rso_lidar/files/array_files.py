@@ -88,7 +88,7 @@ def _read_stream(stream: IO[bytes], place: str, error: type[RsoLidarError], most
 
     Parameters
     ----------
-    stream : at the start of the header.
+    stream : at byte 0 of the array's header.
     place : for messages.
     error : class of the error for an array that is too large or of other types.
     most_bytes : largest size of the array [byte].
@@ -123,8 +123,8 @@ def _make_error(path: Path, kind: str, problem: BaseException, error: type[RsoLi
 
     Parameters
     ----------
-    path, kind : the file, and what it should be.
-    problem : what was raised.
+    path, kind : the file, and what it should be, `NPY` or `NPZ`.
+    problem : what `numpy` or `zipfile` raised.
     error : class of the error.
     """
     if isinstance(problem, OSError) and problem.strerror:

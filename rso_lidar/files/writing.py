@@ -108,7 +108,7 @@ def _name_output(error: RsoLidarError, draft: Path | None, place: Path) -> RsoLi
 
     Parameters
     ----------
-    error : as it was raised.
+    error : as it was raised within `write_atomically`.
     draft : path of the temporary file; None if there is none yet.
     place : of the output.
     """

@@ -212,7 +212,7 @@ class Gateway:
         Parameters
         ----------
         connection, side : the connection, and the number of its socket: 0 is the client, 1 the server.
-        events : of that socket.
+        events : of that socket, flags of `selectors`.
         """
         try:
             if events & selectors.EVENT_WRITE:
@@ -235,7 +235,7 @@ class Gateway:
 
         Parameters
         ----------
-        connection, side : the connection, and the number of the socket that is read.
+        connection, side : the connection, and the socket that is read (0: the client's, 1: the library's).
         """
         count = connection.sockets[side].recv_into(self._buffer)
         if not count:

@@ -89,7 +89,7 @@ def _try_rule(rule: str, cell: np.ndarray, group: np.ndarray, is_found_with: np.
 
     Parameters
     ----------
-    rule : what the cells are.
+    rule : what the cells are, such as "its number modulo 7".
     cell, group : (sample) numbers of the cells, and classes.
     is_found_with : (sample) samples that the rule is found with.
     """

@@ -90,7 +90,7 @@ def _fill_splits(number: np.ndarray, share: np.ndarray, val: float, test: float,
     ----------
     number : (sample) numbers in the class.
     share : (sample) random number of the sample's block, from 0 to below 1.
-    val, test : shares.
+    val, test : shares, from 0 to 1.
     splits : (sample), written.
     """
     held = val + test

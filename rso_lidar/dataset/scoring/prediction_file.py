@@ -171,8 +171,8 @@ def _check_parquet(path: Path, metadata: Any, most: PredictionLimits) -> None:
 
     Parameters
     ----------
-    path, metadata : of the file.
-    most : that it may hold.
+    path, metadata : of the file, by `pyarrow.parquet`.
+    most : greatest numbers of rows and values, see `PredictionLimits`.
     """
     _check_rows(path, "the table", metadata.num_rows, most)
     left = most.size_bytes
@@ -190,7 +190,7 @@ def _check_rows(path: Path, name: str, rows: int, most: PredictionLimits) -> Non
     Parameters
     ----------
     path, name : of the file, and of the column.
-    rows, most : its rows, and what the file may hold.
+    rows, most : its number of rows, and the greatest, see `PredictionLimits`.
     """
     if rows > most.rows:
         raise DatasetError(
@@ -204,7 +204,7 @@ def _make_size_error(path: Path, name: str, most: PredictionLimits) -> DatasetEr
     Parameters
     ----------
     path, name : of the file, and of the column.
-    most : that it may hold.
+    most : see `PredictionLimits`.
     """
     return DatasetError(
         f"{path}: has columns of more than {describe_size(most.size_bytes)}, {name} among them; give the columns that are "

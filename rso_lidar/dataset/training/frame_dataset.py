@@ -146,7 +146,7 @@ class FrameDataset:
         Parameters
         ----------
         frame, change : what was returned, and what returned it.
-        place : of the change among the arguments.
+        place : of the change, such as `transforms[0]`.
         """
         if not isinstance(frame, dict):
             raise DatasetError(
@@ -165,7 +165,7 @@ def _list_changes(changes: Any, place: str) -> tuple[Any, ...]:
     Parameters
     ----------
     changes : what the user gave.
-    place : name of the argument.
+    place : name of the argument, such as `transforms`.
     """
     if callable(changes) or not isinstance(changes, Iterable):
         raise DatasetError(f"{place}: is {changes!r:.60}; give a list of functions or of objects such as CropReturns()")

@@ -160,7 +160,7 @@ def _walk_heaps(path: Path, _stamp: tuple[int, int, int], as_closed: bool) -> No
     Parameters
     ----------
     path : of the file.
-    _stamp : time of its last change, size and number, the key of the cache.
+    _stamp : (time of its last change [ns], size [bytes], inode), the key of the cache.
     as_closed : open it also while a writer has it open.
     """
     import h5py

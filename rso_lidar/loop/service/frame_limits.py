@@ -83,8 +83,8 @@ class FrameLimits:
 
         Parameters
         ----------
-        flags, size : of its header.
-        name_length : first byte of a command.
+        flags, size : of its header: flags of ZMTP 3.1, and length [bytes].
+        name_length : first byte of a command, the length of its name [bytes].
         """
         is_command = bool(flags & _COMMAND)
         if flags > 7 or size > MOST_REQUEST_BYTES or (is_command and (flags & _MORE or not size)):

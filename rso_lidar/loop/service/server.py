@@ -151,7 +151,7 @@ class Server:
 
         Parameters
         ----------
-        gateway : to the socket.
+        gateway : the `Gateway` to the socket.
         made, folder : the socket, and the folder of its private address.
         option, endpoint : the public address, and the option that gave it.
         """

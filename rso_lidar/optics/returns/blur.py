@@ -216,10 +216,10 @@ def _build_kernels(
 
     Parameters
     ----------
-    receiver : a receiver with a PSF.
-    wavelength_m : of the laser.
-    side : sub-cells along each side of a pixel.
-    zones : the zones to compute.
+    receiver : one with a `psf`.
+    wavelength_m : of the laser [m].
+    side : number n of the n x n sub-cells of a pixel, 1 or more.
+    zones : indices of the zones to compute, from 0.
 
     Returns
     -------

@@ -166,7 +166,7 @@ def _open(
 
     Parameters
     ----------
-    path, modified_ns, size : the file, and the key of the cache
+    path, modified_ns, size : the file, and time of its last change [ns] and size [bytes], the key of the cache
     wanted : name or identifier of one object of a message; None for the only one
     interpolation, degree : choice of the part; None for that of the file
 

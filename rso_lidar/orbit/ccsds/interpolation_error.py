@@ -153,7 +153,7 @@ def _make_inertial(arc: EphemerisArc, method: str, degree: int) -> tuple[np.ndar
     Parameters
     ----------
     arc : the segment
-    method, degree : of the interpolation
+    method, degree : of the interpolation, such as `hermite` and 7
     """
     position_m = arc.position_m
     velocity_m_s = arc.velocity_m_s
@@ -188,7 +188,7 @@ def _follow_states(
     first : (interval,) number of the row before
     span_s : (row - 1,) time between rows [s]
     position_m, velocity_m_s : (row, 3) in axes that do not turn
-    j2 : of the Earth's gravity
+    j2 : of the Earth's gravity [1]; 0 leaves it out
     """
     h = span_s[first][:, None]
     middle, end, end_velocity = _integrate(position_m[first], velocity_m_s[first], span_s[first], j2)
@@ -236,7 +236,7 @@ def _integrate(
     ----------
     position_m, velocity_m_s : (interval, 3) states at the begin
     span_s : (interval,) [s]
-    j2 : of the Earth's gravity
+    j2 : of the Earth's gravity [1]; 0 leaves it out
 
     Returns
     -------
@@ -284,7 +284,7 @@ def _describe(arc: EphemerisArc, errors: IntervalErrors, k: int) -> str:
     Parameters
     ----------
     arc : the segment
-    errors : of its intervals
+    errors : of its intervals, see `IntervalErrors`
     k : number of the interval in `errors`
     """
     first = int(errors.first[k])
@@ -302,7 +302,7 @@ def _advise(arc: EphemerisArc, method: str, degree: int, errors: IntervalErrors,
     Parameters
     ----------
     arc, errors, k : as for `_describe`
-    method, degree : of the interpolation
+    method, degree : of the interpolation, such as `hermite` and 7
     """
     natural = "lagrange" if arc.velocity_m_s is None else "hermite"
     for other in dict.fromkeys((method, natural)):

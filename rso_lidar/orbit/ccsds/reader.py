@@ -66,7 +66,7 @@ def _decompress(content: bytes, path: Path) -> bytes:
 
     Parameters
     ----------
-    content : of the file
+    content : of the file, which begins with the two bytes of gzip, 1f 8b
     path : its path, for messages
 
     Raises

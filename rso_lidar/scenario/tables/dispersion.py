@@ -98,7 +98,7 @@ class StateErrors(Part):
 
         Parameters
         ----------
-        position, velocity : keys that state them
+        position, velocity : keys that state them, such as `position_sigma_m`
         """
         sigma = np.sqrt(np.diag(self.start_covariance))
         place_m, speed_m_s = float(sigma[:3].max()), float(sigma[3:].max())

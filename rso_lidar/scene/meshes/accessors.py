@@ -248,9 +248,9 @@ class GltfFile:
 
         Parameters
         ----------
-        table : what names the view: an accessor, or a part of a sparse one.
-        count : number of values.
-        size : bytes of a value.
+        table : what names the `bufferView`: an accessor, or a part of a sparse one.
+        count : number of values, 0 or more.
+        size : of a value [bytes].
         """
         view = self.entry(self._views, self.count_of(table, "bufferView"), "bufferView")
         number = self.count_of(view, "buffer")
@@ -267,10 +267,10 @@ class GltfFile:
 
         Parameters
         ----------
-        table : what names the view.
-        count : number of values.
-        width : components of a value.
-        dtype : type of a component.
+        table : what names the `bufferView`.
+        count : number of values, 0 or more.
+        width : components of a value, 1 to 16.
+        dtype : `numpy` type of a component.
         """
         number, start, step = self._locate(table, count, width * dtype.itemsize)
         if not count:

@@ -144,10 +144,10 @@ def _make_pieces(
     Parameters
     ----------
     document : the file.
-    of_meshes : tables of the meshes, their primitives, and the nodes that use them.
-    nodes : tables of the nodes.
-    worlds : matrix scene_from_node of each node.
-    instances : matrices node_from_instance of each node that is used.
+    of_meshes : tables of the meshes, `meshes` of the file, their primitives, and the nodes that use them.
+    nodes : tables of the nodes, `nodes` of the file.
+    worlds : matrix scene_from_node (4, 4) of each node.
+    instances : matrices node_from_instance (instance, 4, 4) of each node that is used.
     """
     names = _name_parts(of_meshes, nodes)
     for number, (mesh, shapes, users) in enumerate(zip(*of_meshes, strict=True)):
@@ -246,10 +246,10 @@ def _read_points(
     Parameters
     ----------
     document : the file.
-    table : the primitive.
-    used : numbers of the vertices to read.
-    holders : the node, and its mesh; the node's weights of morph targets replace those of the mesh.
-    worlds : matrix scene_from_node of each node, for the joints of a skin.
+    table : the primitive, with its `attributes`.
+    used : numbers of the vertices to read (vertex), from 0.
+    holders : the node, and its mesh; the `weights` of morph targets of the node replace those of the mesh.
+    worlds : matrix scene_from_node (4, 4) of each node, for the joints of a skin.
     """
     wrong = "positions that are not three numbers each"
     attributes = table["attributes"]
@@ -277,10 +277,10 @@ def _apply_skin(
     Parameters
     ----------
     document : the file.
-    attributes : of the primitive, with joints and weights.
+    attributes : of the primitive, with `JOINTS_0` and `WEIGHTS_0`.
     bound : numbers of the vertices, and their places (vertex, xyz) where they are bound to the joints.
-    number : of the skin.
-    worlds : matrix scene_from_node of each node.
+    number : of the skin, from 0.
+    worlds : matrix scene_from_node (4, 4) of each node.
     """
     used, points = bound
     skin = document.entry(document.list_of(document.tree, "skins"), number, "skin")
@@ -324,7 +324,7 @@ def _read_colours(
     Parameters
     ----------
     document : the file.
-    table : the primitive.
+    table : the primitive, with its `attributes`.
     facets, used : (facet, 3), its triangles, and the numbers of the vertices that they are numbered by.
     """
     if "material" in table:

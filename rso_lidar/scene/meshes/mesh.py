@@ -193,8 +193,8 @@ def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[MeshPiece]:
     Parameters
     ----------
     path : of the file.
-    blob : its contents.
-    suffix : names the format, in lower case.
+    blob : its contents [bytes].
+    suffix : names the format, in lower case, such as `.stl`.
     """
     match suffix:
         case ".obj":

@@ -127,7 +127,7 @@ def _check_rows(path: Path, element: _Element, held: int) -> None:
     ----------
     path : name of the file, for messages.
     element : the element.
-    held : bytes that are left, each row being one at least.
+    held : what is left [bytes], each row being one at least.
     """
     if element.properties and element.rows > held:
         raise MeshError(
@@ -142,7 +142,7 @@ def _read_ascii(path: Path, body: bytes, elements: list[_Element]) -> dict[str, 
     Parameters
     ----------
     path : name of the file, for messages.
-    body : what follows the header.
+    body : what follows the header [bytes].
     elements : of the header.
     """
     lines = (words for _, line in number_lines(path, body) if (words := line.split()))
@@ -169,9 +169,9 @@ def _read_binary(path: Path, body: bytes, elements: list[_Element], order: str) 
     Parameters
     ----------
     path : name of the file, for messages.
-    body : what follows the header.
+    body : what follows the header [bytes].
     elements : of the header.
-    order : of bytes, "<" or ">".
+    order : of bytes, `<` or `>`.
     """
     columns: dict[str, _Columns] = {}
     at = 0
@@ -231,7 +231,7 @@ def _read_rows(
     ----------
     element : the element.
     start_row : goes on to the next row, and returns what takes so many numbers of a type from it.
-    held : the greatest length that a list can have.
+    held : the greatest length that a list can have, 0 or more.
     """
     values = {name: array("d") for name in element.properties}
     counts = {name: array("q") for name in element.lists}

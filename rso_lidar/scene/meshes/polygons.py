@@ -91,7 +91,7 @@ def _find_concave(triangles: np.ndarray, owner: np.ndarray, polygons: int) -> tu
     ----------
     triangles : (triangle, corner, xyz) of the fans.
     owner : (triangle), number of its polygon, rising.
-    polygons : number of polygons.
+    polygons : number of polygons, 1 or more.
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what is not finite is reported by the reader
         starts = np.flatnonzero(np.diff(owner, prepend=-1))
@@ -189,8 +189,8 @@ def _is_ear(
     Parameters
     ----------
     x, y : (corner) of all polygons.
-    base : place of the polygon's first corner.
-    at : number of the corner in the polygon.
+    base : index of the polygon's first corner among all (corner).
+    at : number of the corner in the polygon, from 0.
     preceding, following : (corner of the polygon), places of its neighbours.
     rule : `_STRICT`, no corner inside or on the triangle; `_TOUCHING`, none inside; `_CONVEX`, whatever is inside; `_ANY`.
     """

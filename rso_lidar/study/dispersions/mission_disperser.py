@@ -14,9 +14,9 @@ from rso_lidar.errors import suppress_warnings
 from rso_lidar.motion import proximity
 from rso_lidar.motion.truth import Chief, truth
 from rso_lidar.orbit import Epochs
+from rso_lidar.rpo import NavigationErrors
 from rso_lidar.rpo.dispersed.dispersed_flight import DispersedFlight
 from rso_lidar.rpo.dispersed.dispersed_paths import DispersedPaths, Disperser
-from rso_lidar.rpo.flown.thrusters import NavigationErrors
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.outcomes import Sight, find_nearest_m, make_detection
@@ -130,7 +130,7 @@ class MissionDisperser:
 
         Parameters
         ----------
-        runs : numbers of the runs
+        runs : (run) numbers of the runs, from 0
         position_m : (run, time, 3) where they are
         paths : the flights, with what their filters know
         """

@@ -10,7 +10,7 @@ from rso_lidar.motion.truth import Chief
 from rso_lidar.orbit import Catalog, Epochs
 from rso_lidar.orbit.sets.selection import select_object
 from rso_lidar.pose import skew
-from rso_lidar.rpo.relative.rtn import rtn_matrix
+from rso_lidar.rpo import rtn_matrix
 from rso_lidar.scenario import Dispersion, ElementSetErrors, Scenario, StateErrors, TargetErrors
 from rso_lidar.study.passes.set_errors import estimate_set_errors
 

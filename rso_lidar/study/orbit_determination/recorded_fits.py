@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit import Forces
 from rso_lidar.records import Frame, GnssSamples
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies

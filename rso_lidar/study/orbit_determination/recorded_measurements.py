@@ -10,8 +10,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.pose import skew
-from rso_lidar.records import Frame, GnssSamples, Observation, SensorSamples, StarTrackerSamples
-from rso_lidar.records.telemetry import join_samples
+from rso_lidar.records import Frame, GnssSamples, Observation, SensorSamples, StarTrackerSamples, join_samples
 from rso_lidar.scenario import Scenario
 from rso_lidar.sensors import Gnss, StarTracker
 from rso_lidar.study.orbit_determination.attitude_history import (

@@ -6,7 +6,7 @@ import numpy as np
 
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.truth import Chief
-from rso_lidar.orbit.epochs import Epochs, format_utc
+from rso_lidar.orbit import Epochs, format_utc
 from rso_lidar.records import BodyState
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies

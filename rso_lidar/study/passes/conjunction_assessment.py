@@ -11,12 +11,16 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
-from rso_lidar.orbit.collision.foster import foster_probability
-from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
+from rso_lidar.orbit import (
+    ConjunctionMessage,
+    ConjunctionObject,
+    SampledProbability,
+    format_utc,
+    foster_probability,
+    sample_collisions,
+)
 from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
-from rso_lidar.orbit.epochs import format_utc
-from rso_lidar.rpo.relative.rtn import rtn_matrix
+from rso_lidar.rpo import rtn_matrix
 
 _DIFFERENT = 0.01  # share by which a figure of the message may differ from its states, beside rounding
 _ROUNDED_M, _ROUNDED_M_S = 1.0, 1.0  # messages state whole metres and metres per second

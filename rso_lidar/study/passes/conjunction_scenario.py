@@ -9,10 +9,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionObject
-from rso_lidar.orbit.epochs import format_utc
+from rso_lidar.orbit import ConjunctionObject, State, format_utc
 from rso_lidar.orbit.sets.element_set import make_printable
-from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.scenario import Lidar
 from rso_lidar.study.passes.conjunction_assessment import ConjunctionAssessment
 from rso_lidar.study.passes.pass_geometry import reach_m

@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.screening.all_pairs import PairScreening
-from rso_lidar.orbit.screening.conjunctions import ScreeningResult
+from rso_lidar.orbit import PairScreening, ScreeningResult
 from rso_lidar.pose import rotate_vectors
-from rso_lidar.rpo.relative.rtn import rtn_matrix
+from rso_lidar.rpo import rtn_matrix
 from rso_lidar.study.passes.exclusion import TOGETHER_M
 from rso_lidar.study.passes.pass_geometry import Encounter
 

@@ -8,14 +8,9 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.screening.all_pairs import PairScreening
-from rso_lidar.orbit.screening.conjunctions import ScreeningResult
-from rso_lidar.orbit.sets.teme import gcrs_from_teme
+from rso_lidar.orbit import Epochs, PairScreening, ScreeningResult, gcrs_from_teme, moon_position_m, sun_position_m
 from rso_lidar.orbit.sky.eclipse import shadow_margins_rad
 from rso_lidar.orbit.sky.geometry import angle_rad, earth_limb_angle_rad
-from rso_lidar.orbit.sky.moon import moon_position_m
-from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.scenario import Constraints, Corridor
 

@@ -12,19 +12,22 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector import find_photons
 from rso_lidar.optics.link_budget import filled_pixel_photons
-from rso_lidar.orbit.epochs import Epochs, format_utc
-from rso_lidar.orbit.screening.all_pairs import PairScreening
-from rso_lidar.orbit.screening.close_approach import CloseApproach
-from rso_lidar.orbit.screening.conjunctions import ScreeningResult
+from rso_lidar.orbit import (
+    CloseApproach,
+    Epochs,
+    PairScreening,
+    ScreeningResult,
+    format_utc,
+    gcrs_from_teme,
+    moon_position_m,
+    sun_position_m,
+    sunlit_fraction,
+)
 from rso_lidar.orbit.screening.scheduled_fleet import ScheduledFleet
-from rso_lidar.orbit.sets.teme import gcrs_from_teme
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
-from rso_lidar.orbit.sky.moon import moon_position_m
-from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.rtn import rtn_matrix
+from rso_lidar.rpo import rtn_matrix
 from rso_lidar.scenario import Constraints, Lidar
 from rso_lidar.study.passes.exclusion import TOGETHER_M, ExclusionAngles, check_constraints
 from rso_lidar.study.passes.plate_light import PlateLight, tabulate_light

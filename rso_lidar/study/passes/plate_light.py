@@ -19,8 +19,7 @@ from rso_lidar.detector.analysis.finding import k_of_n
 from rso_lidar.detector.bench.trial import make_plate
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
-from rso_lidar.orbit.sky.geometry import phase_angle_rad
+from rso_lidar.orbit import phase_angle_rad, sunlit_fraction
 from rso_lidar.scenario import Finding, Lidar
 from rso_lidar.scene import Lambertian
 from rso_lidar.study.budgets.pixel_light import compute_photons, pixel_width_m

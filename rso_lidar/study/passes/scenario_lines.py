@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from rso_lidar.orbit import Omm, State
 from rso_lidar.orbit.sets.element_set import ElementSet, make_printable
-from rso_lidar.orbit.sets.sgp4_motion import Omm
-from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.part import Part
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.rtn import rtn_axes
+from rso_lidar.rpo import rtn_axes
 from rso_lidar.scenario import Lidar
 
 # Patterns of an object's name. The model is a guess, as the file states.

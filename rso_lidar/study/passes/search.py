@@ -11,12 +11,9 @@ from typing import Any, Literal
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError
-from rso_lidar.orbit.screening.all_pairs import PairScreening, screen_pairs
-from rso_lidar.orbit.screening.conjunctions import ScreeningResult, screen
-from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
+from rso_lidar.orbit import NamedTrajectory, PairScreening, ScreeningResult, Trajectory, screen, screen_pairs
 from rso_lidar.orbit.sets.element_set import ElementSet, quote
 from rso_lidar.orbit.sets.teme import STALE_DAYS
-from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.scenario import Constraints, Finding, Lidar
 from rso_lidar.study.passes.docked import fold_docked
 from rso_lidar.study.passes.pass_geometry import (

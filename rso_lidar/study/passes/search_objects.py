@@ -10,15 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
-from rso_lidar.orbit import read_opm
-from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
+from rso_lidar.orbit import Catalog, Ephemeris, NamedTrajectory, Trajectory, read_opm
 from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
 from rso_lidar.orbit.ccsds.reader import read_table_text
-from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
-from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet, quote
 from rso_lidar.orbit.sets.formats import read_element_sets
-from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.passes.body_trajectory import BodyTrajectory
 

@@ -17,12 +17,10 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.set_sequence import SetSequence
+from rso_lidar.orbit import ElementSet, Epochs, SetSequence
 from rso_lidar.orbit.sets.teme import find_failures, propagate_in_teme
 from rso_lidar.part import to_real_array
-from rso_lidar.rpo.relative.rtn import rtn_matrix
+from rso_lidar.rpo import rtn_matrix
 
 AGES_DAYS = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0)
 FEWEST_PAIRS = 8  # a covariance of six components needs more than six differences
