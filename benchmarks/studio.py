@@ -95,9 +95,9 @@ def _start_s() -> float:
 
 def _preview(flight: Any, row: int) -> Any:
     """Make what the page See shows of a row, and return its frame."""
-    from rso_lidar.picture.frames.frame_image import draw_image
-    from rso_lidar.study.previews.flight_scenes import VIEWS
-    from rso_lidar.study.previews.pixel_summary import report_pixel
+    from rso_lidar.mission_analysis.time_history.pixel_summary import report_pixel
+    from rso_lidar.studio.model.flight_scenes import VIEWS
+    from rso_lidar.studio.model.frame_image import draw_image
 
     VIEWS["target"](flight, row).pack()
     frame = flight.frame(row, KEEP)
@@ -109,7 +109,7 @@ def _preview(flight: Any, row: int) -> Any:
 
 def previewed(turns: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the seconds of previews of the last frame, and of flashes of it, in turns, warm."""
-    from rso_lidar.study.previews.flight import PreviewFlight
+    from rso_lidar.studio.model.flight import PreviewFlight
 
     flight = PreviewFlight(rl.Scenario.load(SCENARIO))
     row = len(flight.numbers) - 1
@@ -120,7 +120,7 @@ def previewed(turns: int) -> tuple[np.ndarray, np.ndarray]:
 
 def replayed(count: int) -> np.ndarray:
     """Return the seconds to read and draw each of the last frames of a recording."""
-    from rso_lidar.picture.frames.frame_image import draw_image
+    from rso_lidar.studio.model.frame_image import draw_image
 
     scenario = rl.Scenario.load(SCENARIO)
     last = scenario.time.n_frames
@@ -138,9 +138,9 @@ def used(divisor: int) -> list[tuple[str, float]]:
 
 
 def _use(divisor: int) -> Iterator[tuple[str, float]]:
+    from rso_lidar.studio.model.flight import PreviewFlight
+    from rso_lidar.studio.model.text_assessment import assess
     from rso_lidar.studio.state import Workspace
-    from rso_lidar.study.previews.flight import PreviewFlight
-    from rso_lidar.study.previews.text_assessment import assess
 
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(THREADS) as threads:
         Path(folder, SCENARIO.name).write_bytes(SCENARIO.read_bytes())

@@ -35,6 +35,7 @@ from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows
+from rso_lidar.mission_analysis.time_history.open_loop import fly_open_loop
 from rso_lidar.picture.selection.scale import nice_down
 from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
 from rso_lidar.picture.style.figures import (
@@ -75,7 +76,6 @@ from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from rso_lidar.scenario.mission.target_surfaces import build_whole_surface
 from rso_lidar.scene.surfaces.portrait import render_portrait
-from rso_lidar.study.time_history.open_loop import fly_open_loop
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
 STILL = rl.detector.Timing(pixel_jitter_ns=0.0)

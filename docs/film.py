@@ -16,9 +16,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import rso_lidar as rl
+from rso_lidar.mission_analysis.time_history.open_loop import fly_open_loop
 from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, ramp
 from rso_lidar.picture.style.palette import Rgb
-from rso_lidar.study.time_history.open_loop import fly_open_loop
 
 PLACE = Path(__file__).resolve().parent / "pictures" / "approach.gif"
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "tdrs_approach.toml"

@@ -12,89 +12,92 @@ detector are made of, `rl.sensors` the spacecraft's other sensors, `rl.records` 
 
 from rso_lidar.interruption import watch_if_command_line as _watch_if_command_line
 
-_watch_if_command_line()  # before the imports below, which are most of a short command
+_watch_if_command_line()  # before any further import
 
-from importlib.metadata import version as _version
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from rso_lidar import (
-    dataset,
-    detector,
-    export,
-    loop,
-    motion,
-    optics,
-    orbit,
-    records,
-    rpo,
-    scene,
-    sensors,
-    study,
-    track,
-    units,
-)
-from rso_lidar.detector import Empirical, GeigerArray, Gsfl
-from rso_lidar.errors import (
-    CatalogError,
-    DatasetError,
-    MeshError,
-    PropagationError,
-    RecordingError,
-    RsoLidarError,
-    RsoLidarWarning,
-    RunError,
-    ScenarioError,
-)
-from rso_lidar.export import open
-from rso_lidar.motion import (
-    Axes,
-    FirstOrder,
-    Fixed,
-    FixedAttitude,
-    FixedPoint,
-    Ideal,
-    LookAt,
-    Mount,
-    Nadir,
-    PointingErrors,
-    Ptu,
-    Rtn,
-    ScanPoint,
-    SecondOrder,
-    Spin,
-    SunPointing,
-    TrackPoint,
-    Tumble,
-)
-from rso_lidar.optics import Laser, Receiver
-from rso_lidar.orbit import Kepler, Tle
+from rso_lidar.public_names import export_lazily as _export_lazily
 from rso_lidar.public_names import limit_dir as _limit_dir
-from rso_lidar.records import Command, Frame, Observation
-from rso_lidar.records.taxonomy import Taxonomy
-from rso_lidar.rpo import Hill
-from rso_lidar.scenario import (
-    Constraints,
-    Corridor,
-    CratersAndBoulders,
-    DataLink,
-    Dispersion,
-    FacetMaterials,
-    Follower,
-    Fragment,
-    HeightField,
-    Joint,
-    Lidar,
-    Scenario,
-    Schedule,
-    Target,
-    Time,
-    World,
-)
-from rso_lidar.scene import Lambertian, Phong
-from rso_lidar.simulation import Simulation, flash, simulate
-from rso_lidar.study import budget, save, timeline, trade, truth, view
 
-__version__ = _version("rso-lidar")
+if _TYPE_CHECKING:
+    from rso_lidar import (
+        dataset,
+        detector,
+        export,
+        loop,
+        motion,
+        optics,
+        orbit,
+        records,
+        rpo,
+        scene,
+        sensors,
+        study,
+        track,
+        units,
+    )
+    from rso_lidar.detector import Empirical, GeigerArray, Gsfl
+    from rso_lidar.errors import (
+        CatalogError,
+        DatasetError,
+        MeshError,
+        PropagationError,
+        RecordingError,
+        RsoLidarError,
+        RsoLidarWarning,
+        RunError,
+        ScenarioError,
+    )
+    from rso_lidar.evaluation import save, view
+    from rso_lidar.export import open
+    from rso_lidar.mission_analysis import budget, timeline, truth
+    from rso_lidar.motion import (
+        Axes,
+        FirstOrder,
+        Fixed,
+        FixedAttitude,
+        FixedPoint,
+        Ideal,
+        LookAt,
+        Mount,
+        Nadir,
+        PointingErrors,
+        Ptu,
+        Rtn,
+        ScanPoint,
+        SecondOrder,
+        Spin,
+        SunPointing,
+        TrackPoint,
+        Tumble,
+    )
+    from rso_lidar.optics import Laser, Receiver
+    from rso_lidar.orbit import Kepler, Tle
+    from rso_lidar.records import Command, Frame, Observation, Taxonomy
+    from rso_lidar.rpo import Hill
+    from rso_lidar.scenario import (
+        Constraints,
+        Corridor,
+        CratersAndBoulders,
+        DataLink,
+        Dispersion,
+        FacetMaterials,
+        Follower,
+        Fragment,
+        HeightField,
+        Joint,
+        Lidar,
+        Scenario,
+        Schedule,
+        Target,
+        Time,
+        World,
+    )
+    from rso_lidar.scene import Lambertian, Phong
+    from rso_lidar.simulation import Simulation, flash, simulate
+    from rso_lidar.study import trade
+
+    __version__: str
 
 __all__ = [
     "Axes",
@@ -181,14 +184,23 @@ __all__ = [
 ]
 
 __dir__ = _limit_dir(__name__, "__doc__", "__version__")
+_get_export = _export_lazily(__name__)
+_ROOMS = ("orbit", "rpo", "motion", "sensors", "scene", "optics", "detector", "records", "study", "track", "export")
 
 
 if not _TYPE_CHECKING:  # which finds a wrong name itself
 
     def __getattr__(name: str) -> object:
-        """Say in which room a name is that is not here."""
-        for room in (orbit, rpo, motion, sensors, scene, optics, detector, records, study, track, export):
-            if getattr(getattr(room, name, None), "__module__", "").startswith("rso_lidar"):
-                where = room.__name__.removeprefix("rso_lidar.")
-                raise AttributeError(f"module 'rso_lidar' has no attribute '{name}': rl.{name} is rl.{where}.{name}")
-        raise AttributeError(f"module 'rso_lidar' has no attribute '{name}'")
+        """Import what a name stands for when it is first used; say in which room a name is that is not here."""
+        import sys
+        from importlib.util import find_spec
+
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version("rso-lidar")
+        if not (name in __all__ or name.startswith("_") or find_spec(f"rso_lidar.{name}")):
+            for room in _ROOMS:
+                if name in getattr(sys.modules[__name__], room).__all__:
+                    raise AttributeError(f"module 'rso_lidar' has no attribute '{name}': rl.{name} is rl.{room}.{name}")
+        return _get_export(name)

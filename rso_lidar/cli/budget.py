@@ -11,13 +11,13 @@ from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable
+from rso_lidar.mission_analysis.budgets.finding_range import ATTITUDES, find_range
+from rso_lidar.mission_analysis.budgets.range_budget import SUFFIXES
 from rso_lidar.picture.style.palette import Scheme
 from rso_lidar.scenario import Finding, Lidar, Scenario
 from rso_lidar.scenario.mission.validation import validate_toml
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.study import budget as worked_out
-from rso_lidar.study.budgets.finding_range import ATTITUDES, find_range
-from rso_lidar.study.budgets.range_budget import SUFFIXES
 
 
 def budget(

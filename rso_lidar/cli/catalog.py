@@ -14,11 +14,11 @@ from rso_lidar.cli.completion import list_regimes
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
+from rso_lidar.mission_analysis.passes.pass_table import format_count
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence
 from rso_lidar.orbit.sets.catalog import REGIMES, WRITTEN_SUFFIXES
 from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.study import estimate_set_errors
-from rso_lidar.study.passes.pass_table import format_count
 
 _FIRST = 10  # problems shown without --problems
 

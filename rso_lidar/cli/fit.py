@@ -10,12 +10,12 @@ from rso_lidar.cli.arguments import RecordedFrames, RecordingFile, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.orbit import Forces
-from rso_lidar.study.orbit_determination.recorded_fits import (
+from rso_lidar.evaluation.orbit_determination.recorded_fits import (
     find_true_relative_state,
     fit_own_orbit,
     fit_relative_orbit,
 )
+from rso_lidar.orbit import Forces
 from rso_lidar.track import RelativeOrbitFit
 from rso_lidar.track.least_squares.fit_statistics import chi_square_bounds
 from rso_lidar.track.least_squares.gated_solution import GATE

@@ -9,8 +9,8 @@ from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustCode
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable
+from rso_lidar.mission_analysis.mission_parameters.parameter_table import SUFFIXES, list_parameters
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.mission_parameters.parameter_table import SUFFIXES, list_parameters
 from rso_lidar.study.verification.requirements_file import Requirements
 from rso_lidar.study.verification.sysml_requirements import write_requirements
 

@@ -11,10 +11,10 @@ from rso_lidar.cli.arguments import Dark, Overwrite, RecordedFrames, RecordingFi
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
+from rso_lidar.evaluation.track_quality.evaluation import AXES, Tracking, tracking
+from rso_lidar.evaluation.track_quality.tracking_figure import NAMES
 from rso_lidar.files import check_writable
-from rso_lidar.picture.plots.tracking import NAMES
 from rso_lidar.picture.style.output import RESULT_SUFFIXES
-from rso_lidar.study.track_quality.evaluation import AXES, Tracking, tracking
 from rso_lidar.track import nis_bounds
 from rso_lidar.track.pose.follow import FEWEST_POINTS
 

@@ -11,7 +11,7 @@ from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_schem
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
-from rso_lidar.study.recorded_runs.display import COLOURS, TOOLS, ViewerChoice, choose_viewer, show
+from rso_lidar.evaluation.recorded_runs.display import COLOURS, TOOLS, ViewerChoice, choose_viewer, show
 
 
 def view(

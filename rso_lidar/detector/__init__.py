@@ -1,11 +1,7 @@
 """Photons in, counts out."""
 
-from rso_lidar.detector.analysis.array_load import ArrayLoad
-from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
-from rso_lidar.detector.analysis.user_detector import Detector, check_traits
-from rso_lidar.detector.bench.pixel_prediction import predict_pixels
-from rso_lidar.detector.bench.prediction import find_photons, predict
-from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
+from typing import TYPE_CHECKING
+
 from rso_lidar.detector.detect import (
     AnyDetector,
     DescribedDetector,
@@ -27,19 +23,36 @@ from rso_lidar.detector.detect import (
     noise_growth,
     report_probability,
 )
-from rso_lidar.detector.geiger.array import GeigerArray
-from rso_lidar.detector.settings.algorithm import Ranging
-from rso_lidar.detector.settings.amplifier import Amplifier
-from rso_lidar.detector.settings.apd import Apd
-from rso_lidar.detector.settings.empirical import Empirical
-from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
-from rso_lidar.detector.settings.gate import Gate
-from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.readout import LowGain, Readout
-from rso_lidar.detector.settings.traits import DetectorTraits
-from rso_lidar.detector.settings.trigger import Trigger
-from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
-from rso_lidar.public_names import limit_dir
+from rso_lidar.public_names import export_lazily, limit_dir
+
+if TYPE_CHECKING:
+    from rso_lidar.detector.analysis.array_load import ArrayLoad
+    from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
+    from rso_lidar.detector.analysis.user_detector import Detector, check_traits
+    from rso_lidar.detector.bench.pixel_prediction import predict_pixels
+    from rso_lidar.detector.bench.prediction import find_photons, predict
+    from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
+    from rso_lidar.detector.geiger.array import GeigerArray
+    from rso_lidar.detector.settings.algorithm import Ranging
+    from rso_lidar.detector.settings.amplifier import Amplifier
+    from rso_lidar.detector.settings.apd import Apd
+    from rso_lidar.detector.settings.empirical import Empirical
+    from rso_lidar.detector.settings.focal_plane import (
+        Bloom,
+        Crosstalk,
+        Defects,
+        Droop,
+        Maps,
+        Saturation,
+        Speckle,
+        Timing,
+    )
+    from rso_lidar.detector.settings.gate import Gate
+    from rso_lidar.detector.settings.gsfl import Gsfl
+    from rso_lidar.detector.settings.readout import LowGain, Readout
+    from rso_lidar.detector.settings.traits import DetectorTraits
+    from rso_lidar.detector.settings.trigger import Trigger
+    from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
 
 __all__ = [
     "Amplifier",
@@ -93,4 +106,5 @@ __all__ = [
     "simulate_walk_curve",
 ]
 
+__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

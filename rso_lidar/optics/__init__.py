@@ -1,20 +1,24 @@
 """Light out, light back: the laser, the receiver, the rays between them and the photons that return."""
 
-from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.lens.distortion import BrownConrady, ZemaxDistortion
-from rso_lidar.optics.lens.internal_reflections import Ghost
-from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
-from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
-from rso_lidar.optics.oversampling import oversample
-from rso_lidar.optics.rays.adaptive import AdaptiveSampling
-from rso_lidar.optics.rays.grid_error import estimate_grid_variance
-from rso_lidar.optics.rays.pixel_rays import pixel_rays
-from rso_lidar.optics.receiver import Receiver
-from rso_lidar.optics.returns.blur import read_files
-from rso_lidar.optics.returns.pulse_average import average_pulses
-from rso_lidar.optics.returns.radiometry import collect, pixel_photons
-from rso_lidar.optics.stray.glare import add_stray_light, see_sky
-from rso_lidar.public_names import limit_dir
+from typing import TYPE_CHECKING
+
+from rso_lidar.public_names import export_lazily, limit_dir
+
+if TYPE_CHECKING:
+    from rso_lidar.optics.laser import Laser
+    from rso_lidar.optics.lens.distortion import BrownConrady, ZemaxDistortion
+    from rso_lidar.optics.lens.internal_reflections import Ghost
+    from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
+    from rso_lidar.optics.lens.surface_scatter import Baffle, Glare
+    from rso_lidar.optics.oversampling import oversample
+    from rso_lidar.optics.rays.adaptive import AdaptiveSampling
+    from rso_lidar.optics.rays.grid_error import estimate_grid_variance
+    from rso_lidar.optics.rays.pixel_rays import pixel_rays
+    from rso_lidar.optics.receiver import Receiver
+    from rso_lidar.optics.returns.blur import read_files
+    from rso_lidar.optics.returns.pulse_average import average_pulses
+    from rso_lidar.optics.returns.radiometry import collect, pixel_photons
+    from rso_lidar.optics.stray.glare import add_stray_light, see_sky
 
 __all__ = [
     "AdaptiveSampling",
@@ -42,4 +46,5 @@ __all__ = [
     "see_sky",
 ]
 
+__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

@@ -28,56 +28,60 @@ through the Earth's shadow, `find_access` when one object sees another, and `sol
 `propagate_two_body` and `propagate_sgp4` need no scenario.
 """
 
-from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
-from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
-from rso_lidar.orbit.ccsds.state_message import read_opm
-from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
-from rso_lidar.orbit.collision.foster import foster_probability
-from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
-from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState
-from rso_lidar.orbit.earth.access import Access, find_access
-from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes
-from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
-from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
-from rso_lidar.orbit.earth.ellipsoid import Geodetic, geodetic_from_itrs, itrs_from_geodetic
-from rso_lidar.orbit.earth.ground import GroundStation, LookAngles, find_ground_track
-from rso_lidar.orbit.epochs import Epochs, format_utc
-from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
-from rso_lidar.orbit.propagation.j2 import J2, mean_from_osculating, osculating_from_mean
-from rso_lidar.orbit.propagation.lunar_orbit import LunarKepler, LunarState
-from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
-from rso_lidar.orbit.propagation.numerical import Numerical, integrate_orbit
-from rso_lidar.orbit.screening.all_pairs import PairScreening, screen_pairs
-from rso_lidar.orbit.screening.close_approach import CloseApproach
-from rso_lidar.orbit.screening.conjunctions import ScreeningResult, screen
-from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.fleet import Fleet
-from rso_lidar.orbit.sets.set_sequence import SetSequence
-from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
-from rso_lidar.orbit.sets.teme import gcrs_from_teme, propagate_sgp4
-from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses, sunlit_fraction
-from rso_lidar.orbit.sky.geometry import (
-    beta_angle_rad,
-    earth_angular_radius_rad,
-    earth_limb_angle_rad,
-    line_altitude_m,
-    phase_angle_rad,
-)
-from rso_lidar.orbit.sky.jpl_ephemeris import JplEphemeris
-from rso_lidar.orbit.sky.moon import moon_position_m
-from rso_lidar.orbit.sky.sun import sun_position_m
-from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, true_from_mean
-from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
-from rso_lidar.orbit.two_body.lambert import Transfer, solve_lambert, solve_lambert_all
-from rso_lidar.orbit.two_body.osculating_elements import (
-    OsculatingElements,
-    elements_from_state,
-    state_from_elements,
-)
-from rso_lidar.public_names import limit_dir
+from typing import TYPE_CHECKING
+
+from rso_lidar.public_names import export_lazily, limit_dir
+
+if TYPE_CHECKING:
+    from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
+    from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
+    from rso_lidar.orbit.ccsds.state_message import read_opm
+    from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
+    from rso_lidar.orbit.collision.foster import foster_probability
+    from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
+    from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState
+    from rso_lidar.orbit.earth.access import Access, find_access
+    from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes
+    from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
+    from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
+    from rso_lidar.orbit.earth.ellipsoid import Geodetic, geodetic_from_itrs, itrs_from_geodetic
+    from rso_lidar.orbit.earth.ground import GroundStation, LookAngles, find_ground_track
+    from rso_lidar.orbit.epochs import Epochs, format_utc
+    from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
+    from rso_lidar.orbit.propagation.j2 import J2, mean_from_osculating, osculating_from_mean
+    from rso_lidar.orbit.propagation.lunar_orbit import LunarKepler, LunarState
+    from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
+    from rso_lidar.orbit.propagation.numerical import Numerical, integrate_orbit
+    from rso_lidar.orbit.screening.all_pairs import PairScreening, screen_pairs
+    from rso_lidar.orbit.screening.close_approach import CloseApproach
+    from rso_lidar.orbit.screening.conjunctions import ScreeningResult, screen
+    from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
+    from rso_lidar.orbit.sets.catalog import Catalog
+    from rso_lidar.orbit.sets.element_set import ElementSet
+    from rso_lidar.orbit.sets.fleet import Fleet
+    from rso_lidar.orbit.sets.set_sequence import SetSequence
+    from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
+    from rso_lidar.orbit.sets.teme import gcrs_from_teme, propagate_sgp4
+    from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses, sunlit_fraction
+    from rso_lidar.orbit.sky.geometry import (
+        beta_angle_rad,
+        earth_angular_radius_rad,
+        earth_limb_angle_rad,
+        line_altitude_m,
+        phase_angle_rad,
+    )
+    from rso_lidar.orbit.sky.jpl_ephemeris import JplEphemeris
+    from rso_lidar.orbit.sky.moon import moon_position_m
+    from rso_lidar.orbit.sky.sun import sun_position_m
+    from rso_lidar.orbit.trajectory import Trajectory
+    from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, true_from_mean
+    from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
+    from rso_lidar.orbit.two_body.lambert import Transfer, solve_lambert, solve_lambert_all
+    from rso_lidar.orbit.two_body.osculating_elements import (
+        OsculatingElements,
+        elements_from_state,
+        state_from_elements,
+    )
 
 __all__ = [
     "J2",
@@ -157,4 +161,5 @@ __all__ = [
     "write_oem",
 ]
 
+__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

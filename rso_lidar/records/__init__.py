@@ -5,26 +5,31 @@ the docs and labels on screen are generated from that statement. A ray without a
 return has NaN in ranges and 0 in intensities. Sky is -1 in an integer label.
 """
 
-from rso_lidar.public_names import limit_dir
-from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
-from rso_lidar.records.light import Bounces, Contours, Extent, Hits, Oversampled, Photons, Rays, Sky
-from rso_lidar.records.reading import Labels, PixelPrediction, Reading, Taps, Waveforms
-from rso_lidar.records.schema import ArraySpec, Record, array, specs
-from rso_lidar.records.symmetry import Symmetry, rotation_error_rad
-from rso_lidar.records.telemetry import (
-    AccelerometerSamples,
-    BodyMotion,
-    GnssSamples,
-    GyroSamples,
-    RelativeGnssSamples,
-    SensorSamples,
-    SensorState,
-    StarTrackerSamples,
-    ThrusterSamples,
-    WheelSamples,
-    join_samples,
-)
-from rso_lidar.records.truth import BodyState, PtuAngles, Truth
+from typing import TYPE_CHECKING
+
+from rso_lidar.public_names import export_lazily, limit_dir
+
+if TYPE_CHECKING:
+    from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
+    from rso_lidar.records.light import Bounces, Contours, Extent, Hits, Oversampled, Photons, Rays, Sky
+    from rso_lidar.records.reading import Labels, PixelPrediction, Reading, Taps, Waveforms
+    from rso_lidar.records.schema import ArraySpec, Record, array, specs
+    from rso_lidar.records.symmetry import Symmetry, rotation_error_rad
+    from rso_lidar.records.taxonomy import Taxonomy
+    from rso_lidar.records.telemetry import (
+        AccelerometerSamples,
+        BodyMotion,
+        GnssSamples,
+        GyroSamples,
+        RelativeGnssSamples,
+        SensorSamples,
+        SensorState,
+        StarTrackerSamples,
+        ThrusterSamples,
+        WheelSamples,
+        join_samples,
+    )
+    from rso_lidar.records.truth import BodyState, PtuAngles, Truth
 
 __all__ = [
     "SCHEMA_VERSION",
@@ -58,6 +63,7 @@ __all__ = [
     "Symmetry",
     "Taps",
     "TargetEntry",
+    "Taxonomy",
     "ThrusterSamples",
     "Truth",
     "Waveforms",
@@ -68,4 +74,5 @@ __all__ = [
     "specs",
 ]
 
+__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

@@ -1,23 +1,27 @@
 """Sensors of the spacecraft beside the lidar: gyros, accelerometers, GNSS, star trackers, telemetry of actuators."""
 
-from rso_lidar.public_names import limit_dir
-from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
-from rso_lidar.sensors.choice import (
-    AnySensor,
-    DescribedSensor,
-    Sensor,
-    describe_sensor,
-    find_impairments,
-    measure_samples,
-    read_schedule,
-)
-from rso_lidar.sensors.gnss import Gnss, RelativeGnss
-from rso_lidar.sensors.inertial import Accelerometer, Gyro
-from rso_lidar.sensors.presets import load_sensor_presets
-from rso_lidar.sensors.random_errors import draw_normals, make_key
-from rso_lidar.sensors.sensor_part import OutageWindow, RandomOutage
-from rso_lidar.sensors.star_tracker import StarTracker
-from rso_lidar.sensors.suite import SensorSuite
+from typing import TYPE_CHECKING
+
+from rso_lidar.public_names import export_lazily, limit_dir
+
+if TYPE_CHECKING:
+    from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
+    from rso_lidar.sensors.choice import (
+        AnySensor,
+        DescribedSensor,
+        Sensor,
+        describe_sensor,
+        find_impairments,
+        measure_samples,
+        read_schedule,
+    )
+    from rso_lidar.sensors.gnss import Gnss, RelativeGnss
+    from rso_lidar.sensors.inertial import Accelerometer, Gyro
+    from rso_lidar.sensors.presets import load_sensor_presets
+    from rso_lidar.sensors.random_errors import draw_normals, make_key
+    from rso_lidar.sensors.sensor_part import OutageWindow, RandomOutage
+    from rso_lidar.sensors.star_tracker import StarTracker
+    from rso_lidar.sensors.suite import SensorSuite
 
 __all__ = [
     "Accelerometer",
@@ -42,4 +46,5 @@ __all__ = [
     "read_schedule",
 ]
 
+__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

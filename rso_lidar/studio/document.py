@@ -10,9 +10,9 @@ from typing import Self
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.files import check_writable, read_bytes, write_atomically
-from rso_lidar.files.root_folder import Folder
-from rso_lidar.part.editable_toml import EditableToml
 from rso_lidar.part.toml_text import MOST_BYTES
+from rso_lidar.studio.model.editable_toml import EditableToml
+from rso_lidar.studio.model.root_folder import Folder
 
 UNSAVED = "unsaved.toml"  # the name of the draft of the first document without one
 

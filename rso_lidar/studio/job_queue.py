@@ -17,11 +17,11 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import IO
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.export.reader.recording_list import RECORDINGS
 from rso_lidar.export.reader.status import read_status
 from rso_lidar.export.registry import SUFFIXES
 from rso_lidar.files import write_text
-from rso_lidar.files.root_folder import Folder
+from rso_lidar.studio.model.recording_list import RECORDINGS
+from rso_lidar.studio.model.root_folder import Folder
 
 _JOURNAL = ".rso_lidar_studio.json"  # jobs that are not done, for the next start of the studio
 _POLL_S, _LAST_BYTES, _MOST_JOBS, _MOST_JOURNAL_BYTES = 0.5, 4000, 100, 2**20

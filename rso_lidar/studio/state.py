@@ -10,12 +10,12 @@ from pathlib import Path
 from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.export.reader.recording_list import RecordingList
-from rso_lidar.files.root_folder import Folder
 from rso_lidar.scenario.tables.world import parse_frames
 from rso_lidar.studio.document import UNSAVED, Document, list_documents
 from rso_lidar.studio.job_queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
-from rso_lidar.study.previews.text_assessment import Assessment, assess, check_study, list_warnings, load_flyable
+from rso_lidar.studio.model.recording_list import RecordingList
+from rso_lidar.studio.model.root_folder import Folder
+from rso_lidar.studio.model.text_assessment import Assessment, assess, check_study, list_warnings, load_flyable
 
 _PAUSE_S = 0.3  # without a further edit, after which a text is assessed
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.files.root_folder import Folder
-from rso_lidar.study.previews.file_summary import KINDS, summarize_file
+from rso_lidar.studio.model.file_summary import KINDS, summarize_file
+from rso_lidar.studio.model.root_folder import Folder
 
 MOST_BYTES = 64 * 2**20
 

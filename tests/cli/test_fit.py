@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 
 import rso_lidar as rl
-from tests.study.orbit_determination.scenario_for_tests import load_small
+from tests.evaluation.orbit_determination.scenario_for_tests import load_small
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import track
 from rso_lidar.cli.track import describe_consistency, summarise
-from rso_lidar.study.track_quality.evaluation import AXES, Tracking
+from rso_lidar.evaluation.track_quality.evaluation import AXES, Tracking
 from rso_lidar.track.pose import follow
 
 DEG = rl.units.DEG

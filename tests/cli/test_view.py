@@ -6,7 +6,7 @@ from functools import partial
 import pytest
 from PIL import Image
 
-from rso_lidar.study.recorded_runs import display as module
+from rso_lidar.evaluation.recorded_runs import display as module
 
 
 @pytest.fixture

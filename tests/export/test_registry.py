@@ -207,7 +207,7 @@ def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(tmp_path, name, monk
         raise OSError(28, os.strerror(28))
 
     writes = {"npz": "numpy.savez_compressed", "zarr": "rso_lidar.export.writer.zarr_store.ZarrWriter.add"}
-    writes |= {"bop": "rso_lidar.export.formats.bop.write_new_file"}
+    writes |= {"bop": "rso_lidar.dataset.conversion.bop.write_new_file"}
     monkeypatch.setattr(writes.get(name, "rso_lidar.export.writer.frame_files.write_new_file"), full)
     with pytest.raises(RunError, match=rf"out.{name}: could not be written: No space left on device"):
         write(tmp_path, name, make_frames(2))

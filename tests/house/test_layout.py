@@ -45,7 +45,7 @@ SPANNING = {
     "shapes/test_rounding.py",
     "shapes/test_silhouettes.py",
     "shapes/test_targets.py",
-    "study/passes/test_screening_sets.py",
+    "mission_analysis/passes/test_screening_sets.py",
     "study/trades/test_worked_studies.py",
     "test_bridge_basilisk.py",
     "test_bridge_cfs.py",

@@ -21,7 +21,7 @@ LIMIT_S = 1800.0  # a fault that makes a loop endless is seen too
 WHOLE = ["tests/simulation/test_run.py", "tests/golden", "tests/property", "tests/physics"]
 ROOM = {
     "export": ["tests/export", "tests/property/test_save_load.py"],
-    "orbit": ["tests/orbit", "tests/study/passes/test_screening_sets.py"],
+    "orbit": ["tests/orbit", "tests/mission_analysis/passes/test_screening_sets.py"],
 }
 
 

@@ -15,9 +15,9 @@ from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, LaserPulse, Readout, 
 from rso_lidar.detector.bench.trial import make_plate as pixels
 from rso_lidar.detector.bench.trial import run_trial
 from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
+from rso_lidar.mission_analysis.budgets.pixel_light import compute_photons, depth_spread_s, pixel_width_m
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Ggx, Lambertian, OrenNayar, Phong, TableBrdf
-from rso_lidar.study.budgets.pixel_light import compute_photons, depth_spread_s, pixel_width_m
 from tests.optics.bench_for_tests import look, place, plate
 
 PULSE = LaserPulse(*Laser().pulse, Laser().pulse_fwhm_s, Laser().timing_jitter_ns)
@@ -236,7 +236,7 @@ def test_precision_is_the_bound_in_amplifier_noise(validation):
 
 def test_the_light_of_the_description_is_the_same():
     """What `check` prints of a filled pixel, and the 1000 photons of Fuller et al. at 3 km."""
-    from rso_lidar.optics.link_budget import filled_pixel_photons
+    from rso_lidar.mission_analysis.budgets.link_budget import filled_pixel_photons
 
     receiver = Receiver(fov_deg=2.5, f_number=2.8)
     for range_m in (30.0, 3000.0):

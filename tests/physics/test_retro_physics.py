@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.study.budgets.pixel_light import compute_photons
+from rso_lidar.mission_analysis.budgets.pixel_light import compute_photons
 
 DIAMETER_M, WAVELENGTH_M, APERTURE_M = 12.7e-3, 1064e-9, 0.105
 WALK = f"""

@@ -9,7 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.detector import detect
-from rso_lidar.study.track_quality.range_noise import estimate_range_noise_m
+from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_m
 from tests.detector.returns_for_tests import returns
 from tests.optics.bench_for_tests import plate, write_stl
 

@@ -9,9 +9,9 @@ import rso_lidar as rl
 from rso_lidar import units
 from rso_lidar.detector import ArrayLoad, DetectorTraits, Prediction
 from rso_lidar.errors import ScenarioError
+from rso_lidar.mission_analysis.time_history.opportunities import find_detection_curve
 from rso_lidar.records import Command, Photons, Reading
 from rso_lidar.study import reach_m
-from rso_lidar.study.time_history.opportunities import find_detection_curve
 
 
 @dataclass(frozen=True)

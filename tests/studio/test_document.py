@@ -10,11 +10,11 @@ import pytest
 pytest.importorskip("tomlkit", reason="documents need tomlkit, of the extra studio")
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.files.root_folder import Folder
-from rso_lidar.part import editable_toml
 from rso_lidar.shipped import shipped
 from rso_lidar.studio import document as module
 from rso_lidar.studio.document import UNSAVED, Document, EditConflictError, list_documents
+from rso_lidar.studio.model import editable_toml
+from rso_lidar.studio.model.root_folder import Folder
 
 FIRST, SECOND = 'name = "first"  # a comment\n', 'name = "second"\n'
 APPROACH = shipped("examples/tdrs_approach.toml").read_text(encoding="utf-8")

@@ -6,11 +6,11 @@ import zipfile
 import pytest
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.files.root_folder import Folder
 from rso_lidar.shipped import shipped
 from rso_lidar.studio import upload as module
+from rso_lidar.studio.model.file_summary import KINDS
+from rso_lidar.studio.model.root_folder import Folder
 from rso_lidar.studio.upload import MOST_BYTES, keep_upload
-from rso_lidar.study.previews.file_summary import KINDS
 
 OBJECT = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+from rso_lidar.dataset.conversion.bop import FULL
 from rso_lidar.dataset.conversion.frame_batches import choose_images
 from rso_lidar.dataset.conversion.image_folders import IMAGES, write_image_folders
 from rso_lidar.dataset.conversion.tar_archives import write_tar_archives
 from rso_lidar.dataset.conversion.tensorflow_files import write_tensorflow_files
 from rso_lidar.dataset.shards.layout import is_image
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export.formats.bop import FULL
 from rso_lidar.export.writer.folders import check_folder, draft_folder
 from rso_lidar.units import MM
 

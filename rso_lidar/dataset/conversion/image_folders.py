@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.dataset.annotation.frame_labels import LEAST_PHOTONS
+from rso_lidar.dataset.conversion.bop import BEYOND, BEYOND_M, FULL, choose_depth_scale, encode_png
 from rso_lidar.dataset.conversion.coco_annotations import CocoWriter, open_coco
 from rso_lidar.dataset.conversion.frame_batches import ExportedFrame, read_batches, read_frames
-from rso_lidar.export.formats.bop import BEYOND, BEYOND_M, FULL, choose_depth_scale, encode_png
 from rso_lidar.units import MM
 
 if TYPE_CHECKING:

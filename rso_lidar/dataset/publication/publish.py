@@ -12,9 +12,9 @@ from rso_lidar.dataset.publication.croissant import write_croissant
 from rso_lidar.dataset.publication.dataset_card import write_card
 from rso_lidar.dataset.publication.frame_counts import count_frames
 from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet, write_frame_index
+from rso_lidar.dataset.publication.label_images import save_label_images
 from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.errors import DatasetError
-from rso_lidar.picture.frames.label_images import save_label_images
 
 PICTURES = ("sample_frame_1.png", "sample_frame_2.png")
 _MOST_FRAMES = 256  # frames of the first split among which those of the pictures are chosen: one shard by default

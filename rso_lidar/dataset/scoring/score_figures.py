@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.dataset.metrics.merits import HIGHER, Bins, Value
+from rso_lidar.dataset.scoring.binned_figure import BinnedPanel, binned_figure
+from rso_lidar.dataset.scoring.change_figure import ChangeRow, change_figure
 from rso_lidar.dataset.scoring.classification import ALL, RELIABLE_RECALL, Confusions
+from rso_lidar.dataset.scoring.classification_figure import confusion_figure, precision_recall_figure, presence_figure
 from rso_lidar.dataset.scoring.comparison import Comparison
 from rso_lidar.dataset.scoring.scorecard import Scorecard
-from rso_lidar.picture.plots.binned import BinnedPanel, binned_figure
-from rso_lidar.picture.plots.classification import confusion_figure, precision_recall_figure, presence_figure
-from rso_lidar.picture.plots.comparison import ChangeRow, change_figure
 
 _QUANTITIES = {
     "lit_pixels": "Lit pixels on the target",

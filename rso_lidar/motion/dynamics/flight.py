@@ -20,8 +20,8 @@ from rso_lidar.motion.dynamics.function import (
     stamp_file,
     wrap_dynamics,
 )
+from rso_lidar.motion.dynamics.short_steps import ShortSolution
 from rso_lidar.orbit.propagation.integrator import OdeSolution
-from rso_lidar.orbit.propagation.short_steps import ShortSolution
 from rso_lidar.part import Number, Part, Positive
 
 _PANEL_S = 60.0

@@ -11,12 +11,12 @@ from nicegui import events, run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.part.toml_text import split_place
 from rso_lidar.scenario import Scenario
+from rso_lidar.studio.model.form_fields import FieldForm, find_field, find_part, iterate_tables, list_fields
+from rso_lidar.studio.model.text_assessment import describe
 from rso_lidar.studio.pages.elements import draw_button, mark
 from rso_lidar.studio.pages.form import TableForm, change_document, draw_add, draw_type
 from rso_lidar.studio.pages.header import draw_menu
 from rso_lidar.studio.state import BrowserTab
-from rso_lidar.study.mission_parameters.form_fields import FieldForm, find_field, find_part, iterate_tables, list_fields
-from rso_lidar.study.previews.text_assessment import describe
 
 _NESTED = "lidar"  # its tables have forms of their own, because they are long
 _DISK_S = 2.0

@@ -10,20 +10,20 @@ from typing import Any
 import fastapi
 from nicegui import run, ui
 
+from rso_lidar.mission_analysis.models.material_list import list_materials
 from rso_lidar.orbit import Omm, Tle
-from rso_lidar.orbit.sets.search import read_pasted_set, search_sets
 from rso_lidar.part import Part
 from rso_lidar.scenario import Lidar, Target
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scene import Lambertian
 from rso_lidar.scene.library.model_index import models
 from rso_lidar.shipped import shipped
+from rso_lidar.studio.model.mesh_sizes import list_mesh_sizes, list_mesh_targets
+from rso_lidar.studio.model.model_portrait import draw_portrait
+from rso_lidar.studio.model.search import read_pasted_set, search_sets
+from rso_lidar.studio.model.text_assessment import check_file
 from rso_lidar.studio.pages.elements import ask, draw_button, draw_list, mark, open_dialog, tell_errors
 from rso_lidar.studio.state import BrowserTab
-from rso_lidar.study.material_list import list_materials
-from rso_lidar.study.previews.mesh_sizes import list_mesh_sizes, list_mesh_targets
-from rso_lidar.study.previews.model_portrait import draw_portrait
-from rso_lidar.study.previews.text_assessment import check_file
 
 _MOST_ROWS, _WIDE = 60, "w-[900px]"
 

@@ -10,12 +10,12 @@ from nicegui import ui
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.part import Part
-from rso_lidar.scenario.assessment.problem_place import is_at
+from rso_lidar.studio.model import form_fields
+from rso_lidar.studio.model.form_fields import FieldForm
+from rso_lidar.studio.model.problem_place import is_at
 from rso_lidar.studio.pages.choosers import find_chooser
 from rso_lidar.studio.pages.elements import draw_button, mark, tell_errors
 from rso_lidar.studio.state import BrowserTab
-from rso_lidar.study.mission_parameters import form_fields
-from rso_lidar.study.mission_parameters.form_fields import FieldForm
 
 _DEEPEST = 5  # levels of inner tables in one form; deeper ones are edited in the text
 

@@ -8,12 +8,12 @@ from typing import Any
 from nicegui import run, ui
 
 from rso_lidar.export.reader.recording import Recording
-from rso_lidar.export.reader.recording_list import open_recording
-from rso_lidar.files.root_folder import Folder
-from rso_lidar.picture.frames.frame_image import IMAGE_SIZE
 from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
+from rso_lidar.studio.model.frame_drawing import DrawnFrame, draw_recorded_frame
+from rso_lidar.studio.model.frame_image import IMAGE_SIZE
+from rso_lidar.studio.model.recording_list import open_recording
+from rso_lidar.studio.model.root_folder import Folder
 from rso_lidar.studio.pages.elements import Slider, mark, tell_errors
-from rso_lidar.study.recorded_runs.frame_drawing import DrawnFrame, draw_recorded_frame
 
 _PLAY_S = 0.15
 

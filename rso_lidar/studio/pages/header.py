@@ -11,6 +11,7 @@ from nicegui import run, ui
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.scenario.examples import SHORTEST, find_companions, find_examples, summarize_example
 from rso_lidar.studio.document import EditConflictError, list_documents
+from rso_lidar.studio.model.file_summary import KINDS, MESHES
 from rso_lidar.studio.pages.choosers import choose_unit
 from rso_lidar.studio.pages.elements import (
     ask,
@@ -24,7 +25,6 @@ from rso_lidar.studio.pages.elements import (
 from rso_lidar.studio.pages.guide import Guide
 from rso_lidar.studio.state import BrowserTab
 from rso_lidar.studio.upload import MOST_BYTES, keep_upload
-from rso_lidar.study.previews.file_summary import KINDS, MESHES
 
 _PAGES = ("build", "see", "run")
 _SCHEMES = {None: "brightness_auto", True: "dark_mode", False: "light_mode"}

@@ -14,13 +14,13 @@ import fastapi
 from nicegui import run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.export.reader.recording_list import RECORDINGS
 from rso_lidar.export.registry import FORMATS
 from rso_lidar.studio.job_queue import KINDS, Job, JobRequest
+from rso_lidar.studio.model.recording_list import RECORDINGS
+from rso_lidar.studio.model.text_assessment import estimate_run
 from rso_lidar.studio.pages.elements import ask, draw_button, draw_icon_button, mark, tell_errors
 from rso_lidar.studio.pages.frame_viewer import FrameViewer
 from rso_lidar.studio.state import BrowserTab, Workspace
-from rso_lidar.study.previews.text_assessment import estimate_run
 
 _USUAL_HZ = 20.0  # frames/s of the shipped approach on two cores, until a run of this studio has been measured
 _CHECKBOX = '<q-checkbox v-model="props.selected" dense :aria-label="`Show ${props.row.name}`" />'

@@ -13,19 +13,19 @@ import fastapi
 from nicegui import events, run, ui
 
 from rso_lidar.errors import RsoLidarError
+from rso_lidar.mission_analysis.time_history.pixel_summary import report_pixel
+from rso_lidar.mission_analysis.time_history.scenario_figures import FIGURES, draw_figure
 from rso_lidar.picture import DARK, LIGHT
-from rso_lidar.picture.frames.frame_image import choose_window, draw_image, find_pixel, outline_pixel
-from rso_lidar.picture.viewers.space_scene import draw_cloud
-from rso_lidar.picture.viewers.waveform_chart import make_waveform_chart
 from rso_lidar.records import Frame
+from rso_lidar.studio.model.flight import PreviewFlight
+from rso_lidar.studio.model.flight_scenes import VIEWS
+from rso_lidar.studio.model.frame_image import choose_window, draw_image, find_pixel, outline_pixel
+from rso_lidar.studio.model.space_scene import draw_cloud
+from rso_lidar.studio.model.text_assessment import describe
+from rso_lidar.studio.model.waveform_chart import make_waveform_chart
 from rso_lidar.studio.pages.elements import Slider, draw_button, draw_icon_button, mark
 from rso_lidar.studio.pages.space_view import SpaceView
 from rso_lidar.studio.state import BrowserTab, Workspace
-from rso_lidar.study.previews.flight import PreviewFlight
-from rso_lidar.study.previews.flight_scenes import VIEWS
-from rso_lidar.study.previews.pixel_summary import report_pixel
-from rso_lidar.study.previews.scenario_figures import FIGURES, draw_figure
-from rso_lidar.study.previews.text_assessment import describe
 
 T = TypeVar("T")
 _EVERY_S = 0.2  # between two frames shown

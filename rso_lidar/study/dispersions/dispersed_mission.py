@@ -15,13 +15,13 @@ import numpy as np
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.motion.motions.motion import chief_of, has_orbit
-from rso_lidar.picture.studies.dispersion import dispersion_figure
 from rso_lidar.picture.style.output import save_figure_or_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.processes import Processes
-from rso_lidar.rpo.dispersed.linear_dispersion import SOURCES, TARGET
 from rso_lidar.scenario import Scenario, require_scenario
+from rso_lidar.study.dispersions.dispersion_figure import dispersion_figure
 from rso_lidar.study.dispersions.kept_runs import identify, read_blocks, write_blocks
+from rso_lidar.study.dispersions.linear_dispersion import SOURCES, TARGET
 from rso_lidar.study.dispersions.mission_disperser import BLOCK, Block, MissionDisperser
 
 _MOST_RUNS = 1_000_000

@@ -15,10 +15,10 @@ from rso_lidar.motion import proximity
 from rso_lidar.motion.truth import Chief, truth
 from rso_lidar.orbit import Epochs
 from rso_lidar.rpo import NavigationErrors
-from rso_lidar.rpo.dispersed.dispersed_flight import DispersedFlight
-from rso_lidar.rpo.dispersed.dispersed_paths import DispersedPaths, Disperser
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere
 from rso_lidar.scenario import Scenario
+from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
+from rso_lidar.study.dispersions.dispersed_paths import DispersedPaths, Disperser
 from rso_lidar.study.dispersions.outcomes import Sight, find_nearest_m, make_detection
 from rso_lidar.study.dispersions.target_errors import TargetAttitude, resolve_element_sets
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rso_lidar.picture.studies.trade import format_value
 from rso_lidar.study.trades.merits import DETECTION, MERITS, Merit
 from rso_lidar.study.trades.results import TradeTable
+from rso_lidar.study.trades.trade_figures import format_value
 
 _AMBIGUOUS_END = re.compile(r"\d+|type|name|file|at")  # ends of a place that are ambiguous alone
 

@@ -16,7 +16,6 @@ from rso_lidar.export.formats.parquet import check_parquet, write_parquet
 from rso_lidar.files import write_atomically, write_columns
 from rso_lidar.picture.frames.frame import frame_figure
 from rso_lidar.picture.frames.part_colours import parts_in_order
-from rso_lidar.picture.studies.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 from rso_lidar.picture.style.html_page import embed_figure, write_page, write_table
 from rso_lidar.picture.style.palette import LIGHT, Scheme
 from rso_lidar.records import Frame
@@ -32,8 +31,11 @@ from rso_lidar.study.trades.ranking import (
     name_merit,
     rank_points,
 )
-from rso_lidar.study.trades.ranking import shorten_places as column_heads
+from rso_lidar.study.trades.ranking import (
+    shorten_places as column_heads,
+)
 from rso_lidar.study.trades.results import TradeTable
+from rso_lidar.study.trades.trade_figures import Quantity, against_figure, effects_figure, format_value, maps_figure
 
 SUFFIXES = (".csv", ".parquet", ".html")
 _LISTED = 12  # greatest number of rows in a table of points

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rso_lidar.study.mission_parameters.parameter_table import ParameterTable
-from rso_lidar.study.mission_parameters.sysml_text import MISSION, quote_name, write_comment, write_value
-from rso_lidar.study.mission_parameters.sysml_units import find_notation
+from rso_lidar.mission_analysis.mission_parameters.parameter_table import ParameterTable
+from rso_lidar.mission_analysis.mission_parameters.sysml_text import MISSION, quote_name, write_comment, write_value
+from rso_lidar.mission_analysis.mission_parameters.sysml_units import find_notation
 from rso_lidar.study.verification.matrix import describe_conditions
 from rso_lidar.study.verification.requirements_file import Requirement, Requirements
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from rso_lidar.picture.plots.tracking import tracking_figure
-from rso_lidar.picture.studies.timeline import timeline_figure
+from rso_lidar.evaluation.track_quality.tracking_figure import tracking_figure
+from rso_lidar.mission_analysis.time_history.timeline_figure import timeline_figure
 
 TIME_S = np.arange(50.0)
 FLAT = np.full(50, 0.5)

@@ -7,8 +7,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
 from rso_lidar.motion.dynamics import flight
-from rso_lidar.study.recorded_runs.flown_scenario import load_scenario
 
 CODE = """
 from pathlib import Path

@@ -8,10 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.mission_analysis.budgets.pixel_light import compute_photons
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
 from rso_lidar.scene import Crinkled, cast
-from rso_lidar.study.budgets.pixel_light import compute_photons
 from tests.optics.bench_for_tests import look, place, plate, surface, truth_of
 
 FOIL = Crinkled(diffuse=0.1, specular=0.7, exponent=40.0, tilt_deg=8.0, cell_mm=20.0)

@@ -4,7 +4,7 @@ import base64
 import re
 
 import rso_lidar as rl
-from rso_lidar.picture.frames.frame_image import draw_image
+from rso_lidar.studio.model.frame_image import draw_image
 from tests.studio.browser.page_elements import find, find_input, find_recording, find_thumb, wait_until_drawn
 
 TABS = 10

@@ -13,8 +13,8 @@ from nicegui.testing.user_simulation import user_simulation
 
 from rso_lidar.scenario.examples import SHORTEST, find_examples
 from rso_lidar.studio.application import make_root
+from rso_lidar.studio.model.text_assessment import assess, list_warnings
 from rso_lidar.studio.state import Workspace
-from rso_lidar.study.previews.text_assessment import assess, list_warnings
 from tests.scene.meshes.test_mesh import BOX, binary_stl
 
 APPROACH = find_examples()["tdrs_approach"].read_text(encoding="utf-8")

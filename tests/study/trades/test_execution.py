@@ -11,8 +11,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.mission_analysis.budgets.pixel_light import compute_photons
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.budgets.pixel_light import compute_photons
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import RowFile, identify, run_rows, trade
 from rso_lidar.study.trades.plan import make_plan

@@ -1,0 +1,206 @@
+"""Frames written in any format: those of `export`, and those that require time scales and the Earth."""
+
+from __future__ import annotations
+
+import datetime
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import orbit
+from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, suppress_warnings, warn
+from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
+from rso_lidar.evaluation.recorded_runs.globe import build_globe
+from rso_lidar.export.formats.czml import choose_samples, write_czml
+from rso_lidar.export.formats.truth_batches import TruthBatch, join_batches, peek_source, read_truth_batches
+from rso_lidar.export.reader.recording import Frames, Recording
+from rso_lidar.export.registry import format_for, writer_for
+from rso_lidar.files import check_writable, convert_path
+from rso_lidar.mission_analysis.time_history.open_loop import find_velocity_jumps_s
+from rso_lidar.motion.attitudes.attitude_file import write_aem
+from rso_lidar.orbit.ccsds.writer import write_oem
+from rso_lidar.part.toml_text import parse_toml
+from rso_lidar.pose import ROOT
+from rso_lidar.records import BodyState, Frame, Source
+
+_TABLES = ("csv", "parquet")  # written with UTC, which needs time scales
+
+
+def save(
+    path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, format: str = "", **options: Any
+) -> Path:
+    """Write frames to a file or folder as they arrive, and return its path.
+
+    The suffix selects the format. .h5 and .nc are recordings that `open` reads and that hold everything in the frames;
+    docs/exports.md lists the contents of the others. .zarr, .pcd, .ply, .bop and .rosbag2 name folders. The file appears
+    under its name when it is complete. `rso-lidar export` has the same suffixes.
+
+    Parameters
+    ----------
+    path : of the file or folder.
+    frames : from `simulate` or `open`.
+    overwrite : whether an existing file or folder may be replaced.
+    format : name of the format, where the suffix does not give it.
+
+    Other Parameters
+    ----------------
+    options : of that format, such as ``viewpoint="tdrs"`` of pcd, ``target="tdrs"`` of tum, kitti, oem (a body; the
+        follower if left out) and aem (any axes), ``sensor="gyro"`` of csv and parquet (the truth if left out).
+
+    Returns
+    -------
+    Path
+        Of the file or folder.
+
+    Raises
+    ------
+    RecordingError
+        For an unknown suffix, a path that may not be written, and frames that the format cannot hold.
+    """
+    path = convert_path(path, RecordingError)
+    wanted = format_for(format or path)
+    if wanted.writer and wanted.name not in _TABLES:
+        return writer_for(wanted.name)(path, frames, overwrite=overwrite, **options)
+    place = check_writable(path, overwrite=overwrite)
+    source, frames = peek_source(place, frames)
+    if wanted.name in _TABLES:
+        texts = _utc_formatter(source)
+        return writer_for(wanted.name)(place, frames, utc=texts, overwrite=overwrite, **options)
+    if parse_toml(source.scenario, "recording", RecordingError).get("world", {}).get("axes") == "local":
+        raise RecordingError(f"{place.name}: a local world has no Earth to give positions about; write a .csv")
+    if wanted.name == "czml":
+        return _write_czml(place, frames, source, **options)
+    write = {"oem": _write_oem, "aem": _write_aem}[wanted.name]
+    return write(place, frames, source, **options)
+
+
+def _utc_formatter(source: Source) -> Any:
+    """Return a function that formats times [s since the start] as ISO UTC texts to the microsecond, with leap seconds."""
+    start_utc = _parse_start(source)
+    return lambda time_s: np.array(orbit.Epochs(start_utc, time_s).skyfield_time().utc_iso(places=6))
+
+
+def _parse_start(source: Source) -> datetime.datetime:
+    return datetime.datetime.fromisoformat(source.start_utc)
+
+
+def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
+    """Write the states of a body as an OEM, with a new segment at each impulse.
+
+    Parameters
+    ----------
+    place : path of the file.
+    frames : the recording.
+    source : of the recording.
+    target : name of the body (None: the follower).
+    """
+    folder = _find_folder(frames)
+    batches = list(read_truth_batches(frames))
+    name = _check_name(target, list(batches[0][0].states))
+    time_s = _join_times(batches)
+    states = BodyState(
+        np.concatenate([truth.states[name].position_m for truth, _ in batches]),
+        np.concatenate([truth.states[name].velocity_m_s for truth, _ in batches]),
+    )
+    breaks = _find_breaks_s(source, name, time_s, folder)
+    epochs = orbit.Epochs(_parse_start(source), time_s)
+    return write_oem(place, name, name, epochs, states, breaks_s=breaks, overwrite=True)
+
+
+def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
+    """Write the attitude of axes relative to inertial axes as an AEM.
+
+    Parameters
+    ----------
+    place : path of the file.
+    frames : the recording.
+    source : of the recording.
+    target : name of the axes (None: the follower's).
+    """
+    from scipy.spatial.transform import Rotation
+
+    batches = list(read_truth_batches(frames))
+    name = _check_name(target, list(batches[0][0].poses))
+    turned = np.concatenate(
+        [
+            np.broadcast_to(truth.pose(ROOT, name).rotation.as_matrix(), (truth.time_s.size, 3, 3))
+            for truth, _ in batches
+        ]
+    )
+    epochs = orbit.Epochs(_parse_start(source), _join_times(batches))
+    return write_aem(place, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)
+
+
+def _write_czml(place: Path, frames: Iterable[Frame], source: Source) -> Path:
+    """Write bodies, lines of sight and boresight for a globe, reduced to a number of epochs that viewers play smoothly.
+
+    Parameters
+    ----------
+    place : path of the file.
+    frames : the recording.
+    source : of the recording.
+    """
+    if isinstance(frames, Recording):
+        frames = frames[:]
+    if isinstance(frames, Frames):  # so that no other frame is read
+        chosen = read_truth_batches(
+            Frames(frames.recording, [frames.places[k] for k in choose_samples(len(frames)).tolist()])
+        )
+        truth, _ = join_batches(chosen)
+    else:
+        truth, _ = join_batches(read_truth_batches(frames), choose_samples)
+    targets = [one.name for one in source.targets]
+    return write_czml(place, build_globe(source.title, _parse_start(source), targets, truth))
+
+
+def _join_times(batches: list[TruthBatch]) -> np.ndarray:
+    return np.concatenate([truth.time_s for truth, _ in batches])
+
+
+def _check_name(name: str | None, known: list[str]) -> str:
+    """Return the name of a body or of axes, by default the follower's, or raise `RecordingError`."""
+    wanted = "follower" if name is None else name
+    if wanted not in known:
+        guess = did_you_mean(wanted, known)
+        raise RecordingError(
+            f"--target {wanted}: nothing of that name can be written{guess} (known: {', '.join(known)})"
+        )
+    return wanted
+
+
+def _find_folder(frames: Iterable[Frame]) -> Path | None:
+    """Return the folder of a recording, which holds the files that its scenario names; None without a file."""
+    recording = frames.recording if isinstance(frames, Frames) else frames
+    return recording.path.parent if isinstance(recording, Recording) else None
+
+
+def _find_breaks_s(source: Source, name: str, time_s: np.ndarray, folder: Path | None) -> list[float]:
+    """Find the times [s] of impulses with at least two frames on either side.
+
+    Parameters
+    ----------
+    source : of the recording.
+    name : of the body.
+    time_s : (time) times of the frames [s].
+    folder : folder of the files that the scenario names.
+    """
+    try:
+        with suppress_warnings():
+            planned = sorted(find_velocity_jumps_s(load_scenario(source, folder), name))
+    except (RsoLidarError, OSError):  # axes without a motion, or missing files
+        planned = []
+    edges: list[float] = []
+    low = 0
+    for at in planned:
+        place = int(np.searchsorted(time_s, at))
+        if not 0 < place < time_s.size:
+            continue
+        if place - low < 2 or time_s.size - place < 2:
+            warn(f"{name}: the impulse at {at:g} s has fewer than two frames beside it and is not marked")
+            continue
+        edges.append(at)
+        low = place
+    return edges

@@ -1,0 +1,256 @@
+"""A recording looked at: in Rerun where the extra is installed, else in a window of matplotlib, else in files."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rso_lidar import picture
+from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
+from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario, load_surfaces
+from rso_lidar.evaluation.recorded_runs.player import Colour, find_fullest_frame, play, save_view, window_backend
+from rso_lidar.export import Frames, Recording
+from rso_lidar.files import check_writable
+from rso_lidar.interruption import make_temporary_folder
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES
+from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture.viewers.rerun_scene import has_rerun, import_rerun, open_rerun, write_rerun
+from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.records import Frame, Source
+
+TOOLS = ("rerun", "window", "files")
+COLOURS: tuple[Colour, ...] = ("range", "intensity")
+_SCENE = ".rrd"
+_FILMS = (".gif", ".mp4")
+_PICTURES = (*FIGURE_SUFFIXES, *_FILMS)
+_SHEET = "_view_sheet.png"
+_SHEET_FRAMES = 16
+_BESIDE = ("_view.png", _SHEET, "_view.gif")  # ends of the files beside a recording
+
+
+@dataclass(frozen=True)
+class ViewerChoice:
+    """The way a recording is shown: one of `TOOLS`, the reason in words, and the files to write (none: a window opens)."""
+
+    tool: str
+    why: str
+    paths: tuple[Path, ...] = ()
+
+
+def choose_viewer(
+    tool: str | None = None,
+    output: str | Path | None = None,
+    *,
+    recording: Path | None = None,
+    overwrite: bool = False,
+) -> ViewerChoice:
+    """Choose how to show a recording on this machine, and check that it is possible.
+
+    Parameters
+    ----------
+    tool : one of `TOOLS` (None: the first that is available, or the one that the suffix of `output` implies).
+    output : a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
+    recording : file of the recording, beside which files without a name are written (None: none are).
+    overwrite : whether existing files are replaced.
+
+    Raises
+    ------
+    RecordingError
+        For a tool that is unknown or not available, and for files that exist already.
+    """
+    if tool is not None and tool not in TOOLS:
+        raise RecordingError(
+            f"view: no viewer is named '{tool}'{did_you_mean(tool, TOOLS)} (known: {', '.join(TOOLS)})"
+        )
+    if output is not None:
+        return _choose_by_suffix(tool, Path(output), overwrite=overwrite)
+    if tool == "rerun":
+        import_rerun("view")
+    display = has_display()
+    if display and (tool == "rerun" or (tool is None and has_rerun())):
+        return ViewerChoice("rerun", "Rerun")
+    backend = window_backend() if display and tool != "files" else None
+    if backend is not None:
+        return ViewerChoice("window", f"matplotlib's window ({backend})")
+    why = "matplotlib has nothing to open a window with (pip install PyQt6)" if display else "no display"
+    if tool == "window":
+        raise RecordingError(f"view: {why}; choose files, or rerun and a name that ends in .rrd")
+    return _choose_files_beside(tool or "files", "" if tool == "files" else why, recording, overwrite=overwrite)
+
+
+def view(
+    frames: Sequence[Frame],
+    *,
+    tool: str | None = None,
+    colour: Colour = "range",
+    output: str | Path | None = None,
+    overwrite: bool = False,
+    folder: Path | None = None,
+) -> ViewerChoice:
+    """Show a recording in Rerun, in a window of matplotlib or in files; return when its window is closed.
+
+    Parameters
+    ----------
+    frames : a recording, or a part of one such as ``recording[::10]``.
+    tool : ``"rerun"``, ``"window"`` or ``"files"`` (None: the first that is available; without a display, files beside the
+        recording).
+    colour : of the points, ``"range"`` or ``"intensity"``.
+    output : file to write instead: a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
+    overwrite : whether existing files are replaced.
+    folder : folder of the mesh files that the scenario names (None: that of the recording).
+
+    Returns
+    -------
+    ViewerChoice
+        How it was shown.
+
+    Raises
+    ------
+    RecordingError
+        For a recording without frames, a tool that is not available, and files that exist already.
+    """
+    path = _find_path(frames)
+    chosen = choose_viewer(tool, output, recording=path, overwrite=overwrite)
+    show(chosen, frames, colour=colour, folder=folder or (path.parent if path else None))
+    return chosen
+
+
+def show(
+    chosen: ViewerChoice,
+    frames: Sequence[Frame],
+    *,
+    colour: Colour = "range",
+    folder: Path | None = None,
+    each: Iterable[Frame] | None = None,
+    scheme: Scheme = LIGHT,
+) -> tuple[str, ...]:
+    """Show frames in the chosen way, and describe the frames that each file shows.
+
+    Parameters
+    ----------
+    chosen : the way.
+    frames : a recording, or a part of one.
+    colour : of the points.
+    folder : folder of the mesh files that the scenario names.
+    each : iterator over the same frames that reports progress while a scene is written (None: `frames`).
+    scheme : of pictures and of the window, `LIGHT` or `DARK`.
+    """
+    if colour not in COLOURS:
+        raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, COLOURS)} (known: {', '.join(COLOURS)})")
+    if not len(frames):
+        raise RecordingError("view: the recording has no frames; record some")
+    suffixes = {path.suffix.lower() for path in chosen.paths}
+    needless = bool(suffixes) and suffixes <= {*_FILMS}  # animations show no mesh
+    shapes = [] if needless else load_true_shapes(frames[0].source, folder)
+    if chosen.tool == "window":
+        play(frames, shapes, colour, scheme)
+        return ()
+    if _SCENE in suffixes:
+        write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
+        return (_count_frames(len(frames)),)
+    if chosen.tool == "rerun":
+        with make_temporary_folder() as place:
+            open_rerun(write_rerun(frames, Path(place, "recording.rrd"), shapes, colour=colour, each=each))
+        return ()
+    return tuple(_write_pictures(chosen.paths, frames, shapes, colour, scheme))
+
+
+def _count_frames(count: int) -> str:
+    return f"{count} frame{'s' * (count != 1)}"
+
+
+def _write_pictures(
+    paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour, scheme: Scheme
+) -> list[str]:
+    """Write pictures by the suffix of their names, and describe the frames that each shows.
+
+    Parameters
+    ----------
+    paths : of the pictures.
+    frames : a recording, or a part of one.
+    shapes : meshes to draw.
+    colour : of the points.
+    scheme : of the pictures.
+    """
+    count, contents = len(frames), []
+    for path in paths:
+        if path.suffix.lower() in _FILMS:
+            picture.animate(frames, path, scheme=scheme)
+            contents.append(_count_frames(count))
+        elif len(paths) > 1 and path.name.endswith(_SHEET):
+            picture.contact_sheet(frames, path, scheme=scheme)
+            contents.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _count_frames(count))
+        else:
+            best = frames[find_fullest_frame(frames)]
+            save_view([best], path, shapes, colour, scheme)
+            contents.append(f"frame {best.index}" + f" alone, of {count}, for its many returns" * (count > 1))
+    return contents
+
+
+def load_true_shapes(source: Source, folder: Path | None = None) -> list[Shape]:
+    """Load the recorded meshes, each with the name of its axes; none, with a warning, where one is missing."""
+    shapes: list[Shape] = []
+    try:
+        scenario = load_scenario(source, folder)
+        for number in range(len(source.targets)):
+            surfaces = load_surfaces(scenario, source, number, "view")
+            shapes += [Shape(surface.name, surface.corners) for surface in surfaces]
+    except (RsoLidarError, OSError) as error:
+        warn(f"view: drawn without true meshes: {error}")
+        return []
+    return shapes
+
+
+def has_display() -> bool:
+    """Return whether there is a screen: always on macOS and Windows, else if DISPLAY or WAYLAND_DISPLAY is set."""
+    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
+def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> ViewerChoice:
+    """Choose the way that writes one file, by its suffix, or raise `RecordingError`.
+
+    Parameters
+    ----------
+    tool : the tool that writes it, if asked for.
+    output : path of the file.
+    overwrite : whether an existing file is replaced.
+    """
+    known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
+    if tool == "window":
+        raise RecordingError(f"{output}: a window writes no file; omit the name, or choose rerun or files")
+    place = check_writable(output, known, overwrite=overwrite)
+    if place.suffix.lower() == _SCENE:
+        import_rerun(str(place))
+        return ViewerChoice("rerun", "", (place,))
+    return ViewerChoice("files", "", (place,))
+
+
+def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwrite: bool) -> ViewerChoice:
+    """Choose files beside a recording, or raise `RecordingError`.
+
+    Parameters
+    ----------
+    tool : the tool that writes them.
+    why : reason for writing files.
+    recording : file of the recording.
+    overwrite : whether existing files are replaced.
+    """
+    if recording is None:
+        raise RecordingError(f"view: {why or 'files'}: these frames have no file to write beside; give output")
+    names = (_SCENE,) if tool == "rerun" else _BESIDE
+    paths = [recording.with_name(recording.stem + name) for name in names]
+    for path in paths:
+        try:
+            check_writable(path, (path.suffix,), overwrite=overwrite)
+        except RecordingError as error:
+            raise RecordingError(f"{why + ', so it would write files: ' if why else ''}{error}") from None
+    return ViewerChoice(tool, why, tuple(paths))
+
+
+def _find_path(frames: Sequence[Frame]) -> Path | None:
+    """Return the file that frames are read from; None for frames in memory."""
+    recording = frames.recording if isinstance(frames, Frames) else frames
+    return recording.path if isinstance(recording, Recording) else None

@@ -1,0 +1,1 @@
+"""Models of spacecraft: cards of their geometry and materials, and the list of materials."""

@@ -1,0 +1,231 @@
+"""The card of a model: views from four sides, materials, and the light that it returns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar import optics, sampling, units
+from rso_lidar.mission_analysis.models.model_card_figure import CardView, model_card_figure
+from rso_lidar.motion import Fixed
+from rso_lidar.picture.style.output import save_figure
+from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.pose import Link, PoseTree
+from rso_lidar.records import Truth
+from rso_lidar.scenario import Lidar, Target
+from rso_lidar.scenario.mission.target_surfaces import build_whole_surface, find_taxonomy
+from rso_lidar.scene import Surface
+from rso_lidar.scene.library.model_index import materials, model
+from rso_lidar.scene.surfaces.portrait import render_portrait, viewer_axes
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+_Direction = tuple[float, float, float]
+# Views: direction in body axes from which the model is seen, and the axis that points up in the picture.
+SIDES: dict[str, tuple[_Direction, _Direction]] = {
+    "from +x": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "from +y": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "from +z": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+    "oblique": ((1.0, 0.8, 0.7), (0.0, 0.0, 1.0)),
+}
+CAMERA = "gsfl_1064"
+WAVELENGTHS_NM = (1064.0, 1570.0)  # of its laser, with the energy unchanged
+RANGE_M = 1000.0
+_RAYS_PER_PIXEL = 1600
+_CELLS = 640  # along a side of each picture
+_GREY = (0.62, 0.62, 0.62)
+
+
+@dataclass(frozen=True)
+class SideReturn:
+    """Light that one flash of the camera of Fuller et al. returns from a side: in all, and in the brightest pixel."""
+
+    wavelength_nm: float
+    side: str
+    photons: float
+    brightest_photons: float
+    pixels: int
+
+
+@dataclass(frozen=True)
+class PartBounds:
+    """A part with its material and its bounding box: corners (xyz) [m] in body axes."""
+
+    name: str
+    material: str
+    low_m: tuple[float, ...]
+    high_m: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelCard:
+    """A model of the catalogue or a file: `what` and `lines` describe it, `returns` is its light from `RANGE_M`."""
+
+    name: str
+    what: str
+    parts: tuple[PartBounds, ...]
+    lines: tuple[str, ...]
+    views: tuple[CardView, ...]
+    returns: tuple[SideReturn, ...]
+
+    def figure(self) -> Any:
+        """Return a matplotlib Figure: four views by part, four by material, and tables."""
+        return model_card_figure(self.name, self.views, self.lines, self.light_table())
+
+    def light_table(self) -> list[list[str]]:
+        """Return the photons of each side, in all and in the brightest pixel, as rows of cells with the heads first.
+
+        The body's middle is on the boresight, where four pixels meet. A body smaller than a pixel illuminates all four.
+        """
+        if not self.returns:
+            return []
+        heads = [f"photons at {RANGE_M / units.KM:g} km, {CAMERA}"]
+        heads += [word for nm in WAVELENGTHS_NM for word in (f"{nm:g} nm, in all", "brightest pixel")]
+        rows = [heads]
+        for side in dict.fromkeys(one.side for one in self.returns):
+            of = [one for one in self.returns if one.side == side]
+            rows.append([side, *(f"{_format_photons(v)}" for one in of for v in (one.photons, one.brightest_photons))])
+        return rows
+
+    def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
+        """Write the page as .png, .pdf or .svg, and return its path."""
+        return save_figure(self.figure(), path, scheme=scheme)
+
+
+def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: bool = True) -> ModelCard:
+    """Make the card of a model of the catalogue, or of a mesh file.
+
+    Parameters
+    ----------
+    name : of the model; with a suffix or a slash, the path of a mesh.
+    file : finds a mesh file by its name.
+    returns : whether to simulate the light that the model returns.
+    """
+    target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
+    if target.is_path:
+        target = target.replace(center_of_mass_m=(0.0, 0.0, 0.0))
+    surface = build_whole_surface(target, file, WAVELENGTHS_NM[0] * units.NM)
+    seen = tuple(_simulate_side(target, file, nm, side) for nm in WAVELENGTHS_NM for side in SIDES) if returns else ()
+    words, colours = _list_finishes(target, surface)
+    parts = surface.part
+    finish = surface.finish
+    side_m = 1.04 * max(_view_width_m(surface, *sight) for sight in SIDES.values())
+    views = []
+    for side, (toward, up) in SIDES.items():
+        picture = render_portrait(surface, toward, up, side_m=side_m, cells=_CELLS)
+        on = np.maximum(picture.facet, 0)
+        views.append(
+            CardView(
+                side=side,
+                part=np.where(picture.covered, parts[on], -1),
+                material=np.where(picture.covered, finish[on], -1),
+                cosine=picture.cosine,
+                cell_m=picture.cell_m,
+                part_names=surface.mesh.part_names,
+                material_names=words,
+                material_rgb=colours,
+            )
+        )
+    bounds = []
+    for number, (part, word) in enumerate(zip(surface.mesh.part_names, words, strict=True)):
+        corners = surface.corners[parts == number].reshape(-1, 3)
+        if len(corners):
+            bounds.append(PartBounds(part, word, tuple(corners.min(axis=0)), tuple(corners.max(axis=0))))
+    what = f"a mesh of {surface.mesh.path.name}" if target.is_path else model(name).what
+    return ModelCard(name, what, tuple(bounds), tuple(_describe_model(target, surface)), tuple(views), seen)
+
+
+def _view_width_m(surface: Surface, toward: _Direction, up: _Direction) -> float:
+    """Return the width [m] of a square view that contains the surface, centred on its bounding sphere.
+
+    Parameters
+    ----------
+    surface : the surface.
+    toward, up : (xyz) directions in body axes: from where it is seen, and up in the view.
+    """
+    from_middle = surface.corners.reshape(-1, 3) - surface.sphere[0]
+    right, down, _ = viewer_axes(toward, up)
+    return 2.0 * max(float(np.abs(from_middle @ axis).max()) for axis in (right, down))
+
+
+def _list_finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[tuple[float, float, float], ...]]:
+    """Return names and colours of the surface's materials."""
+    if target.is_path:
+        return tuple(str(getattr(one, "type", "own")) for one in surface.materials), (_GREY,) * len(surface.materials)
+    named = model(target.shape).parts
+    words = tuple(named.get(part, "") for part in surface.mesh.part_names)
+    table = materials()
+    return words, tuple(tuple(table[word]["display_rgb"]) if word in table else _GREY for word in words)
+
+
+def _simulate_side(target: Target, file: Callable[[str], Path], wavelength_nm: float, side: str) -> SideReturn:
+    """Simulate the light that one side of a model returns in one flash.
+
+    Parameters
+    ----------
+    target, file : the model, and the function that finds the files that it names.
+    wavelength_nm : of the laser [nm].
+    side : name of the side, a key of `SIDES`.
+    """
+    lidar = Lidar(preset=CAMERA).at(0.0)  # type: ignore[call-arg]
+    # Sides of a model lie along rows of pixels, where only a fine grid is right.
+    receiver = lidar.receiver.replace(rays_per_pixel=_RAYS_PER_PIXEL)
+    lidar = lidar.replace(laser=lidar.laser.replace(wavelength_nm=wavelength_nm), receiver=receiver)
+    surface = build_whole_surface(target, file, lidar.laser.wavelength_m)
+    links = {"lidar": Link.still(), target.name: Link.still(_lidar_from_body(*SIDES[side], RANGE_M))}
+    poses = PoseTree({"lidar": "inertial", target.name: "lidar"}, links)
+    truth = Truth(0.0, poses, {}, np.full(3, np.nan))
+    hits = sampling.cast_pixels(lidar.receiver, lidar.laser, [surface], truth)
+    light = optics.collect(hits, lidar.laser, lidar.receiver)
+    of_pixel = np.bincount(light.pixel, light.photons, 1)
+    return SideReturn(
+        wavelength_nm, side, float(of_pixel.sum()), float(of_pixel.max()), int(np.count_nonzero(of_pixel))
+    )
+
+
+def _lidar_from_body(toward: _Direction, up: _Direction, range_m: float) -> RigidTransform:
+    """Return lidar_from_body of a body on the boresight.
+
+    Parameters
+    ----------
+    toward : (xyz) direction in body axes from which it is seen.
+    up : (xyz) direction in body axes that points up in the image.
+    range_m : its range [m].
+    """
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+    turn = Rotation.from_matrix(viewer_axes(toward, up))
+    return RigidTransform.from_components(np.array([0.0, 0.0, range_m]), turn)
+
+
+def _format_photons(photons: float) -> str:
+    """Format a number of photons in three digits, with commas.
+
+    >>> _format_photons(2_796_000.0), _format_photons(281.7), _format_photons(0.01234)
+    ('2,800,000', '282', '0.0123')
+    """
+    rounded = float(f"{photons:.3g}")
+    return f"{rounded:,.0f}" if rounded >= 100.0 else f"{rounded:g}"
+
+
+def _describe_model(target: Target, surface: Surface) -> list[str]:
+    sides = surface.mesh.size_m
+    kind = find_taxonomy(target)
+    lines = [kind.in_words] if kind else []
+    lines.append(
+        f"{' × '.join(f'{side:.4g}' for side in sides)} m, {surface.mesh.source_facets:,} facets, "
+        f"{surface.area_m2:,.4g} m² of surface"
+    )
+    if not target.is_path:
+        entry = model(target.shape)
+        if entry.mass_kg is not None and entry.inertia_kg_m2 is not None:  # a user's own model has neither
+            inertia = ", ".join(f"{one:,.4g}" for one in np.linalg.eigvalsh(np.array(entry.inertia_kg_m2)))
+            lines.append(f"{entry.mass_kg:,.4g} kg, principal inertia {inertia} kg m² (estimated)")
+        if entry.hinges:
+            lines.append("hinges: " + ", ".join(hinge.name for hinge in entry.hinges))
+    return lines

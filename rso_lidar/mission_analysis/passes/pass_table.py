@@ -1,0 +1,277 @@
+"""The table of encounters, as text and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import io
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rso_lidar import units
+from rso_lidar.files import write_text
+from rso_lidar.mission_analysis.passes.exclusion import keep_out_radius_m, select_rtn_corridors
+from rso_lidar.mission_analysis.passes.pass_geometry import (
+    SMALL_M2,
+    Encounter,
+    reach_m,
+)
+from rso_lidar.mission_analysis.passes.plate_light import PlateLight
+from rso_lidar.scenario import Constraints, Lidar
+
+NOTE = (
+    "Element sets are good to about a kilometre, and worse with age: these are plausible encounters, not predictions."
+)
+LEFT_HEADS = ("follower", "object", "closest approach, UTC", "breaks")  # columns of text
+
+
+@dataclass(frozen=True, eq=False)
+class Encounters:
+    """The encounters of one follower, or of any two objects, sorted.
+
+    `follower` is its element set nearest to the start, or its trajectory; None where all pairs were searched. `rejected`
+    lists objects that were not propagated to the end, with the reason. `switching` counts objects that change to another
+    element set within the span.
+    """
+
+    rows: tuple[Encounter, ...]
+    follower: Any
+    lidar: Lidar
+    lidar_name: str
+    start_utc: datetime.datetime
+    days: float
+    within_m: float
+    max_slew_deg_s: float
+    reach_m: tuple[float, float]
+    screened: int
+    rejected: tuple[tuple[str, str], ...]
+    constraints: Constraints | None = None
+    switching: int = 0
+    light: PlateLight | None = None
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def title(self) -> str:
+        """One line that describes the search."""
+        among = format_count(self.screened, "object")
+        who = f"any two of {among}" if self.follower is None else self.follower.label
+        of = "" if self.follower is None else f" of {among}"
+        return (
+            f"{who} within {self.within_m / units.KM:g} km{of}, "
+            f"{self.start_utc.astimezone(datetime.UTC):%Y-%m-%dT%H:%M:%SZ} + {self.span}"
+        )
+
+    @property
+    def span(self) -> str:
+        """Length of the searched span in words."""
+        return format_count(self.days, "day")
+
+    def cells(self) -> tuple[list[str], list[list[str]]]:
+        """Return the heads and rows of the text table; `csv` has more columns."""
+        heads = [
+            "#",
+            *(["follower"] if self.follower is None else []),
+            "object",
+            "norad",
+            "closest approach, UTC",
+            "range, km",
+            "speed, m/s",
+            "inside, s",
+        ]
+        heads += ["lidar, s", "slew, deg/s", *(["clear, s"] if self._excludes else []), "usable, s"]
+        heads += ["photons", "pixels", "found"]
+        heads += ["phase, deg", "Moon, deg", "limb, deg", "light", "age, d"]
+        heads += ["breaks"] if self.constraints is not None else []
+        return heads, [self._shown(number, row) for number, row in enumerate(self.rows, start=1)]
+
+    def _shown(self, number: int, row: Encounter) -> list[str]:
+        light = "Sun" if row.sunlit_fraction >= 0.99 else "dark" if row.sunlit_fraction <= 0.01 else "part"
+        minima = f" ({row.minima} minima)" if row.minima > 1 else ""
+        minima = " (docked or one object)" if row.docked else minima
+        return [
+            str(number),
+            *([row.follower_label] if self.follower is None else []),
+            row.label + minima,
+            str(row.norad_id or "-"),
+            row.closest_utc,
+            f"{row.range_m / units.KM:,.3f}",
+            f"{row.speed_m_s:,.1f}",
+            ("" if row.entered and row.left else ">") + f"{row.inside_s:,.1f}",
+            _format_seconds(row.lidar_s),
+            f"{row.slew_deg_s:,.3f}",
+            *([_format_seconds(row.clear_s)] if self._excludes else []),
+            _format_seconds(row.usable_s),
+            _format_three(row.photons),
+            _format_three(row.target_pixels),
+            "-" if math.isnan(row.found_probability) else f"{row.found_probability:.2f}",
+            _format_degrees(row.phase_deg),
+            _format_degrees(row.moon_angle_deg),
+            _format_degrees(row.earth_limb_deg),
+            light,
+            "-" if math.isnan(row.age_days) else f"{row.age_days:.1f}",
+            *([", ".join(row.breaks) or "-"] if self.constraints is not None else []),
+        ]
+
+    @property
+    def _excludes(self) -> list[str]:
+        """Descriptions of the exclusion angles."""
+        asked = self.constraints
+        if asked is None:
+            return []
+        angles = (
+            ("Sun {:g} deg while any of it is seen", asked.sun_exclusion_deg),
+            ("Moon {:g} deg", asked.moon_exclusion_deg),
+            ("Earth's limb {:g} deg", asked.earth_exclusion_deg),
+        )
+        return [text.format(angle) for text, angle in angles if angle is not None]
+
+    def notes(self) -> list[str]:
+        """Return the notes below the table."""
+        limits = f"usable: in reach, and the line of sight turns at most {self.max_slew_deg_s:g} deg/s"
+        small_m = reach_m(self.lidar, SMALL_M2)[1]
+        lines = [
+            f"lidar {self.lidar_name}: reaches {self.reach_m[0]:,.0f} to {self.reach_m[1]:,.0f} m (a facing plate of 1 m2, "
+            f"reflectance 0.30); {limits}{', and clear' if self._excludes else ''}",
+            f"in reach and usable are those of 1 m2, whatever the object is: a plate of {SMALL_M2:g} m2, as a side of a "
+            f"CubeSat, is seen to {small_m:,.0f} m only",
+            *([] if self.light is None else self.light.describe()),
+            *self._describe_constraints(),
+            *(["the lidar is on the object named first, the follower of the pair"] if self.follower is None else []),
+            *self._describe_accuracy(),
+        ]
+        lines += self._explain_docked()
+        if self.switching:
+            several = format_count(self.switching, "object")
+            lines.append(
+                f"{several} with more than one element set in this span, the follower counted: at each instant the set "
+                "nearest in epoch flies, and where sets switch the range jumps"
+            )
+        if self.rejected:
+            first = "; ".join(f"{label}: {why}" for label, why in self.rejected[:3])
+            more = f"; and {len(self.rejected) - 3} more" if len(self.rejected) > 3 else ""
+            several = format_count(len({label for label, _ in self.rejected}), "object")
+            lines.append(f"{several} not flown, or not to the end: {first}{more}")
+        return lines
+
+    @property
+    def has_element_sets(self) -> bool:
+        """Whether some row has the error of an element set, or there is no row."""
+        ages = [(row.age_days, row.follower_age_days) for row in self.rows]
+        return not ages or not all(math.isnan(one) and math.isnan(other) for one, other in ages)
+
+    def _describe_accuracy(self) -> list[str]:
+        """Describe how good the objects' motions are."""
+        lines = [NOTE] if self.has_element_sets else []
+        if any(math.isnan(row.age_days) or math.isnan(row.follower_age_days) for row in self.rows):
+            lines.append("a trajectory is as good as what it came from")
+        return lines
+
+    def _explain_docked(self) -> list[str]:
+        """Explain why objects count as docked with the follower, in one line for each reason."""
+        reasons: dict[str, list[str]] = {}
+        for row in self.rows:
+            if row.docked:
+                whom = f"{row.follower_label} and {row.label}" if self.follower is None else row.label
+                reasons.setdefault(row.docked, []).append(whom)
+        return [
+            f"docked or one object: {', '.join(labels)}: {reason}; no encounter, and no scenario is written"
+            for reason, labels in reasons.items()
+        ]
+
+    def _describe_constraints(self) -> list[str]:
+        """Describe how the constraints were applied."""
+        asked = self.constraints
+        if asked is None:
+            return []
+        lines = []
+        if self._excludes:
+            lines.append(f"clear: a boresight at the object keeps off {', '.join(self._excludes)}")
+        radius_m, known = keep_out_radius_m(asked), select_rtn_corridors(asked)
+        if radius_m is not None:
+            named = f", the largest of {', '.join(asked.keep_out_m)}" if isinstance(asked.keep_out_m, dict) else ""
+            outside = ", but in a corridor" if known else ""
+            lines.append(f"keep-out: {radius_m:g} m about each object{named}{outside}, at the closest approach")
+        for k, corridor in enumerate(asked.corridor):
+            if corridor in known:
+                far = f" to {corridor.to_m:g} m" if corridor.to_m else ""
+                axis = ", ".join(f"{part:g}" for part in corridor.axis)
+                lines.append(
+                    f"corridor[{k}]: {corridor.half_angle_deg:g} deg about [{axis}] in the rtn axes of each object, from "
+                    f"{corridor.from_m:g} m{far}, at the closest approach"
+                )
+            else:
+                lines.append(
+                    f"corridor[{k}]: not applicable: it turns with {corridor.axes or corridor.target}, and element sets "
+                    'tell no attitude; give it in axes "rtn"'
+                )
+        return lines
+
+    def table(self) -> str:
+        """Return the table as plain text, with its title and notes."""
+        if not self.rows:
+            return "\n".join([self.title, "no encounter found", *self.notes()])
+        heads, body = self.cells()
+        widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
+        left = {k for k, head in enumerate(heads) if head in LEFT_HEADS}
+        lines = [
+            "  ".join(
+                cell.ljust(width) if k in left else cell.rjust(width)
+                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+            for row in (heads, *body)
+        ]
+        return "\n".join([self.title, *lines, *self.notes()])
+
+    def csv(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write all rows and columns as CSV; names of columns end in their unit.
+
+        Parameters
+        ----------
+        path : of the file.
+        overwrite : whether an existing file may be replaced.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            If the file exists or cannot be written there.
+        """
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        names = Encounter.columns()
+        writer.writerow(names)
+        writer.writerows([_format_cell(name, getattr(row, name)) for name in names] for row in self.rows)
+        return write_text(path, text.getvalue(), overwrite=overwrite)
+
+
+def format_count(number: float, noun: str) -> str:
+    """Format a number with its noun, in the plural where it is not one."""
+    return f"{number:,.10g} {noun}{'' if number == 1 else 's'}"
+
+
+def _format_seconds(time_s: float) -> str:
+    return "-" if math.isnan(time_s) else f"{time_s:,.1f}"
+
+
+def _format_three(value: float) -> str:
+    """Format a number with three digits, or as a whole number if it is large."""
+    return "-" if math.isnan(value) else f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
+def _format_degrees(angle: float) -> str:
+    return "-" if math.isnan(angle) else str(round(angle))
+
+
+def _format_cell(name: str, value: Any) -> Any:
+    if name.endswith("norad_id") and not value:
+        return ""  # a trajectory has no catalogue number
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.9g}" if isinstance(value, float) else value

@@ -1,0 +1,234 @@
+"""The search for encounters: every close approach of one object to all others, or of any two, as a table."""
+
+from __future__ import annotations
+
+import datetime
+import numbers
+import warnings
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from rso_lidar import units
+from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError
+from rso_lidar.mission_analysis.passes.docked import fold_docked
+from rso_lidar.mission_analysis.passes.pass_geometry import (
+    build_encounters,
+    reach_m,
+)
+from rso_lidar.mission_analysis.passes.pass_table import Encounters
+from rso_lidar.mission_analysis.passes.plate_light import PlateLight, ViewedPlate
+from rso_lidar.mission_analysis.passes.search_objects import SearchObjects, collect_objects
+from rso_lidar.orbit import NamedTrajectory, PairScreening, ScreeningResult, Trajectory, screen, screen_pairs
+from rso_lidar.orbit.sets.element_set import ElementSet, quote
+from rso_lidar.orbit.sets.teme import STALE_DAYS
+from rso_lidar.scenario import Constraints, Finding, Lidar
+
+Order = Literal["range", "time", "speed"]
+MAX_SLEW_DEG_S = 2.0
+_KEYS = {
+    "range": lambda row: (row.range_m, row.time_s),
+    "time": lambda row: (row.time_s, row.range_m),
+    "speed": lambda row: (row.speed_m_s, row.time_s),
+}
+
+
+def encounters(
+    catalog: str | Path | Iterable[Any] | Mapping[str, Any],
+    follower: Any = None,
+    *,
+    within_m: float,
+    start_utc: datetime.datetime,
+    days: float,
+    lidar: Lidar | None = None,
+    lidar_name: str = "",
+    max_slew_deg_s: float = MAX_SLEW_DEG_S,
+    constraints: Constraints | None = None,
+    sunlit: bool = False,
+    min_duration_s: float = 0.0,
+    sort: Order = "range",
+    limit: int | None = None,
+    plate: ViewedPlate | None = None,
+    finding: Finding | None = None,
+    trust_code: bool = False,
+    trust_fmu: bool = False,
+) -> Encounters:
+    """Find every encounter of `follower` with other objects, or of any two of them, each refined to the millisecond.
+
+    An encounter is one pass within `within_m`. Objects are element sets, which SGP4 propagates and which are good to about a
+    kilometre, or trajectories: anything that answers `states`. Of several sets of one object, the one nearest in epoch is
+    used at each time. Objects that element sets cannot separate over the whole span count as docked: each such pair has one
+    row, after all others.
+
+    Parameters
+    ----------
+    catalog : objects of the search: a file (element sets, OEM or CSV ephemeris, or a scenario's bodies), a catalogue, a list
+        of files, element sets and trajectories, or a mapping of names to trajectories.
+    follower : catalogue number, name, element set, or trajectory of the object with the lidar. None: every two objects of
+        the catalogue, with the lidar on the first one.
+    within_m : greatest distance of an encounter [m].
+    start_utc, days : start, with an offset, and length of the searched span.
+    lidar : instrument whose reach counts (None: the preset ``long_range_1064``).
+    lidar_name : its name in the notes (empty: the name of its preset).
+    max_slew_deg_s : greatest rate of the line of sight [deg/s].
+    constraints : exclusion angles of a boresight at the object, keep-out sphere and corridors, for every object.
+    sunlit : whether to keep only objects that are in sunlight at the closest approach.
+    min_duration_s : least duration of an encounter [s].
+    sort : order of the rows.
+    limit : greatest number of rows (None: all).
+    plate : what the lidar looks at, and how often (None: all values are assumed).
+    finding : when it counts as found (None: one pixel of one flash).
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that scenarios among the files name.
+
+    Returns
+    -------
+    Encounters
+        The table, with notes.
+
+    Raises
+    ------
+    ScenarioError
+        For limits and spans without meaning, and for a follower that is not in the catalogue.
+    """
+    check_span(within_m, start_utc, days, max_slew_deg_s)
+    if sort not in _KEYS:
+        raise ScenarioError(f"sort: {quote(sort)} is not a sort order; use one of {', '.join(_KEYS)}")
+    if limit is not None and (isinstance(limit, bool) or not isinstance(limit, numbers.Integral) or limit < 1):
+        raise ScenarioError(f"limit: {quote(limit)} is not a number of rows; give 1 or more, or omit it for all rows")
+    _check_number("min_duration", "s", min_duration_s)
+    if not min_duration_s >= 0.0:
+        raise ScenarioError(f"min_duration: {min_duration_s:g} s is not a duration; give 0 or more")
+    if lidar is None:
+        lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
+    light = PlateLight(lidar, plate or ViewedPlate(), finding or Finding())
+    found_objects = collect_objects(catalog, trust_code=trust_code, trust_fmu=trust_fmu)
+    lead: Any = None
+    found: ScreeningResult | PairScreening
+    if follower is None:
+        others = _group_by_object(found_objects.entries)
+        if len(others) < 2:
+            label, why = next(iter(found_objects.problems), (found_objects.where, "no other object is there"))
+            raise CatalogError(f"{label}: {why}; all pairs need two or more objects, and {len(others)} can be used")
+        found = screen_pairs(others, start_utc, days * units.DAY_S, within_m)
+    else:
+        own = _choose_follower(found_objects, follower, catalog)
+        lead = own[0]
+        if isinstance(lead, ElementSet):
+            lead = min(own, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
+        others = _group_by_object([entry for entry in found_objects.entries if not _is_same(entry, lead)])
+        found = screen(own if isinstance(lead, ElementSet) else lead, others, start_utc, days * units.DAY_S, within_m)
+        _warn_of_age(found, lead)
+    reach = reach_m(lidar)
+    rows = fold_docked(
+        found, sorted(build_encounters(found, reach, max_slew_deg_s, light, constraints), key=_KEYS[sort])
+    )
+    rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
+    return Encounters(
+        rows=tuple(rows[:limit]),
+        follower=lead,
+        lidar=lidar,
+        lidar_name=lidar_name or lidar.preset or "as given",
+        start_utc=start_utc,
+        days=days,
+        within_m=within_m,
+        max_slew_deg_s=max_slew_deg_s,
+        reach_m=reach,
+        screened=len(others),
+        rejected=(*found_objects.problems, *found.rejected),
+        constraints=constraints,
+        switching=found.objects.switching + (0 if lead is None else found.follower.switching),
+        light=light,
+    )
+
+
+def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_slew_deg_s: float) -> None:
+    """Raise `ScenarioError` for limits and spans without meaning.
+
+    Parameters
+    ----------
+    within_m : greatest distance of an encounter [m].
+    start_utc, days : start, with an offset, and length of the searched span.
+    max_slew_deg_s : greatest rate of the line of sight [deg/s].
+    """
+    for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
+        _check_number(what, unit, value)
+    if not isinstance(start_utc, datetime.datetime):
+        raise ScenarioError(f"start: {quote(start_utc)} is not a time; give a datetime with its time zone")
+    if not 0.0 < within_m <= 1e8:
+        raise ScenarioError(f"within: {within_m:g} m is not a search distance; give one up to 100,000 km")
+    if start_utc.tzinfo is None:
+        raise ScenarioError("start: a time without an offset is ambiguous; end it with Z or +00:00")
+    if not 0.0 < days <= 60.0:
+        raise ScenarioError(f"days: {days:g} is not a time span; give more than 0 and at most 60 days")
+    if not 0.0 < max_slew_deg_s < 1e6:
+        raise ScenarioError(f"max_slew: {max_slew_deg_s:g} deg/s is not a slew limit; give more than 0")
+
+
+def _check_number(what: str, unit: str, value: Any) -> None:
+    """Refuse a value that is not a number.
+
+    Parameters
+    ----------
+    what, unit : name and unit, for the message.
+    value : to be checked.
+    """
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise ScenarioError(f"{what}: {quote(value)} is not a number; give one in {unit}, without the unit")
+
+
+def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> list[Any]:
+    """Return the element sets of the follower, or its trajectory.
+
+    Parameters
+    ----------
+    objects : those of the search.
+    follower : number, name, element set or sets, or trajectory.
+    catalog : the catalogue as it was given, for error messages.
+    """
+    if isinstance(follower, ElementSet | NamedTrajectory):
+        return [follower]
+    if isinstance(follower, list | tuple) and follower and all(isinstance(one, ElementSet) for one in follower):
+        return list(follower)
+    if isinstance(follower, Trajectory):
+        known = (one for one in objects.entries if getattr(one, "trajectory", None) is follower)
+        return [next(known, NamedTrajectory("follower", follower))]
+    if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral):
+        raise ScenarioError(
+            f"follower: {quote(follower)} is not an object; give its catalogue number or its name, or a trajectory"
+        )
+    return objects.find(follower if isinstance(follower, str) else int(follower), catalog)
+
+
+def _warn_of_age(found: ScreeningResult, lead: Any) -> None:
+    """Warn if the follower is propagated far from the epoch of its element set."""
+    age_days, oldest = found.follower.oldest(0)
+    if age_days > STALE_DAYS:
+        warnings.warn(
+            f"follower {lead.label}: flown up to {age_days:.1f} days from its epoch {oldest.epoch_utc:%Y-%m-%dT%H:%MZ}: "
+            f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the span",
+            RsoLidarWarning,
+            stacklevel=3,
+        )
+
+
+def _is_same(entry: Any, lead: Any) -> bool:
+    """Return whether an entry is the follower: the same one, or an element set of the same object."""
+    if not (isinstance(entry, ElementSet) and isinstance(lead, ElementSet)):
+        if getattr(entry, "trajectory", entry) is getattr(lead, "trajectory", lead):
+            return True
+        if not (isinstance(entry, NamedTrajectory) and isinstance(lead, NamedTrajectory) and entry.source):
+            return False
+        first, second = (one.name_in_source or one.name for one in (entry, lead))
+        return (entry.source, first) == (lead.source, second)
+    return entry is lead or (entry.identity == lead.identity and any(lead.identity))
+
+
+def _group_by_object(entries: Iterable[Any]) -> list[Any]:
+    """Return the sets of each object, and trajectories; a set with neither number nor name is an object of its own."""
+    objects: dict[Any, Any] = {}
+    for number, entry in enumerate(entries):
+        if isinstance(entry, ElementSet):
+            objects.setdefault(entry.identity if any(entry.identity) else number, []).append(entry)
+        else:
+            objects[number] = entry
+    return list(objects.values())

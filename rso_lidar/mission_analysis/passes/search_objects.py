@@ -1,0 +1,271 @@
+"""The objects of a search: read from files of element sets, ephemerides and scenarios, or given as objects."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
+from rso_lidar.mission_analysis.passes.body_trajectory import BodyTrajectory
+from rso_lidar.orbit import Catalog, Ephemeris, NamedTrajectory, Trajectory, read_opm
+from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
+from rso_lidar.orbit.ccsds.reader import read_table_text
+from rso_lidar.orbit.sets.element_set import ElementSet, quote
+from rso_lidar.orbit.sets.formats import read_element_sets
+from rso_lidar.scenario import Scenario
+
+_SNIFFED = 4096  # characters of a file that tell its kind
+_FOLLOWER = "follower"
+
+
+@dataclass(eq=False)
+class SearchObjects:
+    """Element sets and trajectories of a search, and the problems of those that cannot be used.
+
+    Parameters
+    ----------
+    entries : the element sets, and `NamedTrajectory` objects
+    problems : label and reason of what was left out
+    where : name of the source, for messages
+    trust_code, trust_fmu : whether Python code and FMUs may run that scenarios among the files name
+    """
+
+    entries: list[Any] = field(default_factory=list)
+    problems: list[tuple[str, str]] = field(default_factory=list)
+    where: str = "catalogue"
+    trust_code: bool = False
+    trust_fmu: bool = False
+
+    def find(self, wanted: int | str, source: Any) -> list[Any]:
+        """Find the entries of one object: its element sets, or its trajectory.
+
+        Parameters
+        ----------
+        wanted : catalogue number or name.
+        source : the catalogue as it was given, for error messages.
+
+        Raises
+        ------
+        CatalogError
+            If there is none of that name, or several objects have it.
+        """
+        text = str(wanted).strip()
+
+        def matches(entry: Any) -> bool:
+            if text.isdigit():
+                return bool(entry.norad_id == int(text))
+            return bool(entry.name.casefold() == text.casefold())
+
+        meant = [entry for entry in self.entries if matches(entry)]
+        if not meant:
+            read = read_element_sets(source) if is_catalog_file(source) else []
+            for entry in filter(matches, read):
+                raise CatalogError(f"follower: {entry.problem}")
+            known = {(str(one.norad_id) if text.isdigit() else one.name.casefold()): one for one in self.entries}
+            guess = did_you_mean(text.casefold(), filter(None, known))
+            for key, one in known.items() if guess else ():
+                guess = guess.replace(f"'{key}'?", f"'{one.norad_id if text.isdigit() else one.name}'?")
+            held = f"{len(self.entries):,} element sets"
+            if not all(isinstance(entry, ElementSet) for entry in self.entries):
+                held = f"{len(self.entries):,} element sets and trajectories"
+            raise CatalogError(f"{self.where}: no follower '{text}' among {held}{guess or '; check it'}")
+        flown = [entry for entry in meant if not isinstance(entry, ElementSet)]
+        if len(flown) + bool(len(meant) > len(flown)) > 1:
+            raise CatalogError(
+                f"{self.where}: '{text}' names {len(flown)} trajectories and {len(meant) - len(flown)} element sets; "
+                "give the file of the follower, or rename one"
+            )
+        if not flown and len({entry.norad_id for entry in meant}) > 1:
+            numbers = ", ".join(str(number) for number in sorted({entry.norad_id for entry in meant})[:6])
+            raise CatalogError(
+                f"{self.where}: several objects are named '{text}' ({numbers}); give the catalogue number"
+            )
+        return meant
+
+
+def collect_objects(source: Any, *, trust_code: bool = False, trust_fmu: bool = False) -> SearchObjects:
+    """Collect the objects of a search.
+
+    Parameters
+    ----------
+    source : path of a file, a catalogue, an iterable of element sets, trajectories and paths, or a mapping of names to
+        trajectories.
+    trust_code, trust_fmu : whether Python code and FMUs may run that scenarios among the files name.
+
+    Raises
+    ------
+    CatalogError
+        For what is none of these.
+    """
+    found = SearchObjects(trust_code=trust_code, trust_fmu=trust_fmu)
+    if isinstance(source, str | os.PathLike):
+        found.where = str(os.fspath(source))
+        _add_file(found, os.fspath(source))
+    elif isinstance(source, bytes) or not isinstance(source, Iterable):
+        raise CatalogError(f"catalogue: {quote(source)} is not a catalogue; give a path, a catalogue or element sets")
+    elif isinstance(source, Mapping):
+        found.entries += [_name(str(name), entry) for name, entry in source.items()]
+    else:
+        _add_entries(found, source)
+        _add_problems(found, source)
+    found.entries = _distinguish(found.entries)
+    bad = [one for one in found.entries if isinstance(one, ElementSet) and one.problem is not None]
+    found.problems = [(one.label, str(one.problem)) for one in bad] + found.problems
+    found.entries = [one for one in found.entries if not (isinstance(one, ElementSet) and one.problem is not None)]
+    return found
+
+
+def _distinguish(entries: list[Any]) -> list[Any]:
+    """Put the name of the file before the name of a trajectory, where those of several files have that name."""
+    files: dict[str, set[str]] = {}
+    for one in entries:
+        if isinstance(one, NamedTrajectory):
+            files.setdefault(one.name, set()).add(one.source)
+    stems: dict[str, set[str]] = {}
+    for source in set().union(*files.values()):
+        stems.setdefault(Path(source).stem, set()).add(source)
+    shown = {
+        source: stem if len(sources) == 1 else f"{Path(source).parent.name}/{stem}"
+        for stem, sources in stems.items()
+        for source in sources
+    }
+    return [
+        replace(one, name=f"{shown[one.source]} {one.name}", name_in_source=one.name)
+        if isinstance(one, NamedTrajectory) and one.source and len(files[one.name]) > 1
+        else one
+        for one in entries
+    ]
+
+
+def _add_entries(found: SearchObjects, source: Iterable[Any]) -> None:
+    read = set[str]()
+    for entry in source:
+        if isinstance(entry, str | os.PathLike):
+            path = _resolve(os.fspath(entry))
+            if path not in read:  # a file that is given twice holds the same objects
+                read.add(path)
+                _add_file(found, os.fspath(entry))
+        elif isinstance(entry, ElementSet | NamedTrajectory):
+            found.entries.append(entry)
+        elif isinstance(entry, Trajectory):
+            found.entries.append(NamedTrajectory(f"trajectory {len(found.entries) + 1}", entry))
+        else:
+            raise CatalogError(
+                f"catalogue: {quote(entry)} in it is not an element set; read the sets with Catalog, or give objects "
+                "that answer states"
+            )
+
+
+def _name(name: str, entry: Any) -> Any:
+    if isinstance(entry, ElementSet | NamedTrajectory):
+        return entry
+    if not isinstance(entry, Trajectory):
+        raise CatalogError(f"catalogue: {name}: {quote(entry)} has no states; give a trajectory or an element set")
+    return NamedTrajectory(name, entry)
+
+
+def _add_problems(found: SearchObjects, source: Any) -> None:
+    other = (problem.rpartition(": ") for problem in getattr(source, "problems", ()))
+    found.problems += [(place, what) for place, _, what in other]
+
+
+def _add_file(found: SearchObjects, path: Any) -> None:
+    """Add the objects of a file: bodies of a scenario, objects of an ephemeris, the state of an OPM, or element sets."""
+    text = str(path)
+    kind = _find_kind(text)
+    if kind == "scenario":
+        scenario = Scenario.load(text, trust_code=found.trust_code, trust_fmu=found.trust_fmu)
+        orbiting = [body for body in scenario.bodies if body.orbits]
+        for body in orbiting or scenario.bodies:
+            found.entries.append(_name_body(text, scenario, body.name))
+    elif kind == "ephemeris":
+        names = list_ephemeris_objects(text)
+        for name in names:
+            found.entries.append(NamedTrajectory(name, Ephemeris(file=text, object=name), source=_resolve(text)))
+        if not names:
+            found.entries.append(NamedTrajectory(Path(text).stem, Ephemeris(file=text), source=_resolve(text)))
+    elif kind == "state":
+        found.entries.append(NamedTrajectory(Path(text).stem, read_opm(text), source=_resolve(text)))
+    else:
+        catalog = Catalog.from_file(path)
+        found.entries += list(catalog)
+        _add_problems(found, catalog)
+
+
+def _name_body(path: str, scenario: Scenario, name: str) -> NamedTrajectory:
+    """Name a body of a scenario: a target by its name, the follower by the file as well.
+
+    Parameters
+    ----------
+    path : of the scenario's file.
+    scenario : the scenario.
+    name : of the body.
+    """
+    shown = f"{Path(path).stem} {name}" if name == _FOLLOWER else name
+    return NamedTrajectory(shown, BodyTrajectory(scenario, name), source=_resolve(path))
+
+
+def _resolve(path: str) -> str:
+    return str(Path(path).resolve())
+
+
+def load_follower(path: str, *, trust_code: bool = False, trust_fmu: bool = False) -> Any:
+    """Load the follower of a search from a file of one object: element sets, an ephemeris, or a scenario's follower.
+
+    Parameters
+    ----------
+    path : of the file.
+    trust_code, trust_fmu : whether Python code and FMUs may run that a scenario names.
+
+    Raises
+    ------
+    CatalogError
+        If the file holds several objects.
+    """
+    if _find_kind(path) == "scenario":
+        return _name_body(path, Scenario.load(path, trust_code=trust_code, trust_fmu=trust_fmu), _FOLLOWER)
+    objects = collect_objects(path)
+    if not objects.entries:
+        label, why = (objects.problems or [("the file", "it holds no object; give another one")])[0]
+        raise CatalogError(f"{path}: {label}: {why}")
+    names = {getattr(entry, "label", "") for entry in objects.entries}
+    if len(names) != 1:
+        some = ", ".join(sorted(names)[:4])
+        raise CatalogError(
+            f"{path}: holds {len(names)} objects ({some}); give it as a catalogue, and the follower by its name"
+        )
+    return objects.entries[0] if len(objects.entries) == 1 else objects.entries
+
+
+def is_catalog_file(source: Any) -> bool:
+    """Return whether a source is the path of a file of element sets."""
+    return isinstance(source, str | os.PathLike) and _find_kind(str(source)) == "elements"
+
+
+def _find_kind(path: str) -> str:
+    """Return what a file holds by its suffix and first lines: "scenario", "ephemeris", "state" or "elements"."""
+    if Path(path).suffix.lower() == ".toml":
+        return "scenario"
+    if not Path(path).is_file():
+        return "elements"  # the reader of element sets explains what is wrong
+    if str(path).lower().removesuffix(".gz").endswith(".oem"):
+        return "ephemeris"  # whose reader explains what is wrong
+    try:
+        head = read_table_text(Path(path))[:_SNIFFED]
+    except ScenarioError:
+        return "elements"
+    words = head.lower()
+    columns = {cell.strip() for cell in words.lstrip().splitlines()[0].split(",")} if words.strip() else set()
+    is_table = {"x_m", "x_km"} & columns and {"time_s", "utc", "epoch"} & columns
+    if is_table or _names_message("oem", words):
+        return "ephemeris"
+    return "state" if _names_message("opm", words) else "elements"
+
+
+def _names_message(kind: str, words: str) -> bool:
+    """Return whether a text in small letters begins a CCSDS message of a kind, as keyword = value or XML."""
+    return f"ccsds_{kind}_vers" in words or re.search(rf"<(\w+:)?{kind}\b", words) is not None

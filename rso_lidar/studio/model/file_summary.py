@@ -1,0 +1,56 @@
+"""What a file holds, in a few words, after the reader of its kind has read it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.files import MOST_BYTES, read_bytes
+from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
+from rso_lidar.orbit.sets.formats import read_element_sets
+from rso_lidar.scene import load_mesh
+from rso_lidar.studio.model.mesh_sizes import summarize_mesh
+
+MESHES = (".stl", ".obj", ".ply", ".glb", ".off")
+_ELEMENT_SETS = (".tle", ".3le", ".omm")
+KINDS = (*MESHES, *_ELEMENT_SETS, ".toml", ".csv", ".json", ".oem", ".aem", ".txt")  # suffixes of files that are read
+
+
+def summarize_file(path: Path) -> str:
+    """Read a file with the reader that its suffix asks for, and return what it holds in a few words.
+
+    Of tables, whose columns depend on what reads them, and of attitude messages only the encoding is checked.
+
+    Parameters
+    ----------
+    path : of a file with one of the suffixes `KINDS`.
+
+    Raises
+    ------
+    RsoLidarError
+        If its reader refuses it. The message begins with the file's name, without folders.
+    """
+    try:
+        return _read(path)
+    except RsoLidarError as error:
+        raise ScenarioError(str(error).replace(str(path), path.name)) from None
+
+
+def _read(path: Path) -> str:
+    if path.suffix in MESHES:
+        return summarize_mesh(load_mesh(path))
+    if path.suffix in _ELEMENT_SETS:
+        return f"{len(read_element_sets(path)):,} element sets"
+    if path.suffix == ".oem":
+        return f"ephemeris of {', '.join(list_ephemeris_objects(str(path)))}"
+    content = read_bytes(path, MOST_BYTES, ScenarioError)
+    try:
+        text = content.decode("utf-8-sig")
+        if path.suffix == ".json":
+            json.loads(text)
+    except UnicodeDecodeError:
+        raise ScenarioError(f"{path.name}: is not UTF-8 text; save it as UTF-8") from None
+    except (ValueError, RecursionError) as error:
+        raise ScenarioError(f"{path.name}: is not JSON ({error}); export it again") from None
+    return f"{len(content):,} bytes"

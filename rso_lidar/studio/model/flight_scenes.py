@@ -1,0 +1,191 @@
+"""Views of a flight in space: orbits, relative motion, and the lidar with its target."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+
+from rso_lidar.picture import LIGHT
+from rso_lidar.picture.plots.orbit import is_about_earth, osculating_orbit_m
+from rso_lidar.picture.style.palette import DAY, OTHER_PART, Scheme
+from rso_lidar.pose import ROOT, rotate_vectors
+from rso_lidar.studio.model.flight import PreviewFlight
+from rso_lidar.studio.model.space_scene import SpaceScene
+from rso_lidar.units import DEG, EARTH_RADIUS_M
+
+_MM = 1e-6  # 1,000 km, the unit of views of orbits
+
+
+def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+    """Draw the Earth and the orbits of all bodies in inertial axes, in units of 1,000 km.
+
+    Parameters
+    ----------
+    flight, row, scheme : what is drawn, at which row, and its colours.
+    """
+    scene, truth = SpaceScene("orbit", scheme), flight.truth(row)
+    radius = EARTH_RADIUS_M * _MM
+    scene.header["items"].append({"kind": "sphere", "radius": radius, "colour": DAY})
+    scene.header["sun"], scene.header["ambient"] = np.nan_to_num(truth.sun_direction).tolist(), 0.15
+    turn = np.linspace(0.0, 2.0 * np.pi, 97)
+    for angle in np.arange(-60.0, 61.0, 30.0) * DEG:
+        ring = [np.cos(turn) * np.cos(angle), np.sin(turn) * np.cos(angle), np.full(97, np.sin(angle))]
+        scene.path(1.003 * radius * np.stack(ring, axis=1), scheme.quiet, opacity=0.35)
+    for angle in np.arange(0.0, 180.0, 30.0) * DEG:
+        ring = [np.cos(turn) * np.cos(angle), np.cos(turn) * np.sin(angle), np.sin(turn)]
+        scene.path(1.003 * radius * np.stack(ring, axis=1), scheme.quiet, opacity=0.35)
+    farthest, entries = radius, []
+    for name, colour in zip(truth.states, itertools.cycle(scheme.lines), strict=False):
+        state = truth.states[name]
+        if np.linalg.norm(state.position_m) < 0.9 * EARTH_RADIUS_M:
+            continue  # a body of local axes, near their origin
+        states = [at.truth.states[name] for at in flight.moments]
+        flown_m, flown_m_s = np.stack([at.position_m for at in states]), np.stack([at.velocity_m_s for at in states])
+        orbit = flown = flown_m * _MM
+        if is_about_earth(np.array([at.truth.time_s for at in flight.moments]), flown_m, flown_m_s):
+            orbit = osculating_orbit_m(state.position_m, state.velocity_m_s) * _MM
+            scene.path(orbit, colour, opacity=0.6)
+        scene.path(flown, colour)
+        scene.add("points", [state.position_m * _MM], colour, size=9)
+        entries.append((colour, name))
+        farthest = max(farthest, float(np.linalg.norm(orbit, axis=1).max()))
+    if np.isfinite(truth.sun_direction).all():
+        scene.add("lines", [truth.sun_direction * radius * 1.05, truth.sun_direction * radius * 1.5], scheme.mark)
+        scene.label("to the Sun", truth.sun_direction * radius * 1.55)
+    scene.label("N", (0.0, 0.0, 1.12 * radius))
+    # From the follower's side, above the equator and towards the Sun, so that day, night and the follower are seen.
+    here, sun = truth.states["follower"].position_m, np.nan_to_num(truth.sun_direction)
+    scene.look(max(3.5 * farthest, 4.6 * radius) * _unit(_unit(here) + 0.5 * sun + np.array([0.0, 0.0, 0.6])))
+    scene.header["legend"] = {"title": "Orbits, graticule 30°", "entries": entries}
+    return scene
+
+
+def draw_relative(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+    """Draw the path of the follower about the first target, in the target's rtn axes [m].
+
+    Parameters
+    ----------
+    flight, row, scheme : what is drawn, at which row, and its colours.
+    """
+    scene, path = SpaceScene("relative", scheme), flight.path_m
+    corners = np.array([path.min(axis=0, initial=0.0), path.max(axis=0, initial=0.0)])
+    middle, span = corners.mean(axis=0), max(0.5 * float(np.linalg.norm(np.ptp(corners, axis=0))), 1.0)
+    rtn = flight.axes.endswith(".rtn")
+    scene.axes(np.eye(4), 0.35 * span, "rtn" if rtn else flight.axes)
+    scene.path(path, scheme.lines[0])
+    scene.add("points", [path[row]], scheme.mark, size=10)
+    scene.label(f"follower, {np.linalg.norm(path[row]):,.1f} m", path[row])
+    scene.label(flight.base, (0.0, 0.0, 0.0))
+    _add_targets(scene, flight, row, np.zeros(3))
+    eye = middle + 3.8 * span * np.array([0.35, -0.25, -1.0] if rtn else [0.2, -1.0, 0.5])
+    scene.look(eye, middle, (1.0, 0.0, 0.0) if rtn else (0.0, 0.0, 1.0))
+    scene.header["legend"] = {"title": flight.axes, "entries": [(scheme.lines[0], "path"), (scheme.mark, "now")]}
+    return scene
+
+
+def draw_target(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+    """Draw the first target in its attitude, in the Sun's light, with the field of view and the beam about it [m].
+
+    Parameters
+    ----------
+    flight, row, scheme : what is drawn, at which row, and its colours.
+    """
+    scene = SpaceScene("target", scheme)
+    pose, lidar = flight.matrix(row, flight.base), flight.matrix(row, "lidar")
+    size = max((one.radius_m for one in flight.scenario.surfaces if one.body == flight.base), default=1.0)
+    _add_targets(scene, flight, row, pose[:3, 3])
+    _add_lidar(scene, flight, row, pose[:3, 3])
+    pose[:3, 3] = 0.0
+    scene.axes(pose, 1.3 * size, flight.base)
+    toward = _unit(lidar[:3, 3] - flight.matrix(row, flight.base)[:3, 3])
+    right, up = lidar[:3, 0], -lidar[:3, 1]  # as in the images
+    scene.look(3.4 * size * _unit(toward + 0.3 * right + 0.25 * up), up=up)
+    return scene
+
+
+def draw_lidar(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> SpaceScene:
+    """Draw follower, PTU and lidar with their axes, the field of view and the beam to the target [m].
+
+    Parameters
+    ----------
+    flight, row, scheme : what is drawn, at which row, and its colours.
+    """
+    scene, lidar = SpaceScene("lidar", scheme), flight.matrix(row, "lidar")
+    for name, length in (("follower", 1.2), ("ptu", 0.8), ("lidar", 0.6)):
+        if name in flight.truth(row).poses:
+            pose = flight.matrix(row, name)
+            pose[:3, 3] -= lidar[:3, 3]
+            scene.axes(pose, length, name)
+    _add_targets(scene, flight, row, lidar[:3, 3])
+    _add_lidar(scene, flight, row, lidar[:3, 3])
+    boresight, down = lidar[:3, 2], lidar[:3, 1]
+    scene.look(-3.5 * boresight - 1.4 * down + 1.2 * lidar[:3, 0], 2.0 * boresight, -down)
+    return scene
+
+
+VIEWS: dict[str, Callable[[PreviewFlight, int, Scheme], SpaceScene]] = {
+    "orbit": draw_orbit, "relative": draw_relative, "target": draw_target, "lidar": draw_lidar,
+}  # fmt: skip
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    vector = np.nan_to_num(np.asarray(vector, float))
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 1e-12 else np.array([0.0, 0.0, 1.0])
+
+
+def _dash(line: np.ndarray) -> np.ndarray:
+    """Return the dashes (dash, 2, xyz) of a line through points (point, xyz), about a hundred in all."""
+    steps = max(1, round(200 / (len(line) - 1)))
+    share = np.linspace(0.0, 1.0, steps, endpoint=False)[:, None]
+    fine = np.concatenate([begin + share * (end - begin) for begin, end in itertools.pairwise(line)] + [line[-1:]])
+    return np.stack([fine[:-1], fine[1:]], axis=1)[::2]
+
+
+def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.ndarray) -> None:
+    """Add the meshes of all targets in their attitudes, the angles of hinges included, and the Sun's light.
+
+    Parameters
+    ----------
+    scene, flight, row : the scene, and what it shows.
+    origin : of the scene (xyz) [m] in the axes of the flight.
+    """
+    truth = flight.truth(row)
+    for surface in flight.scenario.surfaces:
+        pose = flight.matrix(row, surface.name)
+        pose[:3, 3] -= origin
+        item = {"kind": "model", "content": surface.content, "matrix": pose.T.ravel().tolist(), "colour": OTHER_PART}
+        scene.header["items"].append(item)
+        if "." in surface.name:
+            scene.label(surface.name, pose[:3, 3])
+    if np.isfinite(truth.sun_direction).all():
+        sun = rotate_vectors(truth.pose(flight.axes, ROOT).rotation, truth.sun_direction)
+        scene.header["sun"] = sun.tolist()
+
+
+def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.ndarray) -> None:
+    """Add the pyramid of the field of view and the beam, as far as the first target.
+
+    Parameters
+    ----------
+    scene, flight, row : the scene, and what it shows.
+    origin : of the scene (xyz) [m] in the axes of the flight.
+    """
+    lidar, far = flight.moments[row].lidar, flight.range_m(row)
+    far = far if np.isfinite(far) and far > 0.0 else 100.0
+    pose, lines = flight.matrix(row, "lidar"), LIGHT.lines
+    wide, high = lidar.receiver.field_edge
+    t, turn = lidar.laser.half_width_tangent, np.linspace(0.0, 2.0 * np.pi, 49)
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], float)
+    is_round = lidar.laser.footprint in ("circle", "gaussian")
+    beam = t * (np.stack([np.cos(turn), np.sin(turn)], axis=1) if is_round else square)
+    for outline, colour in ((square * [wide, high], lines[4]), (beam, lines[1])):
+        rim = far * np.column_stack([outline, np.ones(len(outline))]) @ pose[:3, :3].T + pose[:3, 3] - origin
+        corners = rim[:: len(rim) // 4][:4]
+        edges = np.stack([np.broadcast_to(pose[:3, 3] - origin, corners.shape), corners], axis=1)
+        for line in (rim, *edges):  # the beam is dashed: it often ends where the field does
+            scene.add("lines", _dash(line) if colour == lines[1] else np.stack([line[:-1], line[1:]], axis=1), colour)
+    entries = [(lines[4], "field of view"), (lines[1], "beam (dashed)")]
+    scene.header["legend"] = {"title": f"at {far:,.1f} m", "entries": entries}

@@ -1,0 +1,59 @@
+"""A frame of a recording drawn for a viewer, alone or beside that of another recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rso_lidar.errors import RsoLidarError
+from rso_lidar.evaluation.recorded_runs.frame_comparison import compare_frames, find_frame, locate_centers
+from rso_lidar.export.reader.recording import Recording
+from rso_lidar.picture.style.palette import IMAGE_MARK, OKABE_ITO, Scheme
+from rso_lidar.studio.model.frame_image import choose_window, draw_difference, draw_image, mark_pixel
+
+
+@dataclass(frozen=True)
+class DrawnFrame:
+    """What is shown of a frame: images as PNG by title, marks as SVG over the first, and lines of text."""
+
+    images: dict[str, bytes]
+    marks: str
+    lines: tuple[str, ...]
+
+
+def draw_recorded_frame(
+    k: int, recording: Recording, other: Recording | None, marked: bool, scheme: Scheme
+) -> DrawnFrame:
+    """Read a frame and draw it, with the frame of the other recording that has its number, by scales that span both.
+
+    Parameters
+    ----------
+    k, recording : the frame.
+    other : a recording to compare with, or None.
+    marked : whether to mark the targets' origins and the centroid of the points.
+    scheme : `LIGHT` or `DARK`.
+    """
+    try:
+        frame = recording[k]
+        lines = [f"Frame {frame.index}, {frame.time_s:,.3f} s, {int(frame.valid.sum()):,} returns."]
+        second, marks = find_frame(other, frame.index) if other is not None else None, ""
+        if second is not None:
+            lines += compare_frames(frame, second).describe().splitlines()
+            window = choose_window(frame, second)
+            images = {"A": draw_image(frame, scheme, beside=second), "B": draw_image(second, scheme, beside=frame)}
+            images["B − A"] = draw_difference(frame, second, scheme)
+        else:
+            lines += [f"{other.path.name} has no frame {frame.index}."] if other is not None else []
+            window, images = choose_window(frame), {"A": draw_image(frame, scheme)}
+        if marked:
+            for number, (name, (row, col)) in enumerate(locate_centers(frame).items()):
+                colour, dash = ((IMAGE_MARK, ""), (OKABE_ITO[4], "6 4"))[name.startswith("centroid")]
+                lines.append(f"{name.capitalize()}: row {row}, column {col} ({'dashed, blue' if dash else 'orange'}).")
+                for x, y, side in mark_pixel(window, row, col):
+                    x, y, r = x + side / 2, y + side / 2, 12 + 4 * number
+                    marks += (
+                        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{r}" fill="none" stroke="{colour}" stroke-width="3" '
+                        f'stroke-dasharray="{dash}"/>'
+                    )
+        return DrawnFrame(images, marks, tuple(lines))
+    except (RsoLidarError, OSError) as error:
+        return DrawnFrame({}, "", (str(error),))

@@ -1,0 +1,158 @@
+"""Scenes in space as bytes for a browser: a JSON header, then float32 positions and byte colours, in one message."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.picture.frames.part_colours import choose_part_colours, count_parts, find_part_name
+from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, INTENSITY_RAMP, RANGE_RAMP, apply_ramp, ramp
+from rso_lidar.picture.style.palette import LIGHT, NO_RETURN, OTHER_PART, PARTS, Scheme, split_rgb
+from rso_lidar.records import Frame
+from rso_lidar.studio.model.frame_image import choose_scale
+
+
+class SpaceScene:
+    """A scene being assembled: points, lines, meshes and labels in one set of axes, with a camera.
+
+    Lines are pairs of positions. A browser keeps its camera while the `name` stays, and else begins with this one.
+    """
+
+    def __init__(self, name: str, scheme: Scheme = LIGHT) -> None:
+        """Begin an empty scene."""
+        self.scheme = scheme
+        self.header: dict[str, Any] = {
+            "name": name,
+            "paper": scheme.paper,
+            "ink": scheme.ink,
+            "items": [],
+            "labels": [],
+        }
+        self._buffers: list[bytes] = []
+        self.look((0.0, -3.0, 1.0))
+
+    def look(self, eye: Any, at: Any = (0.0, 0.0, 0.0), up: Any = (0.0, 0.0, 1.0)) -> None:
+        """Place the camera.
+
+        Parameters
+        ----------
+        eye, at, up : position, point in the middle, and the upward direction.
+        """
+        camera = {"eye": eye, "at": at, "up": up}
+        self.header["camera"] = {key: np.asarray(value, float).tolist() for key, value in camera.items()}
+
+    def add(self, kind: str, positions: Any, colour: Any, **more: Any) -> None:
+        """Add points, lines (pairs of positions) or a mesh (triples of positions).
+
+        Parameters
+        ----------
+        kind : "points", "lines" or "mesh".
+        positions : (…, xyz).
+        colour : one colour, or bytes (…, rgb) for each position.
+        **more : size of points [pixels], opacity, and whatever else the module of the browser knows.
+        """
+        flat = np.ascontiguousarray(positions, dtype="<f4").reshape(-1, 3)
+        item = {"kind": kind, "count": len(flat), **more}
+        parts = [flat.tobytes()]
+        if isinstance(colour, str):
+            item["colour"] = colour
+        else:
+            rgb = np.ascontiguousarray(colour, np.uint8).tobytes()
+            parts.append(rgb + bytes(-len(rgb) % 4))
+            item["coloured"] = True
+        self.header["items"].append(item)
+        self._buffers += parts
+
+    def path(self, points: np.ndarray, colour: str, **more: Any) -> None:
+        """Add a line through points (point, xyz).
+
+        Parameters
+        ----------
+        points, colour, **more : as of `add`.
+        """
+        self.add("lines", np.stack([points[:-1], points[1:]], axis=1), colour, **more)
+
+    def label(self, text: str, at: Any) -> None:
+        """Add a word at a position."""
+        self.header["labels"].append({"text": text, "at": np.asarray(at, float).tolist()})
+
+    def axes(self, matrix: np.ndarray, length: float, name: str) -> None:
+        """Draw labelled axes, red, green and blue.
+
+        Parameters
+        ----------
+        matrix : (4, 4) pose in the scene's axes.
+        length : of an axis.
+        name : of the axes; "rtn" axes are labelled R, T, N.
+        """
+        letters = ("R radial", "T along-track", "N cross-track") if name == "rtn" else [f"{name} {k}" for k in "xyz"]
+        for k, colour in enumerate((self.scheme.lines[5], self.scheme.lines[2], self.scheme.lines[0])):
+            end = matrix[:3, 3] + length * matrix[:3, k]
+            self.add("lines", [matrix[:3, 3], end], colour)
+            self.label(letters[k], end)
+
+    def pack(self) -> bytes:
+        """Return the scene: length of the header as uint32, the header, and the buffers of its items in order."""
+        header = json.dumps(self.header).encode()
+        header += b" " * (-len(header) % 4)
+        return struct.pack("<I", len(header)) + header + b"".join(self._buffers)
+
+
+def draw_cloud(frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes: str = "lidar") -> bytes:
+    """Draw the point cloud of a frame.
+
+    Parameters
+    ----------
+    frame : of a scenario or of a recording.
+    scheme : `LIGHT` or `DARK`.
+    colour : "range", "intensity", "part" or "probability" of detection, which needs the kept "prediction".
+    axes : "lidar", or those of a body such as a target.
+    """
+    scene, valid = SpaceScene(f"cloud {axes}", scheme), frame.valid
+    points = frame.points_m[valid]
+    if axes in frame.truth.poses and axes != "lidar":
+        points = frame.truth.pose(axes, "lidar").apply(points.reshape(-1, 3))
+    rgb, legend = _colour_points(frame, colour)
+    on = frame.labels.target[valid] >= 0
+    seen = points[on] if on.any() else points
+    middle = np.median(seen, axis=0) if len(seen) else np.zeros(3)
+    size = max(2.0 * float(np.percentile(np.linalg.norm(seen - middle, axis=1), 98)), 0.5) if len(seen) else 1.0
+    scene.add("points", points - middle, rgb, size=3)
+    toward = frame.truth.pose(axes, "lidar") if axes in frame.truth.poses else None
+    # The camera looks as the lidar does, from a little to the side, so that depth shows; the image's up is up.
+    matrix = np.eye(4) if toward is None else toward.as_matrix()
+    scene.look(matrix[:3, :3] @ np.array([-0.5, -0.4, -1.1]) * 1.4 * size, up=-matrix[:3, 1])
+    corner = np.eye(4)
+    corner[:3, 3] = -0.5 * size
+    scene.axes(corner, 0.25 * size, axes)
+    scene.header["legend"] = legend
+    return scene.pack()
+
+
+def _colour_points(frame: Frame, colour: str) -> tuple[np.ndarray, dict[str, Any]]:
+    """Return the colour of each return (return, rgb), and the legend."""
+    valid, scale = frame.valid, choose_scale(frame)
+    prediction: Any = frame.kept.get("prediction")
+    if colour == "part":
+        kinds, places, counts = count_parts(frame)
+        chosen = np.full(valid.shape, -1)
+        indices = choose_part_colours(frame, kinds, np.argsort(-counts, kind="stable"), ())
+        chosen[frame.labels.target >= 0] = indices[places.reshape(-1)] if len(kinds) else []
+        palette = [*PARTS, OTHER_PART, NO_RETURN]
+        words = {palette[c]: find_part_name(frame, *kind) for c, kind in zip(indices, kinds, strict=True)}
+        words |= {OTHER_PART: "more parts"} if OTHER_PART in words else {}
+        rgb = np.array([split_rgb(one) for one in palette])[chosen[valid]]
+        return rgb, {"title": "Part", "entries": [*words.items(), (NO_RETURN, "no target")]}
+    if colour == "probability" and prediction is not None:
+        title, low, high, name = "Probability of detection", "0", "1", AMOUNT_RAMP
+        rgb = apply_ramp(prediction.detection_probability[valid].astype(float), name, NO_RETURN)
+    elif colour == "intensity":
+        (title, low, high), name = scale.intensity_words, INTENSITY_RAMP
+        rgb = scale.intensity_rgb(frame.intensity_counts[valid])
+    else:
+        (title, low, high), name = scale.range_words, RANGE_RAMP
+        rgb = scale.range_rgb(frame.range_m[valid], 0.0)
+    return rgb, {"title": title, "low": low, "high": high, "ramp": ramp(name)[::15].tolist()}

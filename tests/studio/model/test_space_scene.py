@@ -1,0 +1,29 @@
+"""Point clouds for a browser hold all returns, in each colour and in the axes of a target."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.picture import LIGHT
+from rso_lidar.studio.model.space_scene import draw_cloud
+
+
+@pytest.fixture(scope="module")
+def frame():
+    """Return the last frame of the approach, with the probabilities of detection."""
+    (made,) = rl.simulate(rl.Scenario.load("examples/tdrs_approach.toml"), frames=[539], keep=("prediction",))
+    return made
+
+
+@pytest.mark.parametrize("colour", ["range", "intensity", "part", "probability"])
+def test_a_cloud_has_all_returns(frame, colour):
+    packed = draw_cloud(frame, LIGHT, colour, "tdrs")
+    (length,) = struct.unpack("<I", packed[:4])
+    (points, *_), count = json.loads(packed[4 : 4 + length])["items"], int(frame.valid.sum())
+    assert points["count"] == count
+    drawn = np.frombuffer(packed, "<f4", 3 * count, 4 + length).reshape(-1, 3)
+    expected = frame.truth.pose("tdrs", "lidar").apply(frame.points_m[frame.valid].astype(float))
+    assert np.abs(np.ptp(drawn, axis=0) - np.ptp(expected, axis=0)).max() < 1e-4  # float32 at some 10 m
