@@ -12,10 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.screening.all_pairs import screen_pairs
-from rso_lidar.orbit.screening.conjunctions import screen
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit import Catalog, ElementSet, screen, screen_pairs
 
 WITHIN_M = 50e3
 

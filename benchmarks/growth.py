@@ -16,9 +16,8 @@ from benchmarks import scenes
 from benchmarks.clock import fresh, seconds
 from benchmarks.report import Findings, table
 from benchmarks.stages import ROWS, flash_s, medians, warm
-from rso_lidar.picture.style.figures import LINE_PT, THICK_PT, format_thousands, new_figure, style_axes
+from rso_lidar.picture import DARK, LIGHT, figures, palette
 from rso_lidar.picture.style.output import save_small_figure
-from rso_lidar.picture.style.palette import DARK, LIGHT, LINES, RULE
 
 FIGURE = "growth.png"
 FACETS = (3_000, 12_000, 47_000, 187_000, 500_000)
@@ -158,18 +157,20 @@ def axes(frames: int, budget_s: float) -> list[Axis]:
 
 def drawn(found: Sequence[Axis]) -> Any:
     """Return the figure: one panel for each axis, both scales logarithmic, with a line that grows in proportion."""
-    figure = new_figure(
+    figure = figures.new_figure(
         11.0, 6.4, "How cost grows", "one flash on one thread, all stages but the file; last: memory of the whole walk"
     )
     panels = figure.subplots(2, 3).ravel()
     panels[-1].set_axis_off()
-    for panel, axis, colour in zip(panels, found, LINES, strict=False):
-        panel.loglog(axis.size, axis.cost, "o-", color=colour, ms=4, lw=THICK_PT)
-        panel.loglog(axis.size, axis.cost[-1] * axis.size / axis.size[-1], ":", color=RULE, lw=LINE_PT)
+    for panel, axis, colour in zip(panels, found, palette.LINES, strict=False):
+        panel.loglog(axis.size, axis.cost, "o-", color=colour, ms=4, lw=figures.THICK_PT)
+        panel.loglog(axis.size, axis.cost[-1] * axis.size / axis.size[-1], ":", color=palette.RULE, lw=figures.LINE_PT)
         decades = np.floor(np.log10(axis.cost.min())), np.ceil(np.log10(axis.cost.max()))
         panel.set_ylim(*np.power(10.0, decades))
-        style_axes(panel, axis.name, axis.note, axis.unit, f"exponent {axis.exponent:.2f}, end {axis.at_the_end:.2f}")
-        format_thousands(panel.xaxis, panel.yaxis)
+        figures.style_axes(
+            panel, axis.name, axis.note, axis.unit, f"exponent {axis.exponent:.2f}, end {axis.at_the_end:.2f}"
+        )
+        figures.format_thousands(panel.xaxis, panel.yaxis)
         panel.minorticks_off()
     return figure
 

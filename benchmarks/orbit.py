@@ -16,9 +16,9 @@ import numpy as np
 import rso_lidar as rl
 from benchmarks.report import Findings, table
 from rso_lidar.errors import RecordingError
+from rso_lidar.export import read_status
 from rso_lidar.export.layout.datasets import collect_values
-from rso_lidar.export.reader.status import read_status
-from rso_lidar.scene.library.model_index import model
+from rso_lidar.scene import model
 
 FRAMES = 120_000
 RATE_HZ = 20

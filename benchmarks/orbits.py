@@ -15,7 +15,7 @@ import numpy as np
 import rso_lidar as rl
 from benchmarks.encounters import encounters, pairs
 from rso_lidar import motion, orbit
-from rso_lidar.orbit.sets.fleet import Fleet
+from rso_lidar.orbit import Fleet
 from rso_lidar.shipped import shipped
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -18,7 +18,7 @@ from benchmarks.clock import Work, pairs, quartiles
 from benchmarks.report import Findings, Target, table
 from rso_lidar import optics, scene
 from rso_lidar.records import Extent
-from rso_lidar.simulation.flash import flash
+from rso_lidar.simulation import flash
 
 BANDS = 16
 BINS = 20

@@ -13,7 +13,7 @@ from benchmarks.clock import quartiles
 from benchmarks.report import Findings, Target, table
 from rso_lidar import motion, optics, sampling
 from rso_lidar.records import Truth
-from rso_lidar.simulation.flash import flash
+from rso_lidar.simulation import flash
 
 RANGES_M = (300.0, 1500.0, 3000.0)
 WANTED = {300.0: 1.3}  # CPU of a flash over that with 16 rays

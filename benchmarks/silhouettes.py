@@ -23,8 +23,7 @@ import numpy as np
 
 from benchmarks import scenes
 from benchmarks.report import Findings, table, write
-from rso_lidar.scene.library.model_index import models
-from rso_lidar.scene.meshes.mesh import Mesh, load_mesh
+from rso_lidar.scene import Mesh, load_mesh, models
 from rso_lidar.shapes import builders
 
 SEED = 7

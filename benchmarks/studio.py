@@ -95,7 +95,7 @@ def _start_s() -> float:
 
 def _preview(flight: Any, row: int) -> Any:
     """Make what the page See shows of a row, and return its frame."""
-    from rso_lidar.mission_analysis.time_history.pixel_summary import report_pixel
+    from rso_lidar.mission_analysis import report_pixel
     from rso_lidar.studio.model.flight_scenes import VIEWS
     from rso_lidar.studio.model.frame_image import draw_image
 

@@ -18,18 +18,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.picture.style.figures import (
-    HEADING_PT,
-    SCREEN_DPI,
-    SMALL_PT,
-    TEXT_PT,
-    THICK_PT,
-    THIN_PT,
-    TITLE_PT,
-    WIDE_PT,
-)
+from rso_lidar.picture import DARK, LIGHT, Scheme, figures, palette
 from rso_lidar.picture.style.output import save_small_figure
-from rso_lidar.picture.style.palette import BLUE, DARK, INK, LIGHT, PAPER, QUIET, RULE, SHADE, Scheme
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = {"architecture": LIGHT, "architecture_dark": DARK}  # schemes by name
@@ -143,61 +133,72 @@ def draw(graph: dict[str, Any], path: Path, scheme: Scheme) -> None:
     floors = graph["floors"]
     foot_in, head_in = 1.75, 0.75
     height_in = head_in + foot_in + ROW_IN * len(floors)
-    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=SCREEN_DPI, facecolor=PAPER)
+    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=figures.SCREEN_DPI, facecolor=palette.PAPER)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(0.0, WIDTH_IN), ylim=(0.0, height_in))
     axes.axis("off")
 
-    def write(x: float, y: float, text: str, size: float = SMALL_PT, colour: str = INK, **more: Any) -> None:
+    def write(
+        x: float, y: float, text: str, size: float = figures.SMALL_PT, colour: str = palette.INK, **more: Any
+    ) -> None:
         axes.text(x, y, text, fontsize=size, color=colour, **{"ha": "center", "va": "center", **more})
 
     def box(x: float, y: float, width: float, height: float, edge: str, line: float) -> None:
         style = "round,pad=0,rounding_size=0.06"
-        axes.add_patch(FancyBboxPatch((x, y), width, height, style, fc=SHADE, ec=edge, lw=line, zorder=3))
+        axes.add_patch(FancyBboxPatch((x, y), width, height, style, fc=palette.SHADE, ec=edge, lw=line, zorder=3))
 
     places, breadth_in = place_rooms(floors), PITCH_IN - 0.16
     for room, (x, floor) in places.items():
         y = foot_in + ROW_IN * (len(floors) - 1 - floor)
         step = ", ".join(str(k) for k, name in enumerate(WALK, 1) if name == room)
-        box(x - breadth_in / 2, y, breadth_in, BOX_IN, BLUE if step else RULE, THICK_PT if step else THIN_PT)
+        box(
+            x - breadth_in / 2,
+            y,
+            breadth_in,
+            BOX_IN,
+            palette.BLUE if step else palette.RULE,
+            figures.THICK_PT if step else figures.THIN_PT,
+        )
         write(
             x,
             y + BOX_IN - 0.14,
             f"{step}  {room}" if step else room,
-            HEADING_PT,
-            INK,
+            figures.HEADING_PT,
+            palette.INK,
             weight="bold",
             zorder=4,
         )
         lines = textwrap.wrap(graph["ideas"][room], 26)[:3]
-        write(x, y + (BOX_IN - 0.2) / 2, "\n".join(lines), SMALL_PT, QUIET, zorder=4, linespacing=1.15)
+        write(x, y + (BOX_IN - 0.2) / 2, "\n".join(lines), figures.SMALL_PT, palette.QUIET, zorder=4, linespacing=1.15)
     ends = place_ends(places, graph["arrows"], breadth_in)
     for start, end, breadth in graph["arrows"]:
         (x0, x1) = ends[start, end]
         y0 = foot_in + ROW_IN * (len(floors) - 1 - places[start][1])
         y1 = foot_in + ROW_IN * (len(floors) - 1 - places[end][1]) + BOX_IN
         head = f"-|>,head_length={3 + breadth},head_width={1.5 + breadth / 2}"
-        line = (THIN_PT, THICK_PT, WIDE_PT)[breadth - 1]
+        line = (figures.THIN_PT, figures.THICK_PT, figures.WIDE_PT)[breadth - 1]
         arrow = FancyArrowPatch((x0, y0), (x1, y1), arrowstyle=head, lw=line, shrinkA=0, shrinkB=0, zorder=1)
-        arrow.set_color(RULE)
+        arrow.set_color(palette.RULE)
         axes.add_patch(arrow)
     below = [name for floor in graph["slab"] for name in floor]
-    box(0.2, 0.95, WIDTH_IN - 0.4, 0.55, RULE, THIN_PT)
-    write(WIDTH_IN / 2, 1.34, "what every room stands on", HEADING_PT, weight="bold", zorder=4)
-    write(WIDTH_IN / 2, 1.1, ", ".join(below), SMALL_PT, QUIET, zorder=4)
-    write(0.2, height_in - 0.25, "The rooms of rso_lidar, from their imports", TITLE_PT, ha="left", weight="bold")
+    box(0.2, 0.95, WIDTH_IN - 0.4, 0.55, palette.RULE, figures.THIN_PT)
+    write(WIDTH_IN / 2, 1.34, "what every room stands on", figures.HEADING_PT, weight="bold", zorder=4)
+    write(WIDTH_IN / 2, 1.1, ", ".join(below), figures.SMALL_PT, palette.QUIET, zorder=4)
+    write(
+        0.2, height_in - 0.25, "The rooms of rso_lidar, from their imports", figures.TITLE_PT, ha="left", weight="bold"
+    )
     write(
         0.2, height_in - 0.52,
         "A room imports only from rooms below it. Blue, 1 to 7: the way of the light from the scenario to the file.",
-        TEXT_PT, QUIET, ha="left",
+        figures.TEXT_PT, palette.QUIET, ha="left",
     )  # fmt: skip
     write(
         0.2, 0.55,
         f"An arrow points from a room to one that it imports: thin up to {BROAD - 1} imports between modules, broad from "
         f"{BROADEST}. An arrow is left out where others already lead\nthere, and so are all arrows to the slab. The order "
         "of floors is a contract in pyproject.toml, which a test checks.",
-        SMALL_PT, QUIET, ha="left", linespacing=1.4,
+        figures.SMALL_PT, palette.QUIET, ha="left", linespacing=1.4,
     )  # fmt: skip
     save_small_figure(figure, path, scheme, {"Description": digest_graph(graph)})
 

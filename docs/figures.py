@@ -19,72 +19,38 @@ import numpy as np
 
 import rso_lidar as rl
 from rso_lidar import picture, units
-from rso_lidar.detector import detect
+from rso_lidar.detector import Pulse, Trial, detect, make_plate, make_point_returns, run_trial
 from rso_lidar.detector.analysis.array_load import simulate_array_load
 from rso_lidar.detector.bench.calibration import REFERENCE_FWHM_S, make_reference_pulse
 from rso_lidar.detector.bench.range_resolution import simulate_pairs
-from rso_lidar.detector.bench.trial import Trial, make_plate, make_point_returns, run_trial
 from rso_lidar.detector.chain.analog import base_rate_per_s, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
 from rso_lidar.detector.chain.traces import arm_rows, latch_rows
 from rso_lidar.detector.ranging.location import locate
-from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
+from rso_lidar.detector.ranging.pulse import crlb_s, noise_covariance
 from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows
-from rso_lidar.mission_analysis.time_history.open_loop import fly_open_loop
-from rso_lidar.picture.selection.scale import nice_down
-from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
-from rso_lidar.picture.style.figures import (
-    HAIR_PT,
-    HEADING_PT,
-    LINE_PT,
-    PAGE_IN,
-    SMALL_PT,
-    TEXT_PT,
-    THICK_PT,
-    THIN_PT,
-    TITLE_PT,
-    WIDE_PT,
-    format_thousands,
-    new_figure,
-    style_axes,
-)
+from rso_lidar.mission_analysis import fly_open_loop
+from rso_lidar.picture import colour_maps, figures, nice_down, palette
 from rso_lidar.picture.style.output import save_small_figure
-from rso_lidar.picture.style.palette import (
-    BLUE,
-    GREEN,
-    INK,
-    LINES,
-    NO_RETURN,
-    ORANGE,
-    OTHER_PART,
-    PAPER,
-    PARTS,
-    PINK,
-    QUIET,
-    RED,
-    RULE,
-    SKY,
-    split_rgb,
-)
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Photons, Waveforms
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire
-from rso_lidar.scenario.mission.target_surfaces import build_whole_surface
-from rso_lidar.scene.surfaces.portrait import render_portrait
+from rso_lidar.rpo import clohessy_wiltshire
+from rso_lidar.scenario import build_whole_surface
+from rso_lidar.scene import render_portrait
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
 STILL = rl.detector.Timing(pixel_jitter_ns=0.0)
 ALGORITHMS = {
-    "matched_filter": BLUE,
-    "constant_fraction": ORANGE,
-    "centroid": GREEN,
-    "parabola": PINK,
-    "leading_edge": RED,
+    "matched_filter": palette.BLUE,
+    "constant_fraction": palette.ORANGE,
+    "centroid": palette.GREEN,
+    "parabola": palette.PINK,
+    "leading_edge": palette.RED,
 }
 CM = units.RANGE_PER_DELAY_M_S / units.CM  # a delay in seconds as a range in cm
 
@@ -108,7 +74,7 @@ def binomial_bars(found: int, n: int) -> tuple[float, float, float]:
 
 def key(axes: Any, where: str = "best", **more: Any) -> None:
     """Put a legend in quiet ink."""
-    axes.legend(fontsize=SMALL_PT, frameon=False, loc=where, labelcolor=QUIET, **more)
+    axes.legend(fontsize=figures.SMALL_PT, frameon=False, loc=where, labelcolor=palette.QUIET, **more)
 
 
 # --------------------------------------------------------------------------------------------------------- figures
@@ -116,29 +82,36 @@ def key(axes: Any, where: str = "best", **more: Any) -> None:
 
 def counts() -> Any:
     """Return photons to counts, and how they scatter (Fuller et al., fig. 13)."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 4.4, "Photons to counts",
         "default detector, 8 ns pulse on a facing plate; compare Fuller et al., fig. 13",
     )  # fmt: skip
     mean_of, noise_of = figure.subplots(1, 2)
     levels = np.geomspace(900, 1e6, 28)
     kinds = {
-        "default: the converter clips": (rl.Gsfl(), BLUE),
-        "amplifier saturates first (saturation on)": (rl.Gsfl(saturation=rl.detector.Saturation()), ORANGE),
+        "default: the converter clips": (rl.Gsfl(), palette.BLUE),
+        "amplifier saturates first (saturation on)": (rl.Gsfl(saturation=rl.detector.Saturation()), palette.ORANGE),
     }
     for label, (detector, colour) in kinds.items():
         trials = [seen(detector, level, 1500).intensity_counts for level in levels]
         mean = np.array([one.mean() for one in trials])
         spread = np.array([one.std() for one in trials])
-        mean_of.plot(levels, mean, ".-", color=colour, label=label, ms=4, lw=LINE_PT)
-        noise_of.plot(levels, spread, ".-", color=colour, label=label, ms=4, lw=LINE_PT)
+        mean_of.plot(levels, mean, ".-", color=colour, label=label, ms=4, lw=figures.LINE_PT)
+        noise_of.plot(levels, spread, ".-", color=colour, label=label, ms=4, lw=figures.LINE_PT)
     fast = rl.Empirical()
-    mean_of.plot(levels, fast.counts(levels), "--", color=INK, lw=THIN_PT, label="empirical, fitted to the default")
+    mean_of.plot(
+        levels,
+        fast.counts(levels),
+        "--",
+        color=palette.INK,
+        lw=figures.THIN_PT,
+        label="empirical, fitted to the default",
+    )
     mean_of.set(xscale="log", yscale="log")
     noise_of.set(xscale="log", ylim=(0, None))
-    format_thousands(mean_of.xaxis, mean_of.yaxis, noise_of.xaxis)
-    style_axes(mean_of, "Mean", x="Photons on the pixel", y="Intensity [counts]")
-    style_axes(noise_of, "Standard deviation", x="Photons on the pixel", y="[counts]")
+    figures.format_thousands(mean_of.xaxis, mean_of.yaxis, noise_of.xaxis)
+    figures.style_axes(mean_of, "Mean", x="Photons on the pixel", y="Intensity [counts]")
+    figures.style_axes(noise_of, "Standard deviation", x="Photons on the pixel", y="[counts]")
     key(mean_of)
     key(noise_of)
     return figure
@@ -146,7 +119,7 @@ def counts() -> Any:
 
 def detection() -> Any:
     """Return the probability of detection over photons."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 4.4, "Probability of detection",
         "share of 4000 pixels that report the plate, with 95 % intervals (Wilson); 1000 photons, 95 %: Fuller et al.",
     )  # fmt: skip
@@ -156,20 +129,24 @@ def detection() -> Any:
     def draw(axes: Any, detector: Any, colour: str, label: str, pulse_fwhm_ns: float = 8.0) -> None:
         found = [int(seen(detector, level, n, 1, pulse_fwhm_ns).detected.sum()) for level in levels]
         share, low, high = np.array([binomial_bars(count, n) for count in found]).T
-        axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=THIN_PT, capsize=2, label=label)
+        axes.errorbar(
+            levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=figures.THIN_PT, capsize=2, label=label
+        )
 
-    draw(by_preset, rl.Gsfl(), BLUE, "noise_limited")
-    draw(by_preset, rl.Gsfl(preset="offset_limited"), ORANGE, "offset_limited")
+    draw(by_preset, rl.Gsfl(), palette.BLUE, "noise_limited")
+    draw(by_preset, rl.Gsfl(preset="offset_limited"), palette.ORANGE, "offset_limited")
     fast = rl.Empirical().detection_probability(levels.astype(float))
-    by_preset.plot(levels, fast, "--", color=INK, lw=THIN_PT, label="empirical, fitted to noise_limited")
-    for fwhm_ns, colour in ((6.0, GREEN), (8.0, BLUE), (10.0, RED)):
+    by_preset.plot(
+        levels, fast, "--", color=palette.INK, lw=figures.THIN_PT, label="empirical, fitted to noise_limited"
+    )
+    for fwhm_ns, colour in ((6.0, palette.GREEN), (8.0, palette.BLUE), (10.0, palette.RED)):
         draw(by_pulse, rl.Gsfl(), colour, f"{fwhm_ns:g} ns", fwhm_ns)
     for axes in (by_preset, by_pulse):
-        axes.axhline(0.95, color=RULE, lw=THIN_PT)
-        axes.axvline(1000, color=RULE, lw=THIN_PT)
-    style_axes(by_preset, "Presets", x="Photons on the pixel", y="Probability of detection")
-    style_axes(by_pulse, "Length of the pulse, noise_limited", x="Photons on the pixel")
-    format_thousands(by_preset.xaxis, by_pulse.xaxis)
+        axes.axhline(0.95, color=palette.RULE, lw=figures.THIN_PT)
+        axes.axvline(1000, color=palette.RULE, lw=figures.THIN_PT)
+    figures.style_axes(by_preset, "Presets", x="Photons on the pixel", y="Probability of detection")
+    figures.style_axes(by_pulse, "Length of the pulse, noise_limited", x="Photons on the pixel")
+    figures.format_thousands(by_preset.xaxis, by_pulse.xaxis)
     key(by_preset)
     key(by_pulse)
     return figure
@@ -177,7 +154,7 @@ def detection() -> Any:
 
 def false_alarms() -> Any:
     """Return how often noise crosses the threshold, Gaussian and with avalanches."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 4.8, "False alarms of one pixel",
         "Rice's formula for Gaussian noise, and with McIntyre's avalanches of 1 nA of dark current; "
         "dots: the presets' thresholds",
@@ -185,7 +162,7 @@ def false_alarms() -> Any:
     axes = figure.subplots()
     over = np.linspace(3.0, 18.0, 121)
     for preset, style in (("noise_limited", "-"), ("offset_limited", "--")):
-        for k, colour in ((0.02, GREEN), (0.2, BLUE), (0.4, RED)):
+        for k, colour in ((0.02, palette.GREEN), (0.2, palette.BLUE), (0.4, palette.RED)):
             detector = rl.Gsfl(preset=preset, apd=rl.detector.Apd(ionisation_ratio=k))
             amplifier, apd = detector.amplifier, detector.apd
             known = {"noise_electrons": amplifier.noise_electrons, "pole_s": amplifier.pole_s}
@@ -195,25 +172,25 @@ def false_alarms() -> Any:
                 over * sigma, apd=apd, rate_per_s=rate_per_s, integration_s=amplifier.integration_s, **known
             )
             rate = np.maximum(rate, 1e-30)
-            axes.plot(over, rate, style, color=colour, lw=LINE_PT, label=f"{preset}, k = {k:g}")
+            axes.plot(over, rate, style, color=colour, lw=figures.LINE_PT, label=f"{preset}, k = {k:g}")
             own = detector.threshold_over_noise
             axes.plot(own, np.exp(np.interp(own, over, np.log(rate))), "o", color=colour, ms=5)
     axes.plot(
         over,
         rice_rate(over, 1.0, rl.detector.Amplifier().pole_s),
-        color=INK,
-        lw=THICK_PT,
+        color=palette.INK,
+        lw=figures.THICK_PT,
         label="Gaussian (Rice)",
     )
     axes.set(yscale="log", ylim=(1e-6, 1e7), xlim=(3, 18.5))
-    style_axes(axes, x="Threshold over the rms noise in the dark", y="False alarms of an armed pixel [1/s]")
+    figures.style_axes(axes, x="Threshold over the rms noise in the dark", y="False alarms of an armed pixel [1/s]")
     key(axes)
     return figure
 
 
 def precision() -> Any:
     """Return range noise per algorithm: in amplifier noise with the bound, and through the whole chain."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 4.6, "Range precision",
         "left: samples of a known pulse in the amplifier's noise alone; right: the whole chain, preset noise_limited",
     )  # fmt: skip
@@ -235,26 +212,30 @@ def precision() -> Any:
             ranging = rl.detector.Ranging(algorithm=name)
             found, _ = locate(samples, start, pulse, ranging, threshold_counts=2.5 * sigma, **known)
             spread.append(np.nanstd((found - truth) * CM))
-        bench.plot(snrs, spread, ".-", color=colour, ms=4, lw=LINE_PT, label=name)
+        bench.plot(snrs, spread, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=name)
     bound = [
         math.sqrt(
             np.mean([crlb_s(pulse, snr * sigma, sample_s, covariance, p) ** 2 for p in np.linspace(-0.5, 0.5, 9)])
         )
         for snr in snrs
     ]
-    bench.plot(snrs, np.array(bound) * CM, color=INK, lw=THICK_PT, label="Cramér–Rao bound")
+    bench.plot(snrs, np.array(bound) * CM, color=palette.INK, lw=figures.THICK_PT, label="Cramér–Rao bound")
     levels = np.geomspace(700, 60_000, 12)
     for name, colour in ALGORITHMS.items():
         detector = rl.Gsfl(timing=STILL, ranging=rl.detector.Ranging(algorithm=name, walk_correction=True))
         spread = [seen(detector, level, 1500, 2).range_noise_m / units.CM for level in levels]
-        whole.plot(levels, spread, ".-", color=colour, ms=4, lw=LINE_PT)
+        whole.plot(levels, spread, ".-", color=colour, ms=4, lw=figures.LINE_PT)
     spread = [seen(rl.Gsfl(), level, 4000, 3).range_noise_m / units.CM for level in levels]
-    whole.plot(levels, spread, "--", color=BLUE, lw=THICK_PT, label="matched_filter, default jitter: 5 cm")
+    whole.plot(
+        levels, spread, "--", color=palette.BLUE, lw=figures.THICK_PT, label="matched_filter, default jitter: 5 cm"
+    )
     for axes in (bench, whole):
         axes.set(xscale="log", yscale="log")
-        format_thousands(axes.xaxis, axes.yaxis)
-    style_axes(bench, "Amplifier noise alone", x="Amplitude over rms noise", y="Range, 1 sigma [cm]")
-    style_axes(whole, "Whole chain, jitter off, walk corrected", x="Photons on the pixel", y="Range, 1 sigma [cm]")
+        figures.format_thousands(axes.xaxis, axes.yaxis)
+    figures.style_axes(bench, "Amplifier noise alone", x="Amplitude over rms noise", y="Range, 1 sigma [cm]")
+    figures.style_axes(
+        whole, "Whole chain, jitter off, walk corrected", x="Photons on the pixel", y="Range, 1 sigma [cm]"
+    )
     key(bench)
     key(whole)
     return figure
@@ -268,7 +249,7 @@ def _pulse() -> Pulse:
 
 def walk() -> Any:
     """Return the bias of range over photons, raw and corrected."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 4.6, "Range walk",
         "mean error over 2000 pixels, jitter off, with 95 % intervals; linear within 5 cm; "
         "beyond 100,000 photons the converter clips",
@@ -284,15 +265,15 @@ def walk() -> Any:
             trials = [seen(detector, level, 2000, 4) for level in levels]
             bias = np.array([one.range_bias_m for one in trials]) / units.CM
             bar = [1.96 * one.range_error_m.std() / math.sqrt(len(one.range_error_m)) / units.CM for one in trials]
-            axes.errorbar(levels, bias, bar, fmt=".-", color=colour, ms=4, lw=LINE_PT, label=name)
-        axes.axhline(0.0, color=INK, lw=THIN_PT)
+            axes.errorbar(levels, bias, bar, fmt=".-", color=colour, ms=4, lw=figures.LINE_PT, label=name)
+        axes.axhline(0.0, color=palette.INK, lw=figures.THIN_PT)
         axes.set(xscale="log", ylim=(-160, 100))
         axes.set_yscale("symlog", linthresh=5.0, linscale=1.2)
         axes.set_yticks([-100, -50, -20, -10, -5, -2, 0, 2, 5, 10, 20, 50])
         axes.yaxis.set_minor_locator(NullLocator())
-        format_thousands(axes.xaxis, axes.yaxis)
-    style_axes(both[0], "Raw", x="Photons on the pixel", y="Range minus truth [cm]")
-    style_axes(both[1], "walk_correction = true", x="Photons on the pixel")
+        figures.format_thousands(axes.xaxis, axes.yaxis)
+    figures.style_axes(both[0], "Raw", x="Photons on the pixel", y="Range minus truth [cm]")
+    figures.style_axes(both[1], "walk_correction = true", x="Photons on the pixel")
     key(both[1], "lower left")
     return figure
 
@@ -301,7 +282,7 @@ def strong_returns() -> Any:
     """Return the walk of readouts for strong returns over 1 : 250,000 in light, and the counts of one gain and of two."""
     from matplotlib.ticker import NullLocator
 
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 4.8, "Strong returns",
         "facing plates that fill 512 pixels, 8 ns pulse, jitter off; bands: 1 sigma of a pixel",
     )  # fmt: skip
@@ -309,30 +290,30 @@ def strong_returns() -> Any:
     laser, low = rl.Laser(), rl.detector.LowGain()
     pulse = rl.detector.LaserPulse(*laser.pulse, laser.pulse_fwhm_s)
     kinds = {
-        "default, 20 samples": (rl.Gsfl(timing=STILL), BLUE),
-        "40 samples": (rl.Gsfl(timing=STILL, readout=rl.detector.Readout(samples=40)), GREEN),
-        "two gains, 64 : 1": (rl.Gsfl(timing=STILL, readout=rl.detector.Readout(low_gain=low)), ORANGE),
-        "zero crossing": (rl.Gsfl(timing=STILL, zero_crossing=rl.detector.ZeroCrossing()), RED),
+        "default, 20 samples": (rl.Gsfl(timing=STILL), palette.BLUE),
+        "40 samples": (rl.Gsfl(timing=STILL, readout=rl.detector.Readout(samples=40)), palette.GREEN),
+        "two gains, 64 : 1": (rl.Gsfl(timing=STILL, readout=rl.detector.Readout(low_gain=low)), palette.ORANGE),
+        "zero crossing": (rl.Gsfl(timing=STILL, zero_crossing=rl.detector.ZeroCrossing()), palette.RED),
     }
     for label, (detector, colour) in kinds.items():
         curve = rl.detector.simulate_walk_curve(detector, pulse, pixels=512)
         middle, spread = curve.bias_m / units.CM, curve.noise_m / units.CM
         bias.fill_between(curve.photons, middle - spread, middle + spread, color=colour, alpha=0.15, lw=0)
-        bias.plot(curve.photons, middle, ".-", color=colour, ms=4, lw=LINE_PT, label=label)
+        bias.plot(curve.photons, middle, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=label)
         if label.startswith(("default", "two")):
             trials = [seen(detector, level, 64).intensity_counts.mean() for level in curve.photons]
             unit = detector.readout.counts_per_intensity
             name = f"{label.partition(',')[0]}: {unit} converter count{'s' * (unit > 1)} in one"
-            heights.plot(curve.photons, trials, ".-", color=colour, ms=4, lw=LINE_PT, label=name)
-    bias.axhline(0.0, color=INK, lw=THIN_PT)
+            heights.plot(curve.photons, trials, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=name)
+    bias.axhline(0.0, color=palette.INK, lw=figures.THIN_PT)
     bias.set(xscale="log", ylim=(-60, 60))
     bias.set_yscale("symlog", linthresh=1.0, linscale=0.6)
     bias.set_yticks([-50, -20, -10, -5, -2, -1, 0, 1, 2, 5, 10, 20, 50])
     bias.yaxis.set_minor_locator(NullLocator())
     heights.set(xscale="log", yscale="log")
-    format_thousands(bias.yaxis, heights.yaxis)
-    style_axes(bias, "Range walk over 1 : 250,000", x="Photons on the pixel", y="Range minus truth [cm]")
-    style_axes(heights, "Intensity", x="Photons on the pixel", y="Intensity [counts]")
+    figures.format_thousands(bias.yaxis, heights.yaxis)
+    figures.style_axes(bias, "Range walk over 1 : 250,000", x="Photons on the pixel", y="Range minus truth [cm]")
+    figures.style_axes(heights, "Intensity", x="Photons on the pixel", y="Intensity [counts]")
     key(bias, "lower left")
     key(heights)
     return figure
@@ -340,7 +321,7 @@ def strong_returns() -> Any:
 
 def pixel() -> Any:
     """Return the life of one pixel at an edge, stage by stage."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 8.2, "One pixel at an edge, from light to two ranges",
         "2500 photons from 100.0 m and 4000 from 102.6 m in one pixel; preset noise_limited, max_returns = 2, jitter off",
     )  # fmt: skip
@@ -371,34 +352,42 @@ def pixel() -> Any:
     light, current, voltage, stored = figure.subplots(4, 1, sharex=True)
     range_m = (rows.start[0] + np.arange(rows.length)) * plan.step_s * units.RANGE_PER_DELAY_M_S
     light.stem(
-        range_m[made.light[0] > 1.0], made.light[0][made.light[0] > 1.0], basefmt=" ", linefmt=BLUE, markerfmt="."
+        range_m[made.light[0] > 1.0],
+        made.light[0][made.light[0] > 1.0],
+        basefmt=" ",
+        linefmt=palette.BLUE,
+        markerfmt=".",
     )
-    style_axes(light, "Light", y="Photons", note="expected, each return as a flash of no length, shared among steps")
+    figures.style_axes(
+        light, "Light", y="Photons", note="expected, each return as a flash of no length, shared among steps"
+    )
     current.plot(
         range_m,
         detector.apd.gain * made.primaries[0],
-        color=INK,
-        lw=LINE_PT,
+        color=palette.INK,
+        lw=figures.LINE_PT,
         label="gain × expected photoelectrons",
     )
     current.step(
         range_m,
         made.electrons[0],
         where="mid",
-        color=ORANGE,
-        lw=LINE_PT,
+        color=palette.ORANGE,
+        lw=figures.LINE_PT,
         label="drawn: Poisson, avalanche, dark current",
     )
-    style_axes(current, "APD", y="Electrons in a step", note=f"steps of {plan.step_s / units.NS:.2f} ns")
+    figures.style_axes(current, "APD", y="Electrons in a step", note=f"steps of {plan.step_s / units.NS:.2f} ns")
     key(current)
-    voltage.plot(range_m, made.mean()[0], color=INK, lw=THIN_PT, label="without noise")
-    voltage.plot(range_m, made.amplitude[0], color=BLUE, lw=LINE_PT, label="amplitude")
-    voltage.axhline(threshold[0], color=RED, lw=THIN_PT, ls="--", label="threshold of this pixel")
-    voltage.axvline(np.interp(latch, np.arange(rows.length), range_m), color=RED, lw=THIN_PT, label="latch")
-    style_axes(voltage, "Amplifier and trigger", y="Electrons")
+    voltage.plot(range_m, made.mean()[0], color=palette.INK, lw=figures.THIN_PT, label="without noise")
+    voltage.plot(range_m, made.amplitude[0], color=palette.BLUE, lw=figures.LINE_PT, label="amplitude")
+    voltage.axhline(threshold[0], color=palette.RED, lw=figures.THIN_PT, ls="--", label="threshold of this pixel")
+    voltage.axvline(
+        np.interp(latch, np.arange(rows.length), range_m), color=palette.RED, lw=figures.THIN_PT, label="latch"
+    )
+    figures.style_axes(voltage, "Amplifier and trigger", y="Electrons")
     key(voltage)
     counts_at = samples[0] - detector.readout.baseline_counts
-    stored.plot(range_m[at], counts_at, "o", color=BLUE, ms=4, label="20 samples, less the baseline")
+    stored.plot(range_m[at], counts_at, "o", color=palette.BLUE, ms=4, label="20 samples, less the baseline")
     pulse = shape_pulse(detector, photons)
     fine = np.linspace(range_m[at[0]], range_m[at[-1]], 600)
     found_m, height = reading.return_range_m[0, 0], reading.return_intensity_counts[0, 0]
@@ -408,27 +397,27 @@ def pixel() -> Any:
         if np.isfinite(where)
     ]
     for k, one in enumerate(fit):
-        stored.plot(fine, one, color=PINK, lw=LINE_PT, ls="--", label="" if k else "the pulses fitted")
-    stored.plot(fine, np.sum(fit, axis=0), color=GREEN, lw=LINE_PT, label="and their sum")
+        stored.plot(fine, one, color=palette.PINK, lw=figures.LINE_PT, ls="--", label="" if k else "the pulses fitted")
+    stored.plot(fine, np.sum(fit, axis=0), color=palette.GREEN, lw=figures.LINE_PT, label="and their sum")
     for where in found_m[np.isfinite(found_m)]:
-        stored.axvline(where, color=GREEN, lw=THIN_PT)
+        stored.axvline(where, color=palette.GREEN, lw=figures.THIN_PT)
         stored.text(
             where,
             1.02,
             f"{where:.2f} m",
             transform=stored.get_xaxis_transform(),
-            fontsize=SMALL_PT,
+            fontsize=figures.SMALL_PT,
             ha="center",
-            color=GREEN,
+            color=palette.GREEN,
         )
-    style_axes(
+    figures.style_axes(
         stored,
         "Samples and fit",
         x="Two-way delay as a range [m]; the amplifier's own delay shows, and is taken off",
         y="Counts",
     )
     key(stored)
-    format_thousands(light.yaxis, current.yaxis, voltage.yaxis)
+    figures.format_thousands(light.yaxis, current.yaxis, voltage.yaxis)
     stored.set_xlim(range_m[at[0]] - 0.3, range_m[at[-1]] + 0.3)
     figure.align_ylabels([light, current, voltage, stored])
     return figure
@@ -443,7 +432,7 @@ def _edge(ranges_m: Sequence[float], photons: Sequence[float]) -> Photons:
 
 def gate() -> Any:
     """Return detection under a range gate over photons, and at 30 photons over pulses averaged."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 5.0, "Range gate: what 30 photons take",
         "gate of 47.6 ns, threshold for 0.1 % of false alarms a pixel, avalanches reckoned with; measured in the legend",
     )  # fmt: skip
@@ -451,12 +440,12 @@ def gate() -> Any:
     quiet = rl.detector.Amplifier(noise_electrons=60.0)
     fine = rl.detector.Readout(electrons_per_count=10.0)
     presets = {
-        "noise_limited": (rl.Gsfl(), BLUE),
-        "offset_limited": (rl.Gsfl(preset="offset_limited"), ORANGE),
-        "60 electrons of amplifier noise": (rl.Gsfl(amplifier=quiet, readout=fine), GREEN),
+        "noise_limited": (rl.Gsfl(), palette.BLUE),
+        "offset_limited": (rl.Gsfl(preset="offset_limited"), palette.ORANGE),
+        "60 electrons of amplifier noise": (rl.Gsfl(amplifier=quiet, readout=fine), palette.GREEN),
         "the same with 0.01 nA of dark current": (
             rl.Gsfl(amplifier=quiet, readout=fine, apd=rl.detector.Apd(dark_current_na=0.01)),
-            PINK,
+            palette.PINK,
         ),
     }
     n = 1000
@@ -475,44 +464,52 @@ def gate() -> Any:
                     binomial_bars(int(seen(gated, photons, n, 5 + pulses, range_m=middle_m).detected.sum()), n)
                 )
             share, low, high = np.array(points).T
-            axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=THIN_PT, capsize=2, label=label)
+            axes.errorbar(
+                levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=figures.THIN_PT, capsize=2, label=label
+            )
     for axes in (single, averaged):
         axes.set(xscale="log", ylim=(-0.03, 1.03))
-        format_thousands(axes.xaxis)
-    single.axvline(30, color=RULE, lw=THIN_PT)
-    style_axes(single, "One pulse", x="Photons on the pixel", y="Probability of detection")
-    style_axes(averaged, "30 photons a pulse", x="Pulses averaged")
+        figures.format_thousands(axes.xaxis)
+    single.axvline(30, color=palette.RULE, lw=figures.THIN_PT)
+    figures.style_axes(single, "One pulse", x="Photons on the pixel", y="Probability of detection")
+    figures.style_axes(averaged, "30 photons a pulse", x="Pulses averaged")
     lines, labels = single.get_legend_handles_labels()
     figure.legend(
-        lines, labels, loc="outside lower center", ncols=2, fontsize=SMALL_PT, frameon=False, labelcolor=QUIET
+        lines,
+        labels,
+        loc="outside lower center",
+        ncols=2,
+        fontsize=figures.SMALL_PT,
+        frameon=False,
+        labelcolor=palette.QUIET,
     )
     return figure
 
 
 def shared() -> Any:
     """Return what droop and crosstalk do against light and against the share of the array that is lit."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 4.6, "What the pixels of a flash do to each other",
         "128 x 128 pixels, a facing plate at 50 m in some of them, Droop() and Crosstalk() with their defaults",
     )  # fmt: skip
     sag, scatter = figure.subplots(1, 2)
     levels, n = np.geomspace(1000, 100_000, 7), 128 * 128
-    for share, colour in ((1.0, RED), (0.25, ORANGE), (0.05, BLUE)):
+    for share, colour in ((1.0, palette.RED), (0.25, palette.ORANGE), (0.05, palette.BLUE)):
         lit = np.flatnonzero(np.arange(n) % round(1.0 / share) == 0)
         loads = [simulate_array_load(rl.Gsfl(droop=rl.detector.Droop()), _flat(lit, level)) for level in levels]
         lost = [100.0 * (1.0 - one.gain[lit].mean()) for one in loads]
-        sag.plot(levels, lost, ".-", color=colour, ms=4, lw=LINE_PT, label=f"{share:.0%} of the array is lit")
+        sag.plot(levels, lost, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=f"{share:.0%} of the array is lit")
         sys.stdout.write(
             f"droop, {share:.0%} lit: {np.round(lost, 2).tolist()} % at {levels.round().tolist()} photons\n"
         )
     sag.set(xscale="log", yscale="log", ylim=(0.002, 50.0))
-    format_thousands(sag.xaxis)
-    style_axes(sag, "Droop: gain lost, mean over the pulse", x="Photons on each lit pixel", y="Lost [%]")
+    figures.format_thousands(sag.xaxis)
+    figures.style_axes(sag, "Droop: gain lost, mean over the pulse", x="Photons on each lit pixel", y="Lost [%]")
     key(sag)
     shares = np.array([0.01, 0.1, 0.25, 0.5, 0.75, 1.0])
     for name, detector, colour in (
-        ("default jitter, Crosstalk()", rl.Gsfl(crosstalk=rl.detector.Crosstalk()), BLUE),
-        ("default jitter alone", rl.Gsfl(), GREEN),
+        ("default jitter, Crosstalk()", rl.Gsfl(crosstalk=rl.detector.Crosstalk()), palette.BLUE),
+        ("default jitter alone", rl.Gsfl(), palette.GREEN),
     ):
         spread = []
         for share in shares:
@@ -520,11 +517,11 @@ def shared() -> Any:
             reading, _ = detect(_flat(lit, 30_000.0), detector, np.random.Generator(np.random.Philox(5)))
             low, high = np.quantile(reading.range_m.ravel()[lit], [0.25, 0.75])
             spread.append((high - low) / 1.349 / units.CM)
-        scatter.plot(shares, spread, ".-", color=colour, ms=4, lw=LINE_PT, label=name)
+        scatter.plot(shares, spread, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=name)
         sys.stdout.write(f"{name}: {np.round(spread, 2).tolist()} cm at {shares.tolist()}\n")
-    scatter.plot([0.5], [8.04], "D", color=INK, ms=6, label="published (Opt. Eng. 60, 083101)")
+    scatter.plot([0.5], [8.04], "D", color=palette.INK, ms=6, label="published (Opt. Eng. 60, 083101)")
     scatter.set(ylim=(0, 16), xlim=(0, 1.03))
-    style_axes(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
+    figures.style_axes(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
     key(scatter, "upper left")
     return figure
 
@@ -543,16 +540,16 @@ def _flat(pixel: np.ndarray, photons: float) -> Photons:
 
 def separation() -> Any:
     """Return how often both of two returns of a pixel are listed, against their separation."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 4.6, "Two returns of a pixel",
         "share of 300 pixels that list both, max_returns = 2, pulse 8 ns; left: trace of 20 samples; right: longer traces",
     )  # fmt: skip
     by_light, by_trace = figure.subplots(1, 2, sharey=True)
     detector = rl.Gsfl(max_returns=2)
-    for over, colour in ((2.0, SKY), (5.0, BLUE), (20.0, ORANGE), (100.0, RED)):
+    for over, colour in ((2.0, palette.SKY), (5.0, palette.BLUE), (20.0, palette.ORANGE), (100.0, palette.RED)):
         photons = over * detector.traits.threshold_photons
         _both(by_light, detector, np.arange(0.6, 4.3, 0.1), photons, f"{photons:,.0f} photons each", colour)
-    for samples, colour in ((20, BLUE), (28, GREEN), (44, PINK)):
+    for samples, colour in ((20, palette.BLUE), (28, palette.GREEN), (44, palette.PINK)):
         longer = detector.replace(readout=rl.detector.Readout(samples=samples))
         deep = np.arange(0.6, longer.stored_behind_m + 0.2, 0.1)
         _both(by_trace, longer, deep, 5.0 * detector.traits.threshold_photons, f"{samples} samples", colour)
@@ -561,7 +558,7 @@ def separation() -> Any:
         (by_trace, f"{5.0 * detector.traits.threshold_photons:,.0f} photons each"),
     ):
         axes.set(ylim=(-0.03, 1.03))
-        style_axes(axes, title, x="Separation in range [m]", y="Both are listed" if axes is by_light else "")
+        figures.style_axes(axes, title, x="Separation in range [m]", y="Both are listed" if axes is by_light else "")
         key(axes, "upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
     return figure
 
@@ -569,7 +566,7 @@ def separation() -> Any:
 def _both(axes: Any, detector: Any, separation_m: np.ndarray, photons: float, label: str, colour: str) -> None:
     pulse, fwhm_s = make_reference_pulse(), REFERENCE_FWHM_S
     made = simulate_pairs(detector, pulse, fwhm_s, separation_m, (photons, photons), 300)
-    axes.plot(made.separation_m, made.probability, ".-", color=colour, ms=4, lw=LINE_PT, label=label)
+    axes.plot(made.separation_m, made.probability, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=label)
     listed = [[round(float(end), 2) for end in made.interval_m(share) or ()] for share in (0.5, 0.9)]
     sys.stdout.write(
         f"two returns, {label}, {detector.readout.samples} samples: half the time {listed[0]} m, 90 % {listed[1]} m\n"
@@ -628,7 +625,7 @@ def _operations() -> dict[str, tuple[rl.rpo.ProximityOperation, str]]:
 
 def operations() -> Any:
     """Return the proximity operations by name, each in a plane of the body's rtn axes."""
-    figure = new_figure(
+    figure = figures.new_figure(
         11.0, 10.2, "Proximity operations by name",
         "about a body on a circle 400 km high. Line: as planned, thick where thrust holds it; dot: start; "
         "triangles: impulses; dashes: drift after the worst failure",
@@ -642,24 +639,31 @@ def operations() -> Any:
         for leg, begin_s, end_s in plan.stretches():
             if end_s > begin_s:
                 path = leg.path(np.linspace(0.0, end_s - begin_s, 400))[0] / unit
-                axes.plot(path[:, right], path[:, up], color=BLUE, lw=THICK_PT if leg.acceleration_m_s2 else LINE_PT)
+                axes.plot(
+                    path[:, right],
+                    path[:, up],
+                    color=palette.BLUE,
+                    lw=figures.THICK_PT if leg.acceleration_m_s2 else figures.LINE_PT,
+                )
         impulses = [impulse for impulse in plan.impulses if impulse.size_m_s > 0.0]
         if impulses:
             places = plan.relative(np.array([impulse.time_s for impulse in impulses]))[0] / unit
-            axes.plot(places[:, right], places[:, up], "^", color=RED, ms=5, zorder=4)
+            axes.plot(places[:, right], places[:, up], "^", color=palette.RED, ms=5, zorder=4)
         if impulses or plan.thrust:
             drift = _adrift(plan, safety.failure_s) / unit
-            axes.plot(drift[:, right], drift[:, up], "--", color=ORANGE, lw=THIN_PT, zorder=1)
+            axes.plot(drift[:, right], drift[:, up], "--", color=palette.ORANGE, lw=figures.THIN_PT, zorder=1)
         start = plan.relative(np.zeros(1))[0][0] / unit
-        axes.plot(start[right], start[up], "o", color=INK, ms=4, zorder=5)
-        axes.plot(0.0, 0.0, "s", color=GREEN, ms=6, zorder=5)
+        axes.plot(start[right], start[up], "o", color=palette.INK, ms=4, zorder=5)
+        axes.plot(0.0, 0.0, "s", color=palette.GREEN, ms=6, zorder=5)
         _frame(axes, plan.relative(np.linspace(0.0, plan.duration_s, 400))[0][:, [right, up]] / unit)
         cost = f"{plan.delta_v_m_s:.3g} m/s" if plan.delta_v_m_s > 0.0 else "free"
         letters = "km" if unit != 1.0 else "m"
-        style_axes(axes, name, x=f"{'Along-track' if plane == 'rt' else 'Across'} [{letters}]", y=f"Radial [{letters}]")
+        figures.style_axes(
+            axes, name, x=f"{'Along-track' if plane == 'rt' else 'Across'} [{letters}]", y=f"Radial [{letters}]"
+        )
         axes.text(
-            0.03, 0.05, f"{cost}; safe {safety.distance_m:.0f} m", transform=axes.transAxes, fontsize=SMALL_PT,
-            color=QUIET, bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1.0},
+            0.03, 0.05, f"{cost}; safe {safety.distance_m:.0f} m", transform=axes.transAxes, fontsize=figures.SMALL_PT,
+            color=palette.QUIET, bbox={"facecolor": palette.PAPER, "edgecolor": "none", "pad": 1.0},
         )  # fmt: skip
     return figure
 
@@ -709,7 +713,7 @@ def safety_ellipse() -> Any:
 
 def relative_models() -> Any:
     """Return the error of the relative models over a revolution: over separation, eccentricity, and with flattening."""
-    figure = new_figure(
+    figure = figures.new_figure(
         11.0, 4.6, "Relative models: greatest error in one revolution",
         "a body behind on the chief's orbit, with a relative ellipse of a tenth of that; perigee 622 km high",
     )  # fmt: skip
@@ -720,19 +724,28 @@ def relative_models() -> Any:
         eccentric: ([(e, 1000.0, None) for e in eccentricities], eccentricities),
         flattened: ([(0.001, rho, rl.orbit.Forces(zonal_degree=6)) for rho in separations[:13]], separations[:13]),
     }
-    drawn = {"hill": RED, "hill, curvilinear": ORANGE, "yamanaka_ankersen": BLUE}
+    drawn = {"hill": palette.RED, "hill, curvilinear": palette.ORANGE, "yamanaka_ankersen": palette.BLUE}
     for axes, (cases, over) in panels.items():
         errors = [_errors(*case) for case in cases]
-        more = {"nonlinear, two bodies": INK, "relative_elements": GREEN} if axes is flattened else {}
+        more = {"nonlinear, two bodies": palette.INK, "relative_elements": palette.GREEN} if axes is flattened else {}
         for name, colour in (drawn | more).items():
             line = [error[name] for error in errors]
-            axes.plot(over, line, ".-", color=colour, ms=4, lw=LINE_PT, label=name)
+            axes.plot(over, line, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=name)
         axes.set(xscale="log", yscale="log", ylim=(1e-4, 1e7))
-    apart.plot(separations, 6 * math.pi * separations**2 / 7e6, "--", color=QUIET, lw=THIN_PT, label="6π ρ² / r")
-    eccentric.plot(eccentricities, 3e4 * eccentricities, "--", color=QUIET, lw=THIN_PT, label="30 e × 1 km")
-    style_axes(apart, "Two bodies, e = 0", x="Behind by [m]", y="Error [m]")
-    style_axes(eccentric, "Two bodies, 1 km", x="Eccentricity of the chief")
-    style_axes(flattened, "With J2 to J6, e = 0.001", x="Behind by [m]")
+    apart.plot(
+        separations,
+        6 * math.pi * separations**2 / 7e6,
+        "--",
+        color=palette.QUIET,
+        lw=figures.THIN_PT,
+        label="6π ρ² / r",
+    )
+    eccentric.plot(
+        eccentricities, 3e4 * eccentricities, "--", color=palette.QUIET, lw=figures.THIN_PT, label="30 e × 1 km"
+    )
+    figures.style_axes(apart, "Two bodies, e = 0", x="Behind by [m]", y="Error [m]")
+    figures.style_axes(eccentric, "Two bodies, 1 km", x="Eccentricity of the chief")
+    figures.style_axes(flattened, "With J2 to J6, e = 0.001", x="Behind by [m]")
     for axes in (apart, eccentric, flattened):
         key(axes, "upper left")
     return figure
@@ -794,7 +807,7 @@ def _shape(name: str) -> tuple[np.ndarray, float]:
     """Return a model as an image (row, col, rgb), parts in the colour of their material, and its width [m]."""
     from PIL import Image
 
-    entry, known = rl.scene.library.model(name), rl.scene.library.materials()
+    entry, known = rl.scene.model(name), rl.scene.load_materials()
     surface = build_whole_surface(
         rl.Target(name=name, model=name, motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))), Path, 1064e-9
     )
@@ -822,7 +835,7 @@ def models() -> Any:
     names = list(rl.scene.library.models())
     columns = 5
     rows = -(-len(names) // columns)
-    figure = new_figure(
+    figure = figures.new_figure(
         2.3 * columns,
         2.05 * rows + 0.7,
         "The shipped models",
@@ -833,14 +846,16 @@ def models() -> Any:
         image, width_m = _shape(name)
         axes.imshow(image, interpolation="none")
         axes.set_axis_off()
-        axes.set_title(name, fontsize=TEXT_PT, color=INK, pad=2)
+        axes.set_title(name, fontsize=figures.TEXT_PT, color=palette.INK, pad=2)
         bar_m = nice_down(0.35 * width_m)
         wide, high = SHAPE_PIXELS
         axes.set_ylim(high + 26, 0)  # the bar stands below the picture: a craft may reach into every corner of that
         foot = high + 22
-        axes.plot([4, 4 + bar_m / width_m * wide], [foot, foot], color=INK, lw=THICK_PT, solid_capstyle="butt")
+        axes.plot(
+            [4, 4 + bar_m / width_m * wide], [foot, foot], color=palette.INK, lw=figures.THICK_PT, solid_capstyle="butt"
+        )
         text = f"{bar_m:g} m" if bar_m >= 1.0 else f"{100 * bar_m:g} cm"
-        axes.text(4, foot - 5, text, fontsize=SMALL_PT, color=QUIET, va="bottom")
+        axes.text(4, foot - 5, text, fontsize=figures.SMALL_PT, color=palette.QUIET, va="bottom")
     return figure
 
 
@@ -849,7 +864,7 @@ def published() -> Any:
     sys.path.insert(0, str(FOLDER.parents[1]))
     from tests.physics import published_cameras as known
 
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6,
         8.0,
         "Published cameras and the simulated detectors",
@@ -857,43 +872,51 @@ def published() -> Any:
     )
     (walk, counts), (sigma, reach) = figure.subplots(2, 2)
     range_m, zones = known.tmf_deviations(known.TMF_ITERATIONS)
-    for (zone, (photons, measured_m, _)), colour in zip(zones.items(), LINES, strict=False):
+    for (zone, (photons, measured_m, _)), colour in zip(zones.items(), palette.LINES, strict=False):
         walk.plot(photons, 1e3 * measured_m, "o", color=colour, ms=3.5, label=f"zone {zone}")
         root = 1.0 / np.sqrt(photons)
         far = range_m > 0.095
         counts.plot(range_m, root, "o", color=colour, ms=3.5)
-        counts.plot(range_m, np.polyval(np.polyfit(range_m[far], root[far], 1), range_m), "-", color=colour, lw=LINE_PT)
+        counts.plot(
+            range_m, np.polyval(np.polyfit(range_m[far], root[far], 1), range_m), "-", color=colour, lw=figures.LINE_PT
+        )
     level, _, walk_m = known.tmf_walk()
-    walk.plot(level, 1e3 * walk_m, color=INK, lw=THICK_PT, label="simulated")
-    style_axes(walk, "TMF8820: range walk", x="Photons of a zone in an iteration", y="Range minus a straight line [mm]")
+    walk.plot(level, 1e3 * walk_m, color=palette.INK, lw=figures.THICK_PT, label="simulated")
+    figures.style_axes(
+        walk, "TMF8820: range walk", x="Photons of a zone in an iteration", y="Range minus a straight line [mm]"
+    )
     key(walk)
-    style_axes(
+    figures.style_axes(
         counts, "TMF8820: light; lines 1 / (R + d)² beyond 0.1 m", x="Range R [m]", y="1 / √photons of an iteration"
     )
     n = known.MIT_DETECTIONS
-    sigma.plot(n, known.MIT_SIGMA_PS, "o", color=BLUE, ms=5, label="measured (quartiles)")
+    sigma.plot(n, known.MIT_SIGMA_PS, "o", color=palette.BLUE, ms=5, label="measured (quartiles)")
     for gaussian, colour, label in (
-        (False, INK, "simulated, measured response"),
-        (True, ORANGE, "authors' Gaussian"),
+        (False, palette.INK, "simulated, measured response"),
+        (True, palette.ORANGE, "authors' Gaussian"),
     ):
-        sigma.plot(n, [known.mit_sigma_ps(int(k), gaussian)[0] for k in n], "-", color=colour, lw=THICK_PT, label=label)
+        sigma.plot(
+            n, [known.mit_sigma_ps(int(k), gaussian)[0] for k in n], "-", color=colour, lw=figures.THICK_PT, label=label
+        )
     sigma.set(xscale="log", yscale="log")
     sigma.minorticks_off()
     sigma.set_xticks(n, [f"{k}" for k in n])
     sigma.set_yticks([50, 100, 200, 400], ["50", "100", "200", "400"])
-    style_axes(sigma, "A scanned SPAD: precision", x="Detections in the gate", y="Time, 1 sigma [ps]")
+    figures.style_axes(sigma, "A scanned SPAD: precision", x="Detections in the gate", y="Time, 1 sigma [ps]")
     key(sigma)
     simulated_m = known.vl53_reaches_m()
     for place, (case, measured_m) in enumerate(known.VL53_REACH_M.items()):
         free = case in known.VL53_FREE
-        reach.plot(simulated_m[case], place, "|", color=INK, ms=14, mew=1.6, label=None if place else "simulated")
-        face = "none" if free else BLUE
+        reach.plot(
+            simulated_m[case], place, "|", color=palette.INK, ms=14, mew=1.6, label=None if place else "simulated"
+        )
+        face = "none" if free else palette.BLUE
         label = {0: "published, used to set signal and sunlight", 1: "published"}.get(place)
-        reach.plot(measured_m, place, "o", color=BLUE, mfc=face, ms=6, label=label)
+        reach.plot(measured_m, place, "o", color=palette.BLUE, mfc=face, ms=6, label=label)
     names = [f"{zones}, {target}, {'5 klux' if lit else 'dark'}" for zones, target, lit in known.VL53_REACH_M]
-    reach.set_yticks(range(len(names)), names, fontsize=SMALL_PT)
+    reach.set_yticks(range(len(names)), names, fontsize=figures.SMALL_PT)
     reach.set(xlim=(0.0, 3.3), ylim=(len(names) + 2.2, -0.5))  # room for the legend
-    style_axes(reach, "VL53L5CX: reach", x="Range of 90 % detection [m]")
+    figures.style_axes(reach, "VL53L5CX: reach", x="Range of 90 % detection [m]")
     key(reach, "lower left")
     return figure
 
@@ -904,7 +927,7 @@ def stray_light() -> Any:
 
     scenario = rl.Scenario.load(FOLDER.parents[1] / "examples" / "ghosts_and_glare.toml")
     frames = list(rl.simulate(scenario, frames=[1, 9, 15, 18], keep=["photons"]))
-    figure = new_figure(
+    figure = figures.new_figure(
         11.0,
         6.1,
         "The Sun passes behind a satellite: images, ghosts, veil and halo",
@@ -915,7 +938,10 @@ def stray_light() -> Any:
         photons = frame.kept["photons"]
         steady = photons.background_photons_per_s
         pulse = np.bincount(photons.pixel, photons.photons, steady.size).reshape(steady.shape)
-        drawn = (steady, LogNorm(1e7, 1e14), AMOUNT_RAMP), (np.maximum(pulse, 1e-2), LogNorm(0.1, 1e5), AMOUNT_RAMP)
+        drawn = (
+            (steady, LogNorm(1e7, 1e14), colour_maps.AMOUNT_RAMP),
+            (np.maximum(pulse, 1e-2), LogNorm(0.1, 1e5), colour_maps.AMOUNT_RAMP),
+        )
         for axes, (image, norm, colours), row, label in zip(
             column, drawn, rows, ("steady light [photons/s]", "laser light [photons]"), strict=True
         ):
@@ -924,7 +950,7 @@ def stray_light() -> Any:
             axes.set_yticks([])
             if frame is frames[-1]:
                 figure.colorbar(shown, ax=list(row), label=label, pad=0.01)
-        column[0].set_title(f"{frame.time_s:.0f} s", fontsize=TEXT_PT, color=INK)
+        column[0].set_title(f"{frame.time_s:.0f} s", fontsize=figures.TEXT_PT, color=palette.INK)
     return figure
 
 
@@ -938,7 +964,7 @@ def second_bounce() -> Any:
     lidar = scenario.lidar.replace(receiver=scenario.lidar.receiver.replace(rays_per_pixel=400))
     scenario, alone = (scenario.replace(lidar=lidar.replace(bounces=n)) for n in (2, 1))
     (first,), (both,) = (tuple(rl.simulate(one, frames=[FOIL_ATTITUDE])) for one in (alone, scenario))
-    figure = new_figure(
+    figure = figures.new_figure(
         11.0,
         4.6,
         "Light that meets two surfaces",
@@ -951,20 +977,29 @@ def second_bounce() -> Any:
     for low, photons, title in panels:
         axes = figure.add_axes((0.03, low, 0.50, 0.30))
         image = np.log10(np.maximum(photons[window], 1.0))
-        shown = axes.imshow(np.where(photons[window] > 0, image, np.nan), cmap=AMOUNT_RAMP, vmin=1.0, vmax=4.5)
-        axes.set_title(f"{title}: {photons.sum(dtype=float) / 1e6:.1f} million photons", fontsize=TEXT_PT, color=INK)
+        shown = axes.imshow(
+            np.where(photons[window] > 0, image, np.nan), cmap=colour_maps.AMOUNT_RAMP, vmin=1.0, vmax=4.5
+        )
+        axes.set_title(
+            f"{title}: {photons.sum(dtype=float) / 1e6:.1f} million photons",
+            fontsize=figures.TEXT_PT,
+            color=palette.INK,
+        )
         axes.set_axis_off()
     bar = figure.colorbar(shown, cax=figure.add_axes((0.545, 0.12, 0.012, 0.55)), ticks=[1, 2, 3, 4])
-    bar.ax.set_yticklabels(["10", "100", "1,000", "10⁴"], fontsize=SMALL_PT)
-    bar.ax.set_title("photons", fontsize=SMALL_PT, color=QUIET)
+    bar.ax.set_yticklabels(["10", "100", "1,000", "10⁴"], fontsize=figures.SMALL_PT)
+    bar.ax.set_title("photons", fontsize=figures.SMALL_PT, color=palette.QUIET)
     axes = figure.add_axes((0.675, 0.15, 0.305, 0.61))
-    for material, label, colour in ((None, "catalogue's materials", BLUE), ("mli_gold", "gold foil all over", ORANGE)):
+    for material, label, colour in (
+        (None, "catalogue's materials", palette.BLUE),
+        ("mli_gold", "gold foil all over", palette.ORANGE),
+    ):
         points = np.array([_bounced_share(name, material, k) for name in BOUNCING for k in range(6)])
         axes.plot(100.0 * points[:, 0], points[:, 1], "o", ms=4, color=colour, alpha=0.75, label=label)
     axes.set_xscale("log")
     axes.set_xlim(0.8, 400.0)
     axes.set_xticks([1, 10, 100], ["1 %", "10 %", "100 %"])
-    style_axes(axes, x="light of the second bounce over that of the first", y="mean depth behind the first [m]")
+    figures.style_axes(axes, x="light of the second bounce over that of the first", y="mean depth behind the first [m]")
     key(axes, "upper left")
     return figure
 
@@ -1024,7 +1059,7 @@ def smear() -> Any:
         "6 m/s along": {"motion": _coast([298.53, 0.0, 0.0], [6.0, 0.0, 0.0])},
         "40 deg/s of spin": {"attitude": {"type": "spin", "axis": [1, 0, 0], "rate_deg_s": 40}},
     }
-    figure = new_figure(
+    figure = figures.new_figure(
         11.0, 5.6, "Fifty pulses in half a second, averaged",
         "photons of the mean pulse, and the mean samples of all lit pixels; suomi_npp at 300 m, 50 pulses at 100 Hz",
     )  # fmt: skip
@@ -1033,18 +1068,23 @@ def smear() -> Any:
         scenario = still.replace(target=(still.target[0].replace(**changed),))
         (frame,) = rl.simulate(scenario, keep=["waveforms"])
         shown = image.imshow(
-            np.maximum(frame.labels.photons, 1.0), cmap=AMOUNT_RAMP, norm=LogNorm(1.0, 1e3), interpolation="none"
+            np.maximum(frame.labels.photons, 1.0),
+            cmap=colour_maps.AMOUNT_RAMP,
+            norm=LogNorm(1.0, 1e3),
+            interpolation="none",
         )
         epochs = len(frame.truth.cast_epochs)
-        image.set_title(f"{name}\ncast at {epochs} epoch{'s' * (epochs > 1)}", fontsize=TEXT_PT, color=INK)
+        image.set_title(
+            f"{name}\ncast at {epochs} epoch{'s' * (epochs > 1)}", fontsize=figures.TEXT_PT, color=palette.INK
+        )
         image.set_xticks([])
         image.set_yticks([])
         stored = frame.kept["waveforms"]
         lit = frame.labels.photons.ravel()[stored.pixel] > 0.0
         samples = stored.samples_counts[lit].mean(axis=0) - stored.baseline_counts
         range_m = (stored.start_s[0] + np.arange(len(samples)) * stored.sample_s) * units.RANGE_PER_DELAY_M_S
-        trace.plot(range_m, samples, ".-", color=BLUE, ms=3, lw=THIN_PT)
-        style_axes(trace, "", x="Range [m]", y="Mean sample [counts]" if trace is traces[0] else "")
+        trace.plot(range_m, samples, ".-", color=palette.BLUE, ms=3, lw=figures.THIN_PT)
+        figures.style_axes(trace, "", x="Range [m]", y="Mean sample [counts]" if trace is traces[0] else "")
         trace.set_xlim(295.0, 305.0)
     figure.colorbar(shown, ax=list(images), label="expected photons", pad=0.01)
     return figure
@@ -1073,7 +1113,7 @@ def _allan_deviation(values: np.ndarray, rate_hz: float, averaging_s: np.ndarray
 
 def allan() -> Any:
     """Return the Allan deviation of ten hours of a gyro at rest, and the terms of its datasheet."""
-    figure = new_figure(
+    figure = figures.new_figure(
         9.6, 4.8, "Ten hours of a gyro at rest",
         "overlapping Allan deviation of the preset stim300_gyro, and of one with a rate random walk of 2 deg/h/√h; lines: "
         "IEEE Std 952",
@@ -1084,7 +1124,7 @@ def allan() -> Any:
     zero = np.zeros((len(time_s), 3))
     upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(time_s), 1))
     at_rest = rl.records.BodyMotion(time_s, zero, zero, upright, zero, zero)
-    for walk_deg_h_sqrt_h, colour in ((0.0, BLUE), (2.0, RED)):
+    for walk_deg_h_sqrt_h, colour in ((0.0, palette.BLUE), (2.0, palette.RED)):
         gyro = rl.sensors.Gyro(
             name="gyro", preset="stim300_gyro", rate_hz=rate_hz, rate_random_walk_deg_h_sqrt_h=walk_deg_h_sqrt_h
         )
@@ -1092,34 +1132,39 @@ def allan() -> Any:
         for k, axis in enumerate((samples.angular_velocity_rad_s / units.DEG_H).T):
             label = "preset, three axes" if walk_deg_h_sqrt_h == 0.0 else "with a rate random walk"
             deviation = _allan_deviation(axis, rate_hz, averaging_s)
-            axes.plot(averaging_s, deviation, ".-", color=colour, ms=3, lw=THIN_PT, label=label if k == 0 else None)
+            axes.plot(
+                averaging_s, deviation, ".-", color=colour, ms=3, lw=figures.THIN_PT, label=label if k == 0 else None
+            )
     floor = gyro.bias_instability_deg_h
     for label, line, style in (
         ("angle random walk 0.15 deg/√h", 0.15 * 60.0 / np.sqrt(averaging_s), "--"),
         (f"bias instability {floor:g} deg/h", np.full_like(averaging_s, floor), ":"),
         ("rate random walk 2 deg/h/√h", 2.0 * np.sqrt(averaging_s / 3.0 / 3600.0), "-."),
     ):
-        axes.plot(averaging_s, line, style, color=INK, lw=THIN_PT, label=label)
+        axes.plot(averaging_s, line, style, color=palette.INK, lw=figures.THIN_PT, label=label)
     axes.set(xscale="log", yscale="log", ylim=(0.1, 30.0))
-    style_axes(axes, x="Averaging time [s]", y="Allan deviation [deg/h]")
+    figures.style_axes(axes, x="Averaging time [s]", y="Allan deviation [deg/h]")
     key(axes)
     return figure
 
 
 def _arrow(
-    axes: Any, end: tuple[float, float], name: str, colour: str = INK, start: tuple[float, float] = (0.0, 0.0)
+    axes: Any, end: tuple[float, float], name: str, colour: str = palette.INK, start: tuple[float, float] = (0.0, 0.0)
 ) -> None:
     """Draw an axis or a direction with its name at the tip."""
     axes.annotate(
-        "", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": LINE_PT, "shrinkA": 0, "shrinkB": 0}
+        "",
+        end,
+        start,
+        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": figures.LINE_PT, "shrinkA": 0, "shrinkB": 0},
     )
     tip = np.asarray(end) + 0.13 * (np.asarray(end) - start) / np.hypot(*(np.asarray(end) - start))
-    axes.text(*tip, name, ha="center", va="center", color=colour, fontsize=TEXT_PT)
+    axes.text(*tip, name, ha="center", va="center", color=colour, fontsize=figures.TEXT_PT)
 
 
 def _plain(axes: Any, title: str, x: tuple[float, float], y: tuple[float, float]) -> None:
     """Prepare a drawing to scale, without numbers."""
-    style_axes(axes, title)
+    figures.style_axes(axes, title)
     axes.set(xlim=x, ylim=y, aspect="equal", xticks=[], yticks=[])
     axes.grid(visible=False)
     for side in axes.spines.values():
@@ -1128,95 +1173,121 @@ def _plain(axes: Any, title: str, x: tuple[float, float], y: tuple[float, float]
 
 def axes_chain() -> Any:
     """Axes of a target's orbit, of the pan-tilt unit and of the lidar, as docs/axes.md describes them."""
-    figure = new_figure(PAGE_IN, 4.3, "From the orbit to the pixel", "axes by name; drawings are not to scale")
+    figure = figures.new_figure(
+        figures.PAGE_IN, 4.3, "From the orbit to the pixel", "axes by name; drawings are not to scale"
+    )
     rtn, ptu, lidar = figure.subplots(1, 3)
 
     _plain(rtn, "rtn of the target, seen from orbit north", (-1.75, 1.45), (-1.5, 1.7))
     around = np.linspace(0.32, 1.1, 60) * np.pi
-    rtn.plot(2.6 * np.cos(around), 2.6 * np.sin(around) - 2.6, color=RULE, lw=THIN_PT)
-    rtn.text(0.0, -1.2, "Earth, far below", ha="center", va="center", color=QUIET, fontsize=SMALL_PT)
-    _arrow(rtn, (0.0, 1.1), "x, radial", BLUE)
-    _arrow(rtn, (-1.1, 0.0), "y", GREEN)
-    rtn.text(-1.1, 0.2, "along-track", ha="center", va="center", color=GREEN, fontsize=SMALL_PT)
-    rtn.plot(0.0, 0.0, "o", mfc=PAPER, mec=RED, mew=LINE_PT, ms=10)
-    rtn.plot(0.0, 0.0, ".", color=RED)
-    rtn.text(0.15, 0.22, "z, to the reader", ha="left", color=RED, fontsize=TEXT_PT)
-    rtn.plot(1.05, -0.2, "s", color=INK, ms=7)
-    rtn.text(1.05, -0.48, "follower", ha="center", color=INK, fontsize=TEXT_PT)
-    rtn.text(0.0, -0.35, "target", ha="center", color=INK, fontsize=TEXT_PT)
+    rtn.plot(2.6 * np.cos(around), 2.6 * np.sin(around) - 2.6, color=palette.RULE, lw=figures.THIN_PT)
+    rtn.text(0.0, -1.2, "Earth, far below", ha="center", va="center", color=palette.QUIET, fontsize=figures.SMALL_PT)
+    _arrow(rtn, (0.0, 1.1), "x, radial", palette.BLUE)
+    _arrow(rtn, (-1.1, 0.0), "y", palette.GREEN)
+    rtn.text(-1.1, 0.2, "along-track", ha="center", va="center", color=palette.GREEN, fontsize=figures.SMALL_PT)
+    rtn.plot(0.0, 0.0, "o", mfc=palette.PAPER, mec=palette.RED, mew=figures.LINE_PT, ms=10)
+    rtn.plot(0.0, 0.0, ".", color=palette.RED)
+    rtn.text(0.15, 0.22, "z, to the reader", ha="left", color=palette.RED, fontsize=figures.TEXT_PT)
+    rtn.plot(1.05, -0.2, "s", color=palette.INK, ms=7)
+    rtn.text(1.05, -0.48, "follower", ha="center", color=palette.INK, fontsize=figures.TEXT_PT)
+    rtn.text(0.0, -0.35, "target", ha="center", color=palette.INK, fontsize=figures.TEXT_PT)
 
     _plain(ptu, "PTU on the follower, seen from above", (-1.0, 2.2), (-1.6, 1.6))
-    ptu.fill([-0.45, 0.25, 0.25, -0.45], [-0.35, -0.35, 0.35, 0.35], color=OTHER_PART)
-    _arrow(ptu, (1.5, 0.0), "x", QUIET)
-    _arrow(ptu, (0.0, 1.3), "y", QUIET)
+    ptu.fill([-0.45, 0.25, 0.25, -0.45], [-0.35, -0.35, 0.35, 0.35], color=palette.OTHER_PART)
+    _arrow(ptu, (1.5, 0.0), "x", palette.QUIET)
+    _arrow(ptu, (0.0, 1.3), "y", palette.QUIET)
     pan = np.linspace(0.0, 35.0 * units.DEG, 30)
-    _arrow(ptu, (1.7 * math.cos(pan[-1]), 1.7 * math.sin(pan[-1])), "boresight", BLUE)
-    ptu.plot(np.cos(pan), np.sin(pan), color=ORANGE, lw=LINE_PT)
-    ptu.text(1.12, 0.36, "pan > 0: left", color=ORANGE, fontsize=TEXT_PT, va="center")
-    ptu.text(0.6, -0.85, "z is up, to the reader;", ha="center", color=QUIET, fontsize=SMALL_PT)
-    ptu.text(0.6, -1.15, "tilt > 0 looks up", ha="center", color=ORANGE, fontsize=TEXT_PT)
+    _arrow(ptu, (1.7 * math.cos(pan[-1]), 1.7 * math.sin(pan[-1])), "boresight", palette.BLUE)
+    ptu.plot(np.cos(pan), np.sin(pan), color=palette.ORANGE, lw=figures.LINE_PT)
+    ptu.text(1.12, 0.36, "pan > 0: left", color=palette.ORANGE, fontsize=figures.TEXT_PT, va="center")
+    ptu.text(0.6, -0.85, "z is up, to the reader;", ha="center", color=palette.QUIET, fontsize=figures.SMALL_PT)
+    ptu.text(0.6, -1.15, "tilt > 0 looks up", ha="center", color=palette.ORANGE, fontsize=figures.TEXT_PT)
 
     _plain(lidar, "lidar, as it looks at the scene", (-1.9, 1.9), (1.9, -1.9))
     for line in np.linspace(-1.2, 1.2, 9):
-        lidar.plot([line, line], [-1.2, 1.2], color=RULE, lw=HAIR_PT)
-        lidar.plot([-1.2, 1.2], [line, line], color=RULE, lw=HAIR_PT)
-    _arrow(lidar, (1.45, 0.0), "x", BLUE)
-    _arrow(lidar, (0.0, 1.45), "y", GREEN)
-    lidar.plot(0.0, 0.0, "o", mfc=PAPER, mec=RED, mew=LINE_PT, ms=10)
-    lidar.plot(0.0, 0.0, "x", color=RED, ms=6)
-    paper = {"facecolor": PAPER, "edgecolor": "none", "pad": 1.5}
-    lidar.text(-0.2, -0.3, "z, boresight,\naway", ha="right", color=RED, fontsize=TEXT_PT, bbox=paper)
-    lidar.text(-1.2, -1.38, "pixel (row 0, col 0)", ha="left", color=QUIET, fontsize=SMALL_PT)
-    lidar.text(1.2, 1.5, "row, col grow", ha="right", color=QUIET, fontsize=SMALL_PT)
+        lidar.plot([line, line], [-1.2, 1.2], color=palette.RULE, lw=figures.HAIR_PT)
+        lidar.plot([-1.2, 1.2], [line, line], color=palette.RULE, lw=figures.HAIR_PT)
+    _arrow(lidar, (1.45, 0.0), "x", palette.BLUE)
+    _arrow(lidar, (0.0, 1.45), "y", palette.GREEN)
+    lidar.plot(0.0, 0.0, "o", mfc=palette.PAPER, mec=palette.RED, mew=figures.LINE_PT, ms=10)
+    lidar.plot(0.0, 0.0, "x", color=palette.RED, ms=6)
+    paper = {"facecolor": palette.PAPER, "edgecolor": "none", "pad": 1.5}
+    lidar.text(-0.2, -0.3, "z, boresight,\naway", ha="right", color=palette.RED, fontsize=figures.TEXT_PT, bbox=paper)
+    lidar.text(-1.2, -1.38, "pixel (row 0, col 0)", ha="left", color=palette.QUIET, fontsize=figures.SMALL_PT)
+    lidar.text(1.2, 1.5, "row, col grow", ha="right", color=palette.QUIET, fontsize=figures.SMALL_PT)
     return figure
 
 
 def palette() -> Any:
     """The style of all pictures: colours of lines, sizes of text, colours of parts, and colour maps."""
-    figure = new_figure(
-        PAGE_IN, 4.6, "Style of pictures", "colours of the scheme of this page; maps and parts are the same in both"
+    figure = figures.new_figure(
+        figures.PAGE_IN,
+        4.6,
+        "Style of pictures",
+        "colours of the scheme of this page; maps and parts are the same in both",
     )
     lines, sizes, maps, parts = figure.subplots(2, 2, gridspec_kw={"height_ratios": (1.35, 1.0)}).flat
     x = np.linspace(0.0, 1.0, 60)
     names = ("BLUE", "ORANGE", "GREEN", "PINK", "SKY", "RED")
-    for k, (name, colour) in enumerate(zip(names, LINES, strict=True)):
-        lines.plot(x, np.sin(3.0 * x + 0.45 * k), color=colour, lw=THICK_PT, label=name)
-    lines.axhline(0.0, color=RULE, lw=THIN_PT)
-    style_axes(lines, "Lines and categories", "Time [s]", "Range [m]")
+    for k, (name, colour) in enumerate(zip(names, palette.LINES, strict=True)):
+        lines.plot(x, np.sin(3.0 * x + 0.45 * k), color=colour, lw=figures.THICK_PT, label=name)
+    lines.axhline(0.0, color=palette.RULE, lw=figures.THIN_PT)
+    figures.style_axes(lines, "Lines and categories", "Time [s]", "Range [m]")
     lines.legend(
-        fontsize=SMALL_PT,
+        fontsize=figures.SMALL_PT,
         frameon=False,
         loc="upper left",
         bbox_to_anchor=(1.0, 1.0),
-        labelcolor=QUIET,
+        labelcolor=palette.QUIET,
         borderaxespad=0.0,
     )
-    words = {"TITLE_PT": TITLE_PT, "HEADING_PT": HEADING_PT, "TEXT_PT": TEXT_PT, "SMALL_PT": SMALL_PT}
+    words = {
+        "TITLE_PT": figures.TITLE_PT,
+        "HEADING_PT": figures.HEADING_PT,
+        "TEXT_PT": figures.TEXT_PT,
+        "SMALL_PT": figures.SMALL_PT,
+    }
     for k, (name, size_pt) in enumerate(words.items()):
         sizes.text(
-            0.0, 0.9 - 0.27 * k, f"{name}: {size_pt:g} pt", fontsize=size_pt, color=QUIET if k else INK, va="center"
+            0.0,
+            0.9 - 0.27 * k,
+            f"{name}: {size_pt:g} pt",
+            fontsize=size_pt,
+            color=palette.QUIET if k else palette.INK,
+            va="center",
         )
-    widths = {"HAIR_PT": HAIR_PT, "THIN_PT": THIN_PT, "LINE_PT": LINE_PT, "THICK_PT": THICK_PT, "WIDE_PT": WIDE_PT}
+    widths = {
+        "HAIR_PT": figures.HAIR_PT,
+        "THIN_PT": figures.THIN_PT,
+        "LINE_PT": figures.LINE_PT,
+        "THICK_PT": figures.THICK_PT,
+        "WIDE_PT": figures.WIDE_PT,
+    }
     for k, (name, width_pt) in enumerate(widths.items()):
         y = 0.94 - 0.21 * k
-        sizes.plot([0.55, 0.68], [y, y], color=INK, lw=width_pt)
-        sizes.text(0.71, y, f"{name}: {width_pt:g} pt", fontsize=SMALL_PT, color=QUIET, va="center")
+        sizes.plot([0.55, 0.68], [y, y], color=palette.INK, lw=width_pt)
+        sizes.text(0.71, y, f"{name}: {width_pt:g} pt", fontsize=figures.SMALL_PT, color=palette.QUIET, va="center")
     sizes.set(xlim=(0, 1), ylim=(0, 1))
     sizes.set_axis_off()
-    ramps = {"range": RANGE_RAMP, "intensity": INTENSITY_RAMP, "amount": AMOUNT_RAMP, "error": ERROR_RAMP}
+    ramps = {
+        "range": colour_maps.RANGE_RAMP,
+        "intensity": colour_maps.INTENSITY_RAMP,
+        "amount": colour_maps.AMOUNT_RAMP,
+        "error": colour_maps.ERROR_RAMP,
+    }
     for k, name in enumerate(ramps.values()):
-        maps.imshow(ramp(name)[None], extent=(0, 256, 3.6 - k, 4.4 - k), aspect="auto")
-    maps.imshow(np.array([[split_rgb(NO_RETURN)]]), extent=(0, 256, -0.4, 0.4), aspect="auto")
+        maps.imshow(colour_maps.ramp(name)[None], extent=(0, 256, 3.6 - k, 4.4 - k), aspect="auto")
+    maps.imshow(np.array([[palette.split_rgb(palette.NO_RETURN)]]), extent=(0, 256, -0.4, 0.4), aspect="auto")
     maps.set(xlim=(0, 256), ylim=(-0.5, 4.5), xticks=[])
-    style_axes(maps, "Colour maps")
+    figures.style_axes(maps, "Colour maps")
     maps.grid(visible=False)
     maps.set_yticks(range(5), ["no return", *reversed([f"{use}: {name}" for use, name in ramps.items()])])
-    for k, colour in enumerate((*PARTS, OTHER_PART)):
-        parts.imshow(np.array([[split_rgb(colour)]]), extent=(k - 0.45, k + 0.45, 0, 1), aspect="auto")
-    parts.set(xlim=(-0.5, len(PARTS) + 0.5), ylim=(0, 1), yticks=[])
-    style_axes(parts, "Parts and classes on images")
+    for k, colour in enumerate((*palette.PARTS, palette.OTHER_PART)):
+        parts.imshow(np.array([[palette.split_rgb(colour)]]), extent=(k - 0.45, k + 0.45, 0, 1), aspect="auto")
+    parts.set(xlim=(-0.5, len(palette.PARTS) + 0.5), ylim=(0, 1), yticks=[])
+    figures.style_axes(parts, "Parts and classes on images")
     parts.grid(visible=False)
-    parts.set_xticks(range(len(PARTS) + 1), [*(f"{k}" for k in range(len(PARTS))), "other"])
+    parts.set_xticks(range(len(palette.PARTS) + 1), [*(f"{k}" for k in range(len(palette.PARTS))), "other"])
     return figure
 
 

@@ -16,9 +16,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import rso_lidar as rl
-from rso_lidar.mission_analysis.time_history.open_loop import fly_open_loop
-from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, ramp
-from rso_lidar.picture.style.palette import Rgb
+from rso_lidar.mission_analysis import fly_open_loop
+from rso_lidar.picture import colour_maps, palette
 
 PLACE = Path(__file__).resolve().parent / "pictures" / "approach.gif"
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "tdrs_approach.toml"
@@ -36,11 +35,13 @@ WINDOW_M = 25.0  # points farther than this from the centre are false alarms, an
 HALF_VIEW_M = 11.5  # the cloud's panel shows so much to each side; the satellite is 21 m long
 SWING_DEG, TILT_DEG = 50.0, 15.0  # the cloud is seen from the side, and from above
 
-CARD: Rgb = (16, 19, 26)  # near black, so that the film looks the same on light and on dark pages
-SKY: Rgb = (34, 38, 48)
-TEXT: Rgb = (232, 235, 240)
-FAINT: Rgb = (150, 157, 168)
-COLOURS = np.vstack([ramp(RANGE_RAMP)[24::2], np.repeat(np.arange(0, 256, 2)[:, None], 3, axis=1)])[:244]
+CARD: palette.Rgb = (16, 19, 26)  # near black, so that the film looks the same on light and on dark pages
+SKY: palette.Rgb = (34, 38, 48)
+TEXT: palette.Rgb = (232, 235, 240)
+FAINT: palette.Rgb = (150, 157, 168)
+COLOURS = np.vstack(
+    [colour_maps.ramp(colour_maps.RANGE_RAMP)[24::2], np.repeat(np.arange(0, 256, 2)[:, None], 3, axis=1)]
+)[:244]
 
 
 def find_frames(scenario: rl.Scenario) -> list[int]:
@@ -53,7 +54,7 @@ def find_frames(scenario: rl.Scenario) -> list[int]:
 
 def draw_range(depth_m: np.ndarray) -> np.ndarray:
     """Return the colours (…, rgb) of depths [m] about the centre of the satellite; NaN has the colour of the sky."""
-    colours = ramp(RANGE_RAMP)[24:]
+    colours = colour_maps.ramp(colour_maps.RANGE_RAMP)[24:]
     step = np.clip((depth_m / HALF_DEPTH_M + 1.0) / 2.0, 0.0, 1.0) * (len(colours) - 1)
     return np.where(np.isfinite(depth_m)[..., None], colours[np.nan_to_num(step).astype(int)], SKY).astype(np.uint8)
 
@@ -61,7 +62,7 @@ def draw_range(depth_m: np.ndarray) -> np.ndarray:
 def draw_intensity(counts: np.ndarray, most: float) -> np.ndarray:
     """Return the greys (…, rgb) of intensities [counts], logarithmic up to `most`; no return is black."""
     share = np.log(np.maximum(counts, 1)) / np.log(most)
-    grey = ramp(INTENSITY_RAMP)[np.clip(share * 255, 0, 255).astype(int)]
+    grey = colour_maps.ramp(colour_maps.INTENSITY_RAMP)[np.clip(share * 255, 0, 255).astype(int)]
     return np.where((counts > 0)[..., None], grey, 0).astype(np.uint8)
 
 
@@ -160,11 +161,11 @@ def write_film(place: Path) -> Path:
     most = max(float(np.percentile(frame.intensity_counts[frame.valid], 99)) for frame in flown)
     shares = np.linspace(0.0, 1.0, len(flown))
     drawn = [draw_picture(frame, share, most, flown[0].time_s) for frame, share in zip(flown, shares, strict=True)]
-    palette = Image.new("P", (1, 1))
+    indexed_palette = Image.new("P", (1, 1))
     fixed = [*COLOURS.tolist(), CARD, SKY, TEXT, FAINT]
     fixed += [CARD] * (256 - len(fixed))
-    palette.putpalette([int(v) for colour in fixed for v in colour])
-    indexed = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in drawn]
+    indexed_palette.putpalette([int(v) for colour in fixed for v in colour])
+    indexed = [picture.quantize(palette=indexed_palette, dither=Image.Dither.NONE) for picture in drawn]
     delays = [DELAY_MS] * (len(indexed) - 1) + [LAST_MS]
     indexed[0].save(place, save_all=True, append_images=indexed[1:], duration=delays, loop=0, optimize=False)
     return place

@@ -29,15 +29,14 @@ from rso_lidar.dataset.specification.distributions import Law
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.loop.service.requests import REQUESTS, CommandRequest
-from rso_lidar.mission_analysis.models.material_list import WAVELENGTHS_NM, list_materials
-from rso_lidar.part.field_types import describe_type
-from rso_lidar.records.part_classes import PART_CLASSES
-from rso_lidar.scenario.tables.presets import load_presets
-from rso_lidar.shapes.materials import MATERIALS
+from rso_lidar.mission_analysis import WAVELENGTHS_NM, list_materials
+from rso_lidar.part import describe_type
+from rso_lidar.records import PART_CLASSES
+from rso_lidar.scenario import load_presets
+from rso_lidar.shapes import MATERIALS
 from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
-from rso_lidar.study.trades.definition import Study
+from rso_lidar.study import Requirements, Study
 from rso_lidar.study.trades.merits import MERITS
-from rso_lidar.study.verification.requirements_file import Requirements
 
 DOCS = Path(__file__).resolve().parent
 LAWS = get_args(get_args(Law)[0])

@@ -14,8 +14,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from rso_lidar.export import to_stamp_ns
 from rso_lidar.export.formats.mcap import RosStream
-from rso_lidar.export.formats.trajectory import to_stamp_ns
 from tests.settings_for_tests import limit_pixels
 
 pytest.importorskip("rosbags.typesys", reason="needs rosbags: pip install rosbags")

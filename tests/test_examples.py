@@ -11,9 +11,9 @@ from scipy.ndimage import binary_dilation
 
 import rso_lidar as rl
 from rso_lidar import motion
-from rso_lidar.motion.truth import Chief
-from rso_lidar.orbit.sky.sun import sun_position_m
-from rso_lidar.scene.library.model_index import model
+from rso_lidar.motion import Chief
+from rso_lidar.orbit import sun_position_m
+from rso_lidar.scene import model
 from rso_lidar.units import DEG, SPEED_OF_LIGHT_M_S
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import rso_lidar
-from rso_lidar.scenario.mission.validation import read_toml
+from rso_lidar.scenario import read_toml
 from rso_lidar.shipped import find, shipped
 
 

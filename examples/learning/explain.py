@@ -16,10 +16,7 @@ from pytorch import torch
 from resnet import CHANNELS
 
 import rso_lidar as rl
-from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, INTENSITY_RAMP, RANGE_RAMP
-from rso_lidar.picture.style.figures import HEADING_PT, LANDSCAPE_IN, new_figure
-from rso_lidar.picture.style.output import save_figure
-from rso_lidar.picture.style.palette import INK
+from rso_lidar.picture import colour_maps, figures, palette, save_figure
 
 LABEL = "part_class_id"
 
@@ -91,16 +88,20 @@ def draw(path: str, network: ResNet18, returns: Returns, frames: list[int], clas
     frames : their numbers.
     classes : names by number.
     """
-    width_in = min(1.9 * len(frames), LANDSCAPE_IN)
-    figure = new_figure(width_in, 4.4, "Where a classifier looks", "range, nearer is brighter; below, Grad-CAM")
+    width_in = min(1.9 * len(frames), figures.LANDSCAPE_IN)
+    figure = figures.new_figure(width_in, 4.4, "Where a classifier looks", "range, nearer is brighter; below, Grad-CAM")
     axes = figure.subplots(2, len(frames), squeeze=False)
     for k, frame in enumerate(frames):
         image = crop(returns, np.array([frame]))[0]
         ranges = np.where(image[2] > 0, -10.0 * image[0], np.nan)
-        axes[0, k].imshow(ranges, cmap=RANGE_RAMP)
-        axes[0, k].set_title(classes[int(returns.columns["class_id"][frame])], fontsize=HEADING_PT, color=INK)
-        axes[1, k].imshow(np.where(image[2] > 0, 0.4, 0.0), cmap=INTENSITY_RAMP, vmin=0, vmax=1)
-        axes[1, k].imshow(map_attention(network, returns, frame), cmap=AMOUNT_RAMP, alpha=0.7, vmin=0, vmax=1)
+        axes[0, k].imshow(ranges, cmap=colour_maps.RANGE_RAMP)
+        axes[0, k].set_title(
+            classes[int(returns.columns["class_id"][frame])], fontsize=figures.HEADING_PT, color=palette.INK
+        )
+        axes[1, k].imshow(np.where(image[2] > 0, 0.4, 0.0), cmap=colour_maps.INTENSITY_RAMP, vmin=0, vmax=1)
+        axes[1, k].imshow(
+            map_attention(network, returns, frame), cmap=colour_maps.AMOUNT_RAMP, alpha=0.7, vmin=0, vmax=1
+        )
     for axis in axes.flat:
         axis.set_xticks([])
         axis.set_yticks([])

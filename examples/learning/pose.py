@@ -23,12 +23,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from training import fit, prepare_torch
 
 import rso_lidar as rl
-from rso_lidar.records.symmetry import rotation_error_rad
+from rso_lidar.records import rotation_error_rad
 from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library.model_index import model as find_model
-from rso_lidar.track.pose.icp import Alignment, align, find_outline, misfit_m
-from rso_lidar.track.pose.pose_search import acquire
-from rso_lidar.track.pose.sampled_mesh import SampledMesh, sample_mesh
+from rso_lidar.scene import model as find_model
+from rso_lidar.track import Alignment, SampledMesh, acquire, align, sample_mesh
+from rso_lidar.track.pose.icp import find_outline, misfit_m
 from rso_lidar.units import DEG
 
 POINTS, GUESSES = 128, 4

@@ -13,10 +13,7 @@ from arguments import run
 
 import rso_lidar as rl
 from rso_lidar.errors import DatasetError
-from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP
-from rso_lidar.picture.style.figures import PAGE_IN, SMALL_PT, THIN_PT, colour_of, draw_legend, new_figure, style_axes
-from rso_lidar.picture.style.output import save_figure
-from rso_lidar.picture.style.palette import RULE, choose_ink
+from rso_lidar.picture import colour_maps, figures, palette, save_figure
 
 COLUMNS = ("sample", "step", "draw", "class_id", "present", "lit_pixels", "reporting_pixels")
 LIT = (1, 10, 30, 100, 300, 1000, 20000)
@@ -74,7 +71,7 @@ def draw(path: str, scores: np.ndarray, truth: dict[str, np.ndarray], classes: t
     """
     from sklearn.metrics import average_precision_score, precision_recall_curve
 
-    figure = new_figure(PAGE_IN, 9.0, "Classification of frames")
+    figure = figures.new_figure(figures.PAGE_IN, 9.0, "Classification of frames")
     axes = figure.subplots(2, 2)
     lit = truth["lit_pixels"]
     some = lit >= 1
@@ -82,7 +79,7 @@ def draw(path: str, scores: np.ndarray, truth: dict[str, np.ndarray], classes: t
     edges = np.geomspace(4, 3000, 12)
     middle = np.sqrt(edges[1:] * edges[:-1])
     for k, name in enumerate(classes):
-        colour, style = colour_of(k)
+        colour, style = figures.colour_of(k)
         mine = truth["class_id"] == k
         precision, recall, _ = precision_recall_curve(mine[some], scores[0, some, k])
         average = np.mean([average_precision_score(mine[some], one[some, k]) for one in scores])
@@ -90,11 +87,11 @@ def draw(path: str, scores: np.ndarray, truth: dict[str, np.ndarray], classes: t
         within = [mine & (lit >= low) & (lit < high) for low, high in pairwise(edges)]
         shares = [right[:, group].mean() if group.sum() >= 5 else np.nan for group in within]
         axes[0, 1].plot(middle, shares, "o", ms=3, color=colour, ls=style, label=name)
-    style_axes(axes[0, 0], "All frames with a lit pixel (average precision)", "Recall", "Precision")
-    style_axes(axes[0, 1], "Recall against lit pixels", "Lit pixels", "Recall")
+    figures.style_axes(axes[0, 0], "All frames with a lit pixel (average precision)", "Recall", "Precision")
+    figures.style_axes(axes[0, 1], "Recall against lit pixels", "Lit pixels", "Recall")
     axes[0, 1].set_xscale("log")
-    axes[0, 1].axvline(100.0, color=RULE, lw=THIN_PT)
-    draw_legend(axes[0, 0])
+    axes[0, 1].axvline(100.0, color=palette.RULE, lw=figures.THIN_PT)
+    figures.draw_legend(axes[0, 0])
     for axis, group, title in (
         (axes[1, 0], some & (lit <= 100), "up to 100 lit pixels"),
         (axes[1, 1], lit > 100, "over 100 lit pixels"),
@@ -103,14 +100,14 @@ def draw(path: str, scores: np.ndarray, truth: dict[str, np.ndarray], classes: t
         for one in scores:
             np.add.at(table, (truth["class_id"][group], one[group].argmax(axis=1)), 1.0)
         table /= np.maximum(table.sum(axis=1, keepdims=True), 1.0)
-        shown = axis.imshow(table, cmap=AMOUNT_RAMP, vmin=0, vmax=1)
+        shown = axis.imshow(table, cmap=colour_maps.AMOUNT_RAMP, vmin=0, vmax=1)
         for (row, col), value in np.ndenumerate(table):
             if value >= 0.005:
-                ink = choose_ink(shown.to_rgba(value)[:3])
-                axis.text(col, row, f"{value:.0%}", ha="center", va="center", fontsize=SMALL_PT, color=ink)
+                ink = palette.choose_ink(shown.to_rgba(value)[:3])
+                axis.text(col, row, f"{value:.0%}", ha="center", va="center", fontsize=figures.SMALL_PT, color=ink)
         axis.set_xticks(range(len(classes)), classes, rotation=45, ha="right")
         axis.set_yticks(range(len(classes)), classes)
-        style_axes(axis, f"Confusion, {title}", "Predicted", "True")
+        figures.style_axes(axis, f"Confusion, {title}", "Predicted", "True")
         axis.grid(visible=False)
     save_figure(figure, path)
 

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 import rso_lidar as rl
-from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library.model_index import model
+from rso_lidar.scene import load_mesh, model
 
 SEVEN = ("dawn", "juno", "lro", "rosetta", "stardust", "suomi_npp", "tdrs")
 NEEDED = 100.0  # pixels

@@ -10,10 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import rso_lidar as rl
-from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, ERROR_RAMP
-from rso_lidar.picture.style.figures import PAGE_IN, SCREEN_DPI, SMALL_PT, new_figure, style_axes, style_bar
-from rso_lidar.picture.style.output import save_figure
-from rso_lidar.picture.style.palette import NO_RETURN, OTHER_PART, PARTS, QUIET
+from rso_lidar.picture import colour_maps, figures, palette, save_figure
 from rso_lidar.study import (
     HAZARD,
     SAFE,
@@ -72,8 +69,11 @@ def figure(found: ElevationMap, truth: ElevationMap):
     import matplotlib
     from matplotlib.colors import LightSource, ListedColormap
 
-    made = new_figure(
-        PAGE_IN, 10.8, "Lunar descent: what the frames say of the ground", f"cells of {CELL_M:g} m, {SIZE_M:g} m across"
+    made = figures.new_figure(
+        figures.PAGE_IN,
+        10.8,
+        "Lunar descent: what the frames say of the ground",
+        f"cells of {CELL_M:g} m, {SIZE_M:g} m across",
     )
     panels = made.subplots(2, 2)
     half = 0.5 * SIZE_M
@@ -85,10 +85,10 @@ def figure(found: ElevationMap, truth: ElevationMap):
         (panels[0, 1], found.fill_holes(), "from the frames", "small holes filled"),
     )
     for axes, ground, title, note in grounds:
-        shown = axes.imshow(ground.height_m, cmap=AMOUNT_RAMP, **ends, **span)
+        shown = axes.imshow(ground.height_m, cmap=colour_maps.AMOUNT_RAMP, **ends, **span)
         shaded = light.shade(
             ground.height_m,
-            matplotlib.colormaps[AMOUNT_RAMP],
+            matplotlib.colormaps[colour_maps.AMOUNT_RAMP],
             blend_mode="soft",
             vert_exag=2.0,
             dx=CELL_M,
@@ -97,12 +97,12 @@ def figure(found: ElevationMap, truth: ElevationMap):
         )
         axes.imshow(shaded, **span)
         _key(made, shown, axes, "height [m]")
-        style_axes(axes, title, "east [m]", "north [m]", note)
+        figures.style_axes(axes, title, "east [m]", "north [m]", note)
     apart = 100.0 * (found.height_m - truth.height_m)
-    shown = panels[1, 0].imshow(apart, cmap=ERROR_RAMP, vmin=-30.0, vmax=30.0, **span)
+    shown = panels[1, 0].imshow(apart, cmap=colour_maps.ERROR_RAMP, vmin=-30.0, vmax=30.0, **span)
     _key(made, shown, panels[1, 0], "found less true [cm]")
-    style_axes(panels[1, 0], "the difference", "east [m]", "north [m]", "dark: no height")
-    panels[1, 0].set_facecolor(NO_RETURN)
+    figures.style_axes(panels[1, 0], "the difference", "east [m]", "north [m]", "dark: no height")
+    panels[1, 0].set_facecolor(palette.NO_RETURN)
     said, there = hazards(found), hazards(truth)
     kinds = np.select(
         [(said == UNKNOWN) | (there == UNKNOWN), (said == SAFE) & (there == SAFE), said == there, said == SAFE],
@@ -110,14 +110,14 @@ def figure(found: ElevationMap, truth: ElevationMap):
         4,
     )
     colours = {
-        "not judged": OTHER_PART,
-        "safe": PARTS[9],
-        "hazard": NO_RETURN,
-        "missed": PARTS[5],
-        "feared": PARTS[8],
+        "not judged": palette.OTHER_PART,
+        "safe": palette.PARTS[9],
+        "hazard": palette.NO_RETURN,
+        "missed": palette.PARTS[5],
+        "feared": palette.PARTS[8],
     }
     panels[1, 1].imshow(kinds, cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=4.5, **span)
-    style_axes(
+    figures.style_axes(
         panels[1, 1],
         "where to land",
         "east [m]",
@@ -131,8 +131,8 @@ def figure(found: ElevationMap, truth: ElevationMap):
         bbox_to_anchor=(0.5, -0.12),
         ncols=5,
         frameon=False,
-        fontsize=SMALL_PT,
-        labelcolor=QUIET,
+        fontsize=figures.SMALL_PT,
+        labelcolor=palette.QUIET,
         columnspacing=1.0,
     )
     for axes in panels.flat:
@@ -145,7 +145,7 @@ def figure(found: ElevationMap, truth: ElevationMap):
 def _key(made, shown, axes, label):
     """Draw the ramp of a panel below it."""
     bar = made.colorbar(shown, ax=axes, location="bottom", shrink=0.8, aspect=40, pad=0.02)
-    style_bar(bar, label)
+    figures.style_bar(bar, label)
 
 
 if __name__ == "__main__":
@@ -162,4 +162,4 @@ if __name__ == "__main__":
         late = build_elevation_map(frames[-last:], "site", SIZE_M, CELL_M)
         print(f"of the last {last} frames: {late.coverage:.1%} of the cells have a height")
     if len(sys.argv) > 1:
-        save_figure(figure(found, truth), sys.argv[1], dpi=SCREEN_DPI)
+        save_figure(figure(found, truth), sys.argv[1], dpi=figures.SCREEN_DPI)

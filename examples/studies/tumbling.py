@@ -19,7 +19,7 @@ import rso_lidar as rl
 from rso_lidar.export import Recording
 from rso_lidar.picture import save_figure
 from rso_lidar.pose import ROOT
-from rso_lidar.scene.library.model_index import model
+from rso_lidar.scene import model
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 STOPS_M = (2000.0, 1000.0, 500.0, 200.0, 100.0, 50.0)  # behind the stage, on its track
@@ -157,18 +157,9 @@ def _median(values: np.ndarray) -> float:
 
 def figure(tables: dict[str, dict[str, np.ndarray]]) -> Any:
     """Return the picture: points, errors of place, and of turn, over time, one column for each camera."""
-    from rso_lidar.picture.style.figures import (
-        LINE_PT,
-        SMALL_PT,
-        TEXT_PT,
-        THICK_PT,
-        format_thousands,
-        new_figure,
-        style_axes,
-    )
-    from rso_lidar.picture.style.palette import BLUE, GREEN, ORANGE, QUIET, RED, SHADE
+    from rso_lidar.picture import figures, palette
 
-    drawn = new_figure(
+    drawn = figures.new_figure(
         12.0,
         8.4,
         "What a tracker knows of a tumbling stage",
@@ -179,28 +170,34 @@ def figure(tables: dict[str, dict[str, np.ndarray]]) -> Any:
         time_s = table["time_s"]
         for axes in column:
             for arrival_s in ARRIVALS_S[1:]:
-                axes.axvspan(arrival_s, min(arrival_s + HOLD_S, DURATION_S), color=SHADE, lw=0, zorder=0)
-        column[0].plot(time_s, table["true_range_m"], color=QUIET, lw=THICK_PT, label="range [m]")
-        column[0].plot(time_s, table["points"], color=ORANGE, lw=LINE_PT, label="points")
-        style_axes(column[0], f"Camera {name}", y="range [m], points")
-        for kind, word, colour in (("centroid", "centroid", QUIET), ("cv", "CV", ORANGE), ("cw", "CW", BLUE)):
+                axes.axvspan(arrival_s, min(arrival_s + HOLD_S, DURATION_S), color=palette.SHADE, lw=0, zorder=0)
+        column[0].plot(time_s, table["true_range_m"], color=palette.QUIET, lw=figures.THICK_PT, label="range [m]")
+        column[0].plot(time_s, table["points"], color=palette.ORANGE, lw=figures.LINE_PT, label="points")
+        figures.style_axes(column[0], f"Camera {name}", y="range [m], points")
+        for kind, word, colour in (
+            ("centroid", "centroid", palette.QUIET),
+            ("cv", "CV", palette.ORANGE),
+            ("cw", "CW", palette.BLUE),
+        ):
             column[1].plot(time_s, _length(table, f"{kind}_error"), ".", ms=1.8, color=colour, label=word)
-        column[1].plot(time_s, table["icp_error_m"], ".", ms=1.8, color=GREEN, label="ICP")
-        style_axes(column[1], y="error of place [m]")
-        column[2].plot(time_s, table["icp_error_rad"] / rl.units.DEG, ".", ms=1.8, color=RED, label="whole turn")
+        column[1].plot(time_s, table["icp_error_m"], ".", ms=1.8, color=palette.GREEN, label="ICP")
+        figures.style_axes(column[1], y="error of place [m]")
+        column[2].plot(
+            time_s, table["icp_error_rad"] / rl.units.DEG, ".", ms=1.8, color=palette.RED, label="whole turn"
+        )
         axis_deg = table["icp_long_axis_error_rad"] / rl.units.DEG
-        column[2].plot(time_s, axis_deg, ".", ms=1.8, color=BLUE, label="long axis")
-        style_axes(column[2], y="ICP, turn [deg]")
-        column[3].plot(time_s, np.abs(table["axis_rate_error_rad_s"]) / rl.units.DEG, ".", ms=1.8, color=BLUE)
-        style_axes(column[3], y="rate of the\nlong axis [deg/s]")
-        column[3].set_xlabel("time [s]", fontsize=TEXT_PT, color=QUIET)
-        format_thousands(column[3].xaxis)
+        column[2].plot(time_s, axis_deg, ".", ms=1.8, color=palette.BLUE, label="long axis")
+        figures.style_axes(column[2], y="ICP, turn [deg]")
+        column[3].plot(time_s, np.abs(table["axis_rate_error_rad_s"]) / rl.units.DEG, ".", ms=1.8, color=palette.BLUE)
+        figures.style_axes(column[3], y="rate of the\nlong axis [deg/s]")
+        column[3].set_xlabel("time [s]", fontsize=figures.TEXT_PT, color=palette.QUIET)
+        figures.format_thousands(column[3].xaxis)
     for row in panels:
         row[0].set_yscale("log")
     for axes, mark in zip(panels[:3, -1], (1, 4, 4), strict=True):
         axes.legend(
-            fontsize=SMALL_PT, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, markerscale=mark,
-            borderaxespad=0.0, labelcolor=QUIET,
+            fontsize=figures.SMALL_PT, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4,
+            markerscale=mark, borderaxespad=0.0, labelcolor=palette.QUIET,
         )  # fmt: skip
     panels[0, 0].set_ylim(8, 2.5e4)
     panels[1, 0].set_ylim(3e-3, 60)

@@ -9,7 +9,7 @@ from rso_lidar import export, picture
 from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
-from rso_lidar.picture.frames.animation import ANIMATION_SUFFIXES
+from rso_lidar.picture import ANIMATION_SUFFIXES
 
 
 def animate(

@@ -12,11 +12,9 @@ import typer
 
 from rso_lidar import export, units
 from rso_lidar.errors import RecordingError, RsoLidarError, ScenarioError, did_you_mean
-from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
+from rso_lidar.picture import DARK, LIGHT, Scheme
 from rso_lidar.processes import LOCAL
-from rso_lidar.scenario import Constraints, Lidar, Scenario
-from rso_lidar.scenario.tables.presets import load_presets
-from rso_lidar.scenario.tables.world import parse_frames
+from rso_lidar.scenario import Constraints, Lidar, Scenario, load_presets, parse_frames
 
 ScenarioFile = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
 RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]

@@ -11,12 +11,9 @@ from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable
-from rso_lidar.mission_analysis.budgets.finding_range import ATTITUDES, find_range
-from rso_lidar.mission_analysis.budgets.range_budget import SUFFIXES
-from rso_lidar.picture.style.palette import Scheme
-from rso_lidar.scenario import Finding, Lidar, Scenario
-from rso_lidar.scenario.mission.validation import validate_toml
-from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.mission_analysis import BUDGET_SUFFIXES, FINDING_ATTITUDES, find_range
+from rso_lidar.picture import Scheme
+from rso_lidar.scenario import Finding, Lidar, Scenario, load_presets, validate_toml
 from rso_lidar.study import budget as worked_out
 
 
@@ -83,7 +80,7 @@ def budget(
     The values are in closed form, for a pixel filled by the target. With --find, solve how far a body is found.
     """
     if output is not None:
-        output = check_writable(output, SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, BUDGET_SUFFIXES, overwrite=overwrite)
     scheme = choose_scheme(dark, [output])
     of_pixel = {
         "--material": material,
@@ -163,7 +160,7 @@ def _find(
         if not 1 <= int(needed) <= int(every) <= 1000:
             raise ScenarioError(f"--flashes {flashes}: is not k of n; give 1 to n of at most 1000 flashes")
         finding = finding.replace(needed=int(needed), flashes=int(every))
-    in_run, number = attitudes == "run", ATTITUDES
+    in_run, number = attitudes == "run", FINDING_ATTITUDES
     if attitudes is not None and not in_run:
         if not (attitudes.isascii() and attitudes.isdigit()) or not 1 <= int(attitudes) <= 100_000:
             raise ScenarioError(f"--attitudes {attitudes}: is not a number of attitudes; give 1 to 100000, or run")

@@ -14,10 +14,8 @@ from rso_lidar.cli.completion import list_regimes
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.mission_analysis.passes.pass_table import format_count
-from rso_lidar.orbit import Catalog, ElementSet, SetSequence
-from rso_lidar.orbit.sets.catalog import REGIMES, WRITTEN_SUFFIXES
-from rso_lidar.orbit.sets.formats import read_element_sets
+from rso_lidar.mission_analysis import format_count
+from rso_lidar.orbit import CATALOG_SUFFIXES, REGIMES, Catalog, ElementSet, SetSequence, read_element_sets
 from rso_lidar.study import estimate_set_errors
 
 _FIRST = 10  # problems shown without --problems
@@ -67,7 +65,7 @@ def catalog(
         if wanted and not numbers:
             raise ScenarioError(f"{option}: is about one object; name it with --id")
     if output is not None:
-        output = check_writable(output, WRITTEN_SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, CATALOG_SUFFIXES, overwrite=overwrite)
     at = None if near is None else parse_instant("--near", near)
     whole = Catalog.from_file(file)
     _check_known(whole, file, numbers)

@@ -4,11 +4,11 @@ from collections.abc import Iterable
 from typing import get_args
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.export.registry import FORMATS
-from rso_lidar.orbit.sets.catalog import REGIMES
-from rso_lidar.records.taxonomy import ObjectClass, ShapeFamily, Stabilisation
-from rso_lidar.scenario.tables.presets import load_presets
-from rso_lidar.scene.library.model_index import models, own_models
+from rso_lidar.export import FORMATS
+from rso_lidar.orbit import REGIMES
+from rso_lidar.records import ObjectClass, ShapeFamily, Stabilisation
+from rso_lidar.scenario import load_presets
+from rso_lidar.scene import models, own_models
 from rso_lidar.shipped import shipped
 
 

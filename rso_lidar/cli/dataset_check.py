@@ -8,8 +8,7 @@ import typer
 from rso_lidar.cli.arguments import TrustCode, TrustFmu
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
-from rso_lidar.dataset.checking.folder_check import check_folder
-from rso_lidar.dataset.checking.spec_check import check_spec
+from rso_lidar.dataset import check_folder, check_spec
 
 
 def check(

@@ -7,14 +7,15 @@ import typer
 
 from rso_lidar.cli.arguments import Overwrite
 from rso_lidar.cli.terminal import echo
-from rso_lidar.dataset.conversion.dataset_export import FORMATS, export_dataset
-from rso_lidar.dataset.reading.random_access import open_dataset
+from rso_lidar.dataset import EXPORT_FORMATS
+from rso_lidar.dataset import export as export_dataset
+from rso_lidar.dataset import open as open_dataset
 from rso_lidar.errors import DatasetError
 
 
 def export(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the dataset.")],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help=f"Format: {', '.join(FORMATS)}.")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help=f"Format: {', '.join(EXPORT_FORMATS)}.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Folder to write.")],
     split: Annotated[
         list[str] | None, typer.Option("--split", metavar="NAME", help="Only this split; may be repeated.")

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar.cli.terminal import echo
-from rso_lidar.dataset.publication.publish import publish as write_publication
+from rso_lidar.dataset import publish as write_publication
 
 
 def publish(

@@ -7,11 +7,18 @@ import typer
 
 from rso_lidar.cli.arguments import Dark, Overwrite, choose_scheme
 from rso_lidar.cli.terminal import echo
-from rso_lidar.dataset.reading.random_access import Dataset
-from rso_lidar.dataset.scoring.comparison import LEVEL, compare
-from rso_lidar.dataset.scoring.folder_scores import score as score_files
-from rso_lidar.dataset.scoring.report import check_output, format_comparison, format_table, save_report
-from rso_lidar.dataset.scoring.scorecard import CONFIDENCE, REPLICATES
+from rso_lidar.dataset import (
+    COMPARISON_LEVEL,
+    SCORE_CONFIDENCE,
+    SCORE_REPLICATES,
+    Dataset,
+    check_report_output,
+    compare,
+    format_comparison,
+    format_table,
+    save_report,
+)
+from rso_lidar.dataset import score as score_files
 from rso_lidar.errors import DatasetError
 
 
@@ -46,10 +53,10 @@ def score(
     ] = None,
     level: Annotated[
         float, typer.Option("--level", metavar="P", help="Probability of any wrong 'worse' in a comparison.")
-    ] = LEVEL,
+    ] = COMPARISON_LEVEL,
     confidence: Annotated[
         float, typer.Option("--confidence", metavar="P", help="Confidence level of the intervals.")
-    ] = CONFIDENCE,
+    ] = SCORE_CONFIDENCE,
     min_lit_pixels: Annotated[
         int,
         typer.Option(
@@ -60,7 +67,7 @@ def score(
     ] = 1,
     replicates: Annotated[
         int, typer.Option("--replicates", min=100, max=100_000, help="Draws of the bootstrap over encounters.")
-    ] = REPLICATES,
+    ] = SCORE_REPLICATES,
     dark: Dark = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -75,7 +82,7 @@ def score(
     margins = dict(_parse_margin(text) for text in margin or ())
     if margins and not against:
         raise DatasetError("--margin: compares with nothing; give --against OLD, or leave it out")
-    places = [check_output(place, overwrite=overwrite) for place in output or ()]
+    places = [check_report_output(place, overwrite=overwrite) for place in output or ()]
     scheme = choose_scheme(dark, places)
     opened = Dataset(dataset)
     options = {"min_lit_pixels": min_lit_pixels, "replicates": replicates, "confidence": confidence}

@@ -23,11 +23,11 @@ from rso_lidar.cli.progress import show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import set_advice
-from rso_lidar.picture.style.output import RESULT_SUFFIXES
+from rso_lidar.picture import RESULT_SUFFIXES
 from rso_lidar.processes import open_dask_client
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.dispersions.dispersed_mission import disperse as disperse_mission
-from rso_lidar.study.dispersions.kept_runs import identify
+from rso_lidar.study import disperse as disperse_mission
+from rso_lidar.study import identify_runs
 
 
 def disperse(
@@ -92,7 +92,7 @@ def disperse(
     made.save(output, scheme)
     if tubes is not None:
         made.save_tubes(tubes)
-    Path(f"{working}.{identify(scenario, made.target)}.npz").unlink(missing_ok=True)
+    Path(f"{working}.{identify_runs(scenario, made.target)}.npz").unlink(missing_ok=True)
     for line in made.describe().splitlines():
         echo(line)
     for place in (output, *([tubes] if tubes is not None else [])):

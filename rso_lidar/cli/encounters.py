@@ -25,14 +25,9 @@ from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_text
-from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
-from rso_lidar.mission_analysis.passes.pass_table import LEFT_HEADS, format_count
-from rso_lidar.mission_analysis.passes.search import MAX_SLEW_DEG_S
-from rso_lidar.mission_analysis.passes.search_objects import load_follower
-from rso_lidar.picture.style.output import FIGURE_SUFFIXES
-from rso_lidar.picture.style.palette import Scheme
-from rso_lidar.scenario import Constraints, Finding, Lidar, Scenario
-from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.mission_analysis import LEFT_HEADS, MAX_SLEW_DEG_S, encounter_figure, format_count, load_follower
+from rso_lidar.picture import FIGURE_SUFFIXES, Scheme
+from rso_lidar.scenario import Constraints, Finding, Lidar, Scenario, load_presets
 from rso_lidar.study import Encounters, ViewedPlate, scenario_text
 from rso_lidar.study import encounters as find
 

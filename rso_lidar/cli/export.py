@@ -11,8 +11,8 @@ from rso_lidar.cli.completion import list_formats
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
-from rso_lidar.evaluation.recorded_runs.conversion import save
-from rso_lidar.export.registry import FORMATS, Format, format_for
+from rso_lidar.evaluation import save
+from rso_lidar.export import FORMATS, Format, format_for
 from rso_lidar.files import count_bytes
 
 _OF_A_TARGET = ("tum", "kitti")

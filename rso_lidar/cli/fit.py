@@ -10,17 +10,9 @@ from rso_lidar.cli.arguments import RecordedFrames, RecordingFile, select_frames
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.evaluation.orbit_determination.recorded_fits import (
-    find_true_relative_state,
-    fit_own_orbit,
-    fit_relative_orbit,
-)
+from rso_lidar.evaluation import find_true_relative_state, fit_own_orbit, fit_relative_orbit
 from rso_lidar.orbit import Forces
-from rso_lidar.track import RelativeOrbitFit
-from rso_lidar.track.least_squares.fit_statistics import chi_square_bounds
-from rso_lidar.track.least_squares.gated_solution import GATE
-from rso_lidar.track.least_squares.own_state import format_row
-from rso_lidar.track.least_squares.relative_prediction import MODELS
+from rso_lidar.track import MEASUREMENT_GATE, RELATIVE_MODELS, RelativeOrbitFit, chi_square_bounds, format_fit_row
 
 _MANY = 0.1  # share of outliers at which the forces are the likely reason; the gate alone rejects under 1 %
 
@@ -34,7 +26,8 @@ def fit(
         float | None, typer.Option("--epoch", metavar="S", help="Instant of the state [s] (the first measurement).")
     ] = None,
     motion: Annotated[
-        str, typer.Option("--motion", metavar="MODEL", help=f"Model of the relative motion: {', '.join(MODELS)}.")
+        str,
+        typer.Option("--motion", metavar="MODEL", help=f"Model of the relative motion: {', '.join(RELATIVE_MODELS)}."),
     ] = "nonlinear",
     zonal_degree: Annotated[
         int, typer.Option("--zonal-degree", min=0, max=6, help="Zonal harmonics of the orbits; 0 is two-body motion.")
@@ -56,15 +49,15 @@ def fit(
     ] = 0.0,
     gate: Annotated[
         float, typer.Option("--gate", metavar="P", help="Probability to keep a measurement without fault.")
-    ] = GATE,
+    ] = MEASUREMENT_GATE,
 ) -> None:
     """Fit own and relative orbit to a recording by least squares.
 
     The fit uses observations only. The truth serves for the error that is printed last.
     """
-    if motion not in MODELS:
+    if motion not in RELATIVE_MODELS:
         raise RecordingError(
-            f"--motion {motion}: unknown model{did_you_mean(motion, MODELS)} (known: {', '.join(MODELS)})"
+            f"--motion {motion}: unknown model{did_you_mean(motion, RELATIVE_MODELS)} (known: {', '.join(RELATIVE_MODELS)})"
         )
     if own_only:
         unused = {
@@ -137,7 +130,7 @@ def describe_error(fit: RelativeOrbitFit, truth: tuple[np.ndarray, np.ndarray]) 
     """
     low, high = chi_square_bounds(6)
     return [
-        format_row("error [m]", fit.position_m - truth[0], "12.4f"),
-        format_row("error [m/s]", fit.velocity_m_s - truth[1], "12.6f"),
+        format_fit_row("error [m]", fit.position_m - truth[0], "12.4f"),
+        format_fit_row("error [m/s]", fit.velocity_m_s - truth[1], "12.6f"),
         f"NEES {fit.normalize_error(*truth):.2f}, 6 expected (95 % bounds {low:.2f} to {high:.2f})",
     ]

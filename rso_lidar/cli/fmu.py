@@ -7,7 +7,7 @@ import typer
 
 from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustCode, TrustFmu
 from rso_lidar.cli.terminal import echo
-from rso_lidar.loop.fmus.fmu_export import write_fmu
+from rso_lidar.loop import write_fmu
 from rso_lidar.scenario import Scenario
 
 

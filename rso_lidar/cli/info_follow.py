@@ -5,8 +5,8 @@ from pathlib import Path
 
 from rso_lidar.cli.terminal import echo, has_reader
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.reader.status import RecordingStatus, read_status
-from rso_lidar.part.toml_text import parse_toml
+from rso_lidar.export import RecordingStatus, read_status
+from rso_lidar.part import parse_toml
 
 _SILENCE_S = 30.0  # without a new frame, after which a line says so
 

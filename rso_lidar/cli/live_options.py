@@ -7,9 +7,7 @@ import typer
 
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
-from rso_lidar.loop.live.live_view import LiveView
-from rso_lidar.loop.live.queued_view import QueuedView
-from rso_lidar.loop.live.rerun_view import RerunView
+from rso_lidar.loop import LiveView, QueuedView, RerunView
 from rso_lidar.scenario import Scenario
 
 Live = Annotated[

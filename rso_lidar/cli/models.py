@@ -9,9 +9,9 @@ from typer.core import TyperGroup
 from rso_lidar.cli import models_add, models_check, models_materials, models_show
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.models_show import WIDE
-from rso_lidar.records.taxonomy import ObjectClass, SizeClass, Taxonomy
-from rso_lidar.scene.library.model_index import models as catalogue
-from rso_lidar.scene.library.model_index import own_folder, own_models
+from rso_lidar.records import ObjectClass, SizeClass, Taxonomy
+from rso_lidar.scene import models as catalogue
+from rso_lidar.scene import own_folder, own_models
 
 
 class _NameOrCommand(TyperGroup):

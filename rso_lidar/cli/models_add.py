@@ -9,9 +9,8 @@ import typer
 from rso_lidar.cli.completion import list_classes, list_own_models, list_shapes, list_stabilisations
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError, did_you_mean
-from rso_lidar.records.taxonomy import ObjectClass, ShapeFamily, Stabilisation
-from rso_lidar.scene.library.adding import MeshOptions, add_model, remove_model
-from rso_lidar.scene.library.model_index import own_folder
+from rso_lidar.records import ObjectClass, ShapeFamily, Stabilisation
+from rso_lidar.scene import MeshOptions, add_model, own_folder, remove_model
 
 MeshFile = Annotated[Path, typer.Argument(metavar="PATH", help="STL, OBJ, PLY, GLB, glTF or OFF; STEP or IGES.")]
 

@@ -8,12 +8,17 @@ import typer
 from rso_lidar.cli.models_add import MeshFile
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError
-from rso_lidar.scene import Mesh, load_mesh
-from rso_lidar.scene.library.mesh_units import known_meshes
-from rso_lidar.scene.library.model_index import model
-from rso_lidar.scene.meshes.cad import is_cad, tessellate
-from rso_lidar.scene.meshes.mesh import normalize_mesh, parse_mesh
-from rso_lidar.scene.surfaces.examination import examine
+from rso_lidar.scene import (
+    Mesh,
+    examine_mesh,
+    is_cad,
+    known_meshes,
+    load_mesh,
+    model,
+    normalize_mesh,
+    parse_mesh,
+    tessellate,
+)
 
 
 def check(
@@ -29,7 +34,7 @@ def check(
     mesh = _load_mesh(path)
     known = known_meshes().get(mesh.sha256) if path.exists() else None
     unit_m = scale or (1.0 / known["units_per_metre"] if known else 1.0)
-    lines = examine(normalize_mesh(mesh, unit_m)).lines()
+    lines = examine_mesh(normalize_mesh(mesh, unit_m)).lines()
     echo(f"{path}")
     if known:
         echo(

@@ -4,7 +4,7 @@ from rich.table import Table
 
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.models_show import WIDE
-from rso_lidar.mission_analysis.models.material_list import WAVELENGTHS_NM, list_materials
+from rso_lidar.mission_analysis import WAVELENGTHS_NM, list_materials
 
 
 def print_materials() -> None:

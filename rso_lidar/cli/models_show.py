@@ -11,9 +11,9 @@ from rso_lidar.cli.completion import list_models
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
-from rso_lidar.mission_analysis.models.model_card import ModelCard, make_model_card
-from rso_lidar.picture.style.output import FIGURE_SUFFIXES
-from rso_lidar.scene.library.model_index import models, own_models
+from rso_lidar.mission_analysis import ModelCard, make_model_card
+from rso_lidar.picture import FIGURE_SUFFIXES
+from rso_lidar.scene import models, own_models
 
 WIDE = 112  # columns that the tables need: no number is cut off
 

@@ -12,7 +12,7 @@ from rso_lidar.cli.completion import list_examples
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_atomically
-from rso_lidar.scenario.examples import find_companions, find_examples, rename_example, summarize_example
+from rso_lidar.scenario import find_companions, find_examples, rename_example, summarize_example
 
 _DEFAULT = "tdrs_approach"
 

@@ -10,8 +10,7 @@ from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_schem
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable
-from rso_lidar.picture.frames.sheet import SHEET_SUFFIXES
-from rso_lidar.picture.style.output import FIGURE_SUFFIXES
+from rso_lidar.picture import FIGURE_SUFFIXES, SHEET_SUFFIXES
 
 
 def plot(

@@ -27,9 +27,8 @@ from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import set_advice
 from rso_lidar.records import Frame
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.tables.world import parse_frames
-from rso_lidar.simulation.run import simulate
+from rso_lidar.scenario import Scenario, parse_frames
+from rso_lidar.simulation import simulate
 
 
 def run(

@@ -14,11 +14,18 @@ from rso_lidar.cli.live_options import Live, LiveAt, LiveOrigin, LiveWith, open_
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
-from rso_lidar.loop import Deadlines, FlightRecorder, Security, Server, Session
-from rso_lidar.loop.service.deadlines import POLICIES
-from rso_lidar.loop.service.endpoints import import_zmq, read_token
+from rso_lidar.loop import (
+    DEADLINE_POLICIES,
+    Deadlines,
+    FlightRecorder,
+    Security,
+    Server,
+    Session,
+    import_zmq,
+    read_token,
+)
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation.stepping import Simulation
+from rso_lidar.simulation import Simulation
 
 _TOKEN = "RSO_LIDAR_TOKEN"
 
@@ -44,7 +51,7 @@ def serve(
             "--late",
             metavar="POLICY",
             help="At a missed deadline: slip the later ones, skip flashes to catch up, or fail.",
-            autocompletion=lambda: list(POLICIES),
+            autocompletion=lambda: list(DEADLINE_POLICIES),
         ),
     ] = "slip",
     truth: Annotated[bool, typer.Option("--truth", help="Answer requests for the truth.")] = False,
@@ -75,8 +82,8 @@ def serve(
     import_zmq("serve")
     token = read_token(token_file) if token_file else os.environ.get(_TOKEN) or None
     security = Security(token, curve_key, curve_clients)
-    if late not in POLICIES:
-        raise ScenarioError(f"--late {late}: is not {', '.join(POLICIES)}")
+    if late not in DEADLINE_POLICIES:
+        raise ScenarioError(f"--late {late}: is not {', '.join(DEADLINE_POLICIES)}")
     deadlines = None if real_time is None else Deadlines(real_time, late)
     scenario = Scenario.load(file, join_settings(settings, seed), trust_code=trust_code, trust_fmu=trust_fmu)
     recorder = FlightRecorder(output, overwrite=overwrite) if output else None

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from rso_lidar.cli.terminal import echo
-from rso_lidar.loop.network_address import parse_address
-from rso_lidar.studio.server import open_studio
+from rso_lidar.loop import parse_address
+from rso_lidar.studio import open_studio
 
 
 def studio(

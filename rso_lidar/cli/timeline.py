@@ -9,9 +9,9 @@ import typer
 from rso_lidar.cli.arguments import Dark, Overwrite, ScenarioFile, Settings, TrustCode, TrustFmu, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import check_writable
-from rso_lidar.mission_analysis.time_history.timeline import Timeline
-from rso_lidar.mission_analysis.time_history.timeline import timeline as timeline_of
-from rso_lidar.picture.style.output import RESULT_SUFFIXES
+from rso_lidar.mission_analysis import Timeline
+from rso_lidar.mission_analysis import timeline as timeline_of
+from rso_lidar.picture import RESULT_SUFFIXES
 from rso_lidar.scenario import Scenario
 from rso_lidar.ties import find_first_least
 

@@ -13,12 +13,19 @@ from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.files import check_suffix, check_writable, write_atomically
 from rso_lidar.interruption import set_advice
-from rso_lidar.picture.style.palette import Scheme
-from rso_lidar.study.trades import report
-from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.execution import RowFile, Trade, place_row_file, run_rows, tabulate_rows
-from rso_lidar.study.trades.plan import make_plan
-from rso_lidar.study.trades.ranking import summarize
+from rso_lidar.picture import Scheme
+from rso_lidar.study import (
+    TRADE_SUFFIXES,
+    RowFile,
+    Study,
+    Trade,
+    check_trade_formats,
+    make_trade_plan,
+    place_row_file,
+    run_rows,
+    summarize_trade,
+    tabulate_rows,
+)
 
 
 def trade(
@@ -66,10 +73,10 @@ def trade(
     new = output is not None and output.endswith(("/", os.sep)) and not os.path.lexists(Path(output))
     places = _choose_outputs(file, output, new=new)
     if not new:
-        places = [check_writable(place, report.SUFFIXES, overwrite=overwrite) for place in places]
-    report.check_formats(places)
+        places = [check_writable(place, TRADE_SUFFIXES, overwrite=overwrite) for place in places]
+    check_trade_formats(places)
     many = workers is not None and workers > 1
-    plan, base = make_plan(study, 1 if many else None, trust_code=trust_code, trust_fmu=trust_fmu)
+    plan, base = make_trade_plan(study, 1 if many else None, trust_code=trust_code, trust_fmu=trust_fmu)
     if new:
         _make_folder(places[0].parent)
     kept = place_row_file(places[0], plan, base)
@@ -91,7 +98,7 @@ def trade(
         _write(made, places, choose_scheme(dark))
         set_advice(lambda: to_one_line(f"the outputs {', '.join(map(str, places))} are written"))
         kept.unlink(missing_ok=True)
-    for line in (*summarize(made), *map(str, places)):
+    for line in (*summarize_trade(made), *map(str, places)):
         echo(line)
 
 
@@ -111,7 +118,7 @@ def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
     if new or output.is_dir():
         stem = output / file.stem
         return [stem.with_name(f"{stem.name}{suffix}") for suffix in (".csv", ".html")]
-    check_suffix(output, report.SUFFIXES)
+    check_suffix(output, TRADE_SUFFIXES)
     places = [output.with_suffix(".csv"), output.with_suffix(".html")]
     return [*places, output] if output.suffix.lower() == ".parquet" else places
 

@@ -12,21 +12,19 @@ from rso_lidar import orbit, picture
 from rso_lidar.cli.arguments import Dark, Overwrite, ScenarioFile, Settings, TrustCode, TrustFmu, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.evaluation.recorded_runs.globe import build_globe
-from rso_lidar.export.formats.czml import choose_samples, write_czml
+from rso_lidar.evaluation import build_globe
+from rso_lidar.export import choose_samples, write_czml
 from rso_lidar.files import check_writable, write_columns
-from rso_lidar.mission_analysis.time_history.open_loop import (
+from rso_lidar.mission_analysis import (
+    draw_trajectory,
     find_umbras,
     fly_open_loop,
     sample_between_impulses,
     tabulate_run,
 )
-from rso_lidar.mission_analysis.time_history.scenario_figures import draw_trajectory
-from rso_lidar.motion.attitudes.attitude_file import write_aem
-from rso_lidar.orbit.ccsds.writer import write_oem
-from rso_lidar.picture.plots.angles import angles_figure, ptu_figure
-from rso_lidar.picture.plots.orbit import inertial_figure
-from rso_lidar.picture.style.output import FIGURE_SUFFIXES
+from rso_lidar.motion import write_aem
+from rso_lidar.orbit import write_oem
+from rso_lidar.picture import FIGURE_SUFFIXES, angles_figure, inertial_figure, ptu_figure
 from rso_lidar.pose import ROOT
 from rso_lidar.scenario import Scenario
 

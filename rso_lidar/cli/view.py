@@ -11,7 +11,7 @@ from rso_lidar.cli.arguments import Dark, Overwrite, RecordingFile, choose_schem
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
-from rso_lidar.evaluation.recorded_runs.display import COLOURS, TOOLS, ViewerChoice, choose_viewer, show
+from rso_lidar.evaluation import VIEW_COLOURS, VIEW_TOOLS, ViewerChoice, choose_viewer, show
 
 
 def view(
@@ -21,8 +21,8 @@ def view(
         typer.Option(
             "--colour",
             metavar="WHAT",
-            help=f"Colour of the points: {' or '.join(COLOURS)}.",
-            autocompletion=lambda: list(COLOURS),
+            help=f"Colour of the points: {' or '.join(VIEW_COLOURS)}.",
+            autocompletion=lambda: list(VIEW_COLOURS),
         ),
     ] = "range",
     frames: Annotated[
@@ -38,8 +38,8 @@ def view(
         typer.Option(
             "--with",
             metavar="TOOL",
-            help=f"{', '.join(TOOLS)}; left out, the first that is possible.",
-            autocompletion=lambda: list(TOOLS),
+            help=f"{', '.join(VIEW_TOOLS)}; left out, the first that is possible.",
+            autocompletion=lambda: list(VIEW_TOOLS),
         ),
     ] = None,
     output: Annotated[
@@ -52,8 +52,8 @@ def view(
     overwrite: Overwrite = False,
 ) -> None:
     """Show a recording in a viewer, frame by frame. It shows the point cloud, range, intensity and true mesh."""
-    if colour not in COLOURS:
-        raise RecordingError(f"--colour {colour}: is not {' or '.join(COLOURS)}")
+    if colour not in VIEW_COLOURS:
+        raise RecordingError(f"--colour {colour}: is not {' or '.join(VIEW_COLOURS)}")
     with export.open(recording) as read:
         chosen = choose_viewer(tool, output, recording=recording, overwrite=overwrite)
         some = export.Frames(read, select_frames(read, frames))

@@ -7,14 +7,18 @@ from rso_lidar.public_names import export_lazily, limit_dir
 if TYPE_CHECKING:
     from rso_lidar.dataset import torch
     from rso_lidar.dataset.annotation.frame_labels import FrameLabels, label_frame
+    from rso_lidar.dataset.checking.folder_check import check_folder
+    from rso_lidar.dataset.checking.spec_check import check_spec
+    from rso_lidar.dataset.conversion.dataset_export import EXPORT_FORMATS
     from rso_lidar.dataset.conversion.dataset_export import export_dataset as export
     from rso_lidar.dataset.making.make import make
     from rso_lidar.dataset.publication.publish import publish
     from rso_lidar.dataset.reading.random_access import Dataset, Split
     from rso_lidar.dataset.reading.random_access import open_dataset as open
-    from rso_lidar.dataset.scoring.comparison import Comparison, compare
+    from rso_lidar.dataset.scoring.comparison import COMPARISON_LEVEL, Comparison, compare
     from rso_lidar.dataset.scoring.folder_scores import score
-    from rso_lidar.dataset.scoring.scorecard import Scorecard
+    from rso_lidar.dataset.scoring.report import check_report_output, format_comparison, format_table, save_report
+    from rso_lidar.dataset.scoring.scorecard import SCORE_CONFIDENCE, SCORE_REPLICATES, Scorecard
     from rso_lidar.dataset.specification.distributions import (
         Choice,
         LogUniform,
@@ -42,8 +46,14 @@ if TYPE_CHECKING:
         SensorSplit,
         TaxonomyFilter,
     )
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "COMPARISON_LEVEL",
+    "EXPORT_FORMATS",
+    "SCORE_CONFIDENCE",
+    "SCORE_REPLICATES",
     "Choice",
     "ClassOfTargets",
     "Clutter",
@@ -72,15 +82,20 @@ __all__ = [
     "UniformDirection",
     "UniformRotation",
     "WholeNumber",
+    "check_folder",
+    "check_report_output",
+    "check_spec",
     "compare",
     "export",
+    "format_comparison",
+    "format_table",
     "label_frame",
     "make",
     "open",
     "publish",
+    "save_report",
     "score",
     "torch",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

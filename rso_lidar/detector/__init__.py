@@ -2,37 +2,42 @@
 
 from typing import TYPE_CHECKING
 
-from rso_lidar.detector.detect import (
-    AnyDetector,
-    DescribedDetector,
-    advise,
-    array_load,
-    check_noise,
-    check_size,
-    describe,
-    describe_storage,
-    describe_window,
-    detect,
-    detect_with_taps,
-    detection_probability,
-    draw_crosstalk_m,
-    false_alarm_probability,
-    frame_jitter_s,
-    isolate,
-    list_neglected_effects,
-    noise_growth,
-    report_probability,
-)
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
     from rso_lidar.detector.analysis.array_load import ArrayLoad
     from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
+    from rso_lidar.detector.analysis.finding import at_least, estimate_k_of_n, k_of_n
+    from rso_lidar.detector.analysis.reported_light import mark_reports
     from rso_lidar.detector.analysis.user_detector import Detector, check_traits
     from rso_lidar.detector.bench.pixel_prediction import predict_pixels
     from rso_lidar.detector.bench.prediction import find_photons, predict
+    from rso_lidar.detector.bench.range_resolution import SIGNAL_OVER_THRESHOLD, simulate_separations
+    from rso_lidar.detector.bench.trial import Surroundings, Trial, make_plate, make_point_returns, run_trial
     from rso_lidar.detector.bench.walk_curve import WalkCurve, simulate_walk_curve
+    from rso_lidar.detector.detection import (
+        AnyDetector,
+        DescribedDetector,
+        advise,
+        array_load,
+        check_noise,
+        check_size,
+        describe,
+        describe_storage,
+        describe_window,
+        detect,
+        detect_with_taps,
+        detection_probability,
+        draw_crosstalk_m,
+        false_alarm_probability,
+        frame_jitter_s,
+        isolate,
+        list_neglected_effects,
+        noise_growth,
+        report_probability,
+    )
     from rso_lidar.detector.geiger.array import GeigerArray
+    from rso_lidar.detector.ranging.pulse import Pulse
     from rso_lidar.detector.settings.algorithm import Ranging
     from rso_lidar.detector.settings.amplifier import Amplifier
     from rso_lidar.detector.settings.apd import Apd
@@ -49,12 +54,18 @@ if TYPE_CHECKING:
     )
     from rso_lidar.detector.settings.gate import Gate
     from rso_lidar.detector.settings.gsfl import Gsfl
+    from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
     from rso_lidar.detector.settings.readout import LowGain, Readout
     from rso_lidar.detector.settings.traits import DetectorTraits
     from rso_lidar.detector.settings.trigger import Trigger
     from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
+    from rso_lidar.detector.stages.avalanche import multiply_rows
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "DETECTOR_PRESETS",
+    "SIGNAL_OVER_THRESHOLD",
     "Amplifier",
     "AnyDetector",
     "Apd",
@@ -74,16 +85,20 @@ __all__ = [
     "LowGain",
     "Maps",
     "Prediction",
+    "Pulse",
     "Ranging",
     "Readout",
     "Saturation",
     "Speckle",
+    "Surroundings",
     "Timing",
+    "Trial",
     "Trigger",
     "WalkCurve",
     "ZeroCrossing",
     "advise",
     "array_load",
+    "at_least",
     "check_noise",
     "check_size",
     "check_traits",
@@ -94,17 +109,24 @@ __all__ = [
     "detect_with_taps",
     "detection_probability",
     "draw_crosstalk_m",
+    "estimate_k_of_n",
     "false_alarm_probability",
     "find_photons",
     "frame_jitter_s",
     "isolate",
+    "k_of_n",
     "list_neglected_effects",
+    "make_plate",
+    "make_point_returns",
+    "mark_reports",
+    "multiply_rows",
     "noise_growth",
     "predict",
     "predict_pixels",
     "report_probability",
+    "run_trial",
+    "simulate_separations",
     "simulate_walk_curve",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

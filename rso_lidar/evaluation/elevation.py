@@ -10,8 +10,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.records import Frame
-from rso_lidar.scene import Surface
-from rso_lidar.scene.surfaces.portrait import find_top_heights
+from rso_lidar.scene import Surface, find_top_heights
 
 Pose = tuple[np.ndarray, np.ndarray]  # site_from_lidar: position (xyz) [m] and rotation matrix (3, 3)
 

@@ -91,7 +91,7 @@ FORMATS = {
         Format("czml", (".czml",), "", False, "all but where bodies are and how they are turned"),
     )
 }
-SUFFIXES = {suffix: made for made in FORMATS.values() for suffix in made.suffixes}
+FORMAT_SUFFIXES = {suffix: made for made in FORMATS.values() for suffix in made.suffixes}
 _INSTEAD = {".mat": "MATLAB reads .h5 with h5read (docs/exports.md)", ".las": "use .pcd, which keeps rows and columns"}
 
 
@@ -119,14 +119,14 @@ def format_for(word: str | os.PathLike[str]) -> Format:
     if text in FORMATS:
         return FORMATS[text]
     suffix = text if text.startswith(".") and "/" not in text and text.count(".") == 1 else Path(text).suffix
-    if suffix.lower() in SUFFIXES:
-        return SUFFIXES[suffix.lower()]
+    if suffix.lower() in FORMAT_SUFFIXES:
+        return FORMAT_SUFFIXES[suffix.lower()]
     if suffix.lower() in _INSTEAD:
         raise RecordingError(f"{text}: '{suffix}' cannot be written; {_INSTEAD[suffix.lower()]}")
     if isinstance(word, str) and not suffix and os.sep not in text:
         raise RecordingError(f"{text}: unknown format{did_you_mean(text, FORMATS)} (known: {', '.join(FORMATS)})")
     what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
-    raise RecordingError(f"{text}: {what}{did_you_mean(suffix, SUFFIXES)} (known: {', '.join(SUFFIXES)})")
+    raise RecordingError(f"{text}: {what}{did_you_mean(suffix, FORMAT_SUFFIXES)} (known: {', '.join(FORMAT_SUFFIXES)})")
 
 
 def writer_for(word: str | os.PathLike[str]) -> Writer:
@@ -210,8 +210,8 @@ def open(path: str | os.PathLike[str]) -> Recording:
         raise RecordingError(explain_unreadable(path, error)) from None
     suffix = Path(TEMPORARY.sub("", path.name)).suffix
     readable = (*READ_SUFFIXES, *format_for("zarr").suffixes)
-    if Path(path).exists() and suffix.lower() in SUFFIXES and suffix.lower() not in readable:
-        kind = SUFFIXES[suffix.lower()].name
+    if Path(path).exists() and suffix.lower() in FORMAT_SUFFIXES and suffix.lower() not in readable:
+        kind = FORMAT_SUFFIXES[suffix.lower()].name
         raise RecordingError(
             f"{path}: {kind} is written for other tools and cannot be read back; give the original recording "
             f"({', '.join(readable)})"

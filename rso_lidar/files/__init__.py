@@ -31,6 +31,8 @@ if TYPE_CHECKING:
         write_columns,
         write_text,
     )
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
     "MOST_BYTES",
@@ -59,5 +61,4 @@ __all__ = [
     "write_text",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

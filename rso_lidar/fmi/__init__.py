@@ -7,12 +7,15 @@ from rso_lidar.public_names import export_lazily, limit_dir
 if TYPE_CHECKING:
     from rso_lidar.fmi.fmu_model import FmuModel
     from rso_lidar.fmi.run import FmuPoint, FmuRun
+    from rso_lidar.fmi.unit_table import find_conversion
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
     "FmuModel",
     "FmuPoint",
     "FmuRun",
+    "find_conversion",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

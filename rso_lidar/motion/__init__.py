@@ -2,11 +2,18 @@
 
 from typing import TYPE_CHECKING
 
-from rso_lidar.motion.truth import truth
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
-    from rso_lidar.motion.aim import Aim, AimState, add_lidar, compute_demand, make_demand
+    from rso_lidar.motion.aim import (
+        Aim,
+        AimState,
+        add_lidar,
+        compute_demand,
+        lidar_from_ptu,
+        make_demand,
+        simulate_drive,
+    )
     from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
     from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
     from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
@@ -18,28 +25,45 @@ if TYPE_CHECKING:
     from rso_lidar.motion.attitudes.spin import Spin, Tumble
     from rso_lidar.motion.attitudes.spin_presets import load_spin_presets
     from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
-    from rso_lidar.motion.bodies.body import Axes, Body
-    from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle
+    from rso_lidar.motion.bodies.body import RESERVED, Axes, Body
+    from rso_lidar.motion.bodies.hinge import Angle, FixedAngle, FollowSun, HingeAxes, PlannedAngle
+    from rso_lidar.motion.bodies.orbital_axes import find_moon_m
+    from rso_lidar.motion.bodies.order import find_center_of_body, sort_bodies
+    from rso_lidar.motion.body_truth import Chief, truth
     from rso_lidar.motion.course import Course, CourseState
+    from rso_lidar.motion.dynamics.function import find_dynamics_file, name_function
     from rso_lidar.motion.follower_motion import FollowerMotion, count_dynamics, states_specific_force
     from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
     from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
     from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
-    from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, check_angles, sense, start, step
+    from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, check_angles, ptu_link, sense, start, step
     from rso_lidar.motion.light_time import apply_light_time
     from rso_lidar.motion.motions.fmu_motion import FmuMotion
-    from rso_lidar.motion.motions.motion import Motion
+    from rso_lidar.motion.motions.motion import Motion, advise_on_motion, chief_of, has_orbit, summarize_motion
     from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
     from rso_lidar.motion.motions.state_space import StateSpace
     from rso_lidar.motion.mount import Mount
+    from rso_lidar.motion.proximity import (
+        find_flight,
+        find_jumps_s,
+        find_nominal_flight,
+        find_plan,
+        follows_plan,
+        list_commands,
+    )
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "RESERVED",
     "Aim",
     "AimState",
+    "Angle",
     "Attitude",
     "AttitudeTable",
     "Axes",
     "Body",
+    "Chief",
     "Course",
     "CourseState",
     "FirstOrder",
@@ -77,20 +101,37 @@ __all__ = [
     "TrackPoint",
     "Tumble",
     "add_lidar",
+    "advise_on_motion",
     "apply_light_time",
     "check_angles",
+    "chief_of",
     "compute_demand",
     "count_dynamics",
+    "find_center_of_body",
+    "find_dynamics_file",
+    "find_flight",
+    "find_jumps_s",
+    "find_moon_m",
+    "find_nominal_flight",
+    "find_plan",
+    "follows_plan",
+    "has_orbit",
+    "lidar_from_ptu",
+    "list_commands",
     "load_spin_presets",
     "make_demand",
+    "name_function",
+    "ptu_link",
     "sense",
+    "simulate_drive",
+    "sort_bodies",
     "start",
     "states_specific_force",
     "step",
+    "summarize_motion",
     "truth",
     "write_aem",
     "write_attitude_csv",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

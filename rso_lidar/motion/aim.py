@@ -13,11 +13,11 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, suppress_warnings
 from rso_lidar.motion.bodies.body import Body
+from rso_lidar.motion.body_truth import Flights, truth
 from rso_lidar.motion.gimbal.demand import Demand, DemandCurve, TrackPoint, find_pan_tilt
 from rso_lidar.motion.gimbal.ptu import Ptu, PtuState, ptu_link, sense, start, step
 from rso_lidar.motion.mount import Mount
-from rso_lidar.motion.truth import Flights, truth
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs
 from rso_lidar.pose import Link, PoseTree, pose, rotate_vectors
 from rso_lidar.records import Command, Truth
 

@@ -12,9 +12,9 @@ from rso_lidar.errors import ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.order import list_dependencies
+from rso_lidar.motion.body_truth import truth
 from rso_lidar.motion.dynamics.commands import CommandedFlight
-from rso_lidar.motion.truth import truth
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs
 from rso_lidar.records import Command, Truth
 
 _BLOCK = 4096  # instants in one evaluation of an exposure; bounds memory

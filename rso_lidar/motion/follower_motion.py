@@ -20,10 +20,9 @@ from rso_lidar.motion.motions.motion import chief_of
 from rso_lidar.motion.motions.placement import PlacedMotion
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.proximity import find_flight, find_plan
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs
 from rso_lidar.pose import ROOT, cross, length, quaternion_xyzw, rotate_vectors
-from rso_lidar.records import BodyMotion, BodyState, Truth
-from rso_lidar.records.telemetry import ANGULAR_ACCELERATION, ATTITUDE, DYNAMICS, PLACE, SKY
+from rso_lidar.records import ANGULAR_ACCELERATION, ATTITUDE, DYNAMICS, PLACE, SKY, BodyMotion, BodyState, Truth
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

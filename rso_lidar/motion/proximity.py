@@ -11,13 +11,22 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.truth import Chief
+from rso_lidar.motion.body_truth import Chief
 from rso_lidar.orbit import Epochs, Forces, Impulse
-from rso_lidar.rpo import Flown, Plan, PlanFlight, PlannedImpulse, ProximityOperation, TwoImpulseGuidance
-from rso_lidar.rpo.dispersed.nominal_flight import GuidanceInstant, NominalFlight
-from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
-from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
-from rso_lidar.rpo.relative.rtn import rtn_matrix
+from rso_lidar.rpo import (
+    Flown,
+    GuidanceInstant,
+    NavigationErrors,
+    NominalFlight,
+    Plan,
+    PlanFlight,
+    PlannedImpulse,
+    ProximityOperation,
+    RelativeFilter,
+    Thrusters,
+    TwoImpulseGuidance,
+    rtn_matrix,
+)
 
 
 def follows_plan(body: Body) -> bool:

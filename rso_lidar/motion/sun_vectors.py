@@ -11,9 +11,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
-from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit import Epochs, sun_position_m, sunlit_fraction
 from rso_lidar.records import BodyState
 
 

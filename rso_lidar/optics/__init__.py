@@ -16,11 +16,17 @@ if TYPE_CHECKING:
     from rso_lidar.optics.rays.pixel_rays import pixel_rays
     from rso_lidar.optics.receiver import Receiver
     from rso_lidar.optics.returns.blur import read_files
-    from rso_lidar.optics.returns.pulse_average import average_pulses
+    from rso_lidar.optics.returns.pulse_average import assign_pulses, average_pulses
     from rso_lidar.optics.returns.radiometry import collect, pixel_photons
-    from rso_lidar.optics.stray.glare import add_stray_light, see_sky
+    from rso_lidar.optics.stray.glare import add_stray_light, see_sky, veil_on_axis
+    from rso_lidar.optics.stray.sources import STRAY_BODIES
+    from rso_lidar.optics.sunlight import sun_photons_per_s_m2
+    from rso_lidar.optics.tables.laser_profiles import read_pattern
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "STRAY_BODIES",
     "AdaptiveSampling",
     "AiryPsf",
     "Baffle",
@@ -36,6 +42,7 @@ __all__ = [
     "ZemaxDistortion",
     "ZemaxPsf",
     "add_stray_light",
+    "assign_pulses",
     "average_pulses",
     "collect",
     "estimate_grid_variance",
@@ -43,8 +50,10 @@ __all__ = [
     "pixel_photons",
     "pixel_rays",
     "read_files",
+    "read_pattern",
     "see_sky",
+    "sun_photons_per_s_m2",
+    "veil_on_axis",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

@@ -20,7 +20,7 @@ from rso_lidar.records import BodyState
 
 # With 2 s the truncation error in low orbit is below 1e-9 m/s and 3e-6 of the acceleration. The rounding of time in SGP4
 # (1e-9 s after a month) adds some 2 um/s.
-STEP_S = 2.0
+DIFFERENCE_STEP_S = 2.0
 
 
 @runtime_checkable
@@ -50,8 +50,8 @@ class Trajectory(Protocol):
 def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of position (time, 3) [m/s] and velocity (time, 3) [m/s2] in GCRS axes.
 
-    They are central differences over `STEP_S`. At the trajectory's `breaks_s(epochs)` [s since the start] its state
-    jumps or has a corner, and it may have no state beyond. No difference reaches across a break, and at a break the
+    They are central differences over `DIFFERENCE_STEP_S`. At the trajectory's `breaks_s(epochs)` [s since the start] its
+    state jumps or has a corner, and it may have no state beyond. No difference reaches across a break, and at a break the
     derivatives are those after it. Where there is no state beside an epoch, the two-body derivatives are used.
 
     Parameters
@@ -139,7 +139,7 @@ def _step_s(time_s: np.ndarray, breaks_s: np.ndarray) -> tuple[np.ndarray, np.nd
     edges = np.concatenate([[-np.inf], np.unique(breaks_s), [np.inf]])
     piece = np.searchsorted(edges, time_s, side="right")
     low, high = edges[piece - 1], edges[piece]
-    step = np.minimum(STEP_S, 0.499 * (high - low))
+    step = np.minimum(DIFFERENCE_STEP_S, 0.499 * (high - low))
     # a break is known to a nanosecond: stay off both ends
     return np.minimum(np.maximum(time_s, low + 1.001 * step), high - 1.001 * step), step[:, None]
 

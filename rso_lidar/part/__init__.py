@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.part.field_types import describe_type
     from rso_lidar.part.model import (
         GREATEST,
+        NAME_PATTERN,
         UNIT_NORM_WITHIN,
         Count,
         Direction,
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
         name_object,
         python_objects,
     )
+    from rso_lidar.part.toml_text import DEEPEST_TOML, MOST_TOML_BYTES, find_line, parse_toml, split_place
     from rso_lidar.part.user_objects import (
         call_member,
         check_lines,
@@ -38,10 +41,15 @@ if TYPE_CHECKING:
         read_member,
         to_real_array,
     )
-    from rso_lidar.part.validation_messages import explain, show_value
+    from rso_lidar.part.validation_messages import explain, part_classes, show_value
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "DEEPEST_TOML",
     "GREATEST",
+    "MOST_TOML_BYTES",
+    "NAME_PATTERN",
     "UNIT_NORM_WITHIN",
     "Count",
     "Direction",
@@ -62,17 +70,21 @@ __all__ = [
     "check_lines",
     "check_text",
     "check_values",
+    "describe_type",
     "dump_part",
     "explain",
+    "find_line",
     "kind_of",
     "lock_array",
     "make_answer_error",
     "name_object",
+    "parse_toml",
+    "part_classes",
     "python_objects",
     "read_member",
     "show_value",
+    "split_place",
     "to_real_array",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

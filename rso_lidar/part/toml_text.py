@@ -8,9 +8,9 @@ from typing import Any
 
 from rso_lidar.errors import RsoLidarError
 
-MOST_BYTES = 8 * 2**20
+MOST_TOML_BYTES = 8 * 2**20
 MOST_KEYS = 100_000
-DEEPEST = 32  # levels of nested tables, or parts of a dotted key
+DEEPEST_TOML = 32  # levels of nested tables, or parts of a dotted key
 
 # Quoted text and comments are ignored. A quoted part of a dotted key still counts as one part.
 _QUOTED = re.compile(
@@ -45,9 +45,9 @@ def parse_toml(text: str, where: str, error: type[RsoLidarError]) -> dict[str, A
     """
     if not isinstance(text, str):
         raise error(f"{where}: not a str but {text!r:.60}; give TOML as a str")
-    if len(text) > MOST_BYTES:
+    if len(text) > MOST_TOML_BYTES:
         raise error(
-            f"{where}: has over {MOST_BYTES // 2**20} million characters; move large tables to files of their own"
+            f"{where}: has over {MOST_TOML_BYTES // 2**20} million characters; move large tables to files of their own"
         )
     bare = _QUOTED.sub(lambda found: "" if found[1] else "q", text)
     steps = [found[0].count(".") + 1 for found in _DOTTED.finditer(bare)]
@@ -59,8 +59,8 @@ def parse_toml(text: str, where: str, error: type[RsoLidarError]) -> dict[str, A
     for found in _BRACKET.finditer(bare):
         depth = depth + 1 if found[0] in "[{" else max(depth - 1, 0)
         deepest = max(deepest, depth)
-    if deepest > DEEPEST:
-        raise error(f"{where}: nested more than {DEEPEST} levels deep; no key needs that, so flatten it")
+    if deepest > DEEPEST_TOML:
+        raise error(f"{where}: nested more than {DEEPEST_TOML} levels deep; no key needs that, so flatten it")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:

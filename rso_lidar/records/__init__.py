@@ -12,11 +12,28 @@ from rso_lidar.public_names import export_lazily, limit_dir
 if TYPE_CHECKING:
     from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
     from rso_lidar.records.light import Bounces, Contours, Extent, Hits, Oversampled, Photons, Rays, Sky
+    from rso_lidar.records.part_classes import OTHER, PART_CLASSES, PartClass
     from rso_lidar.records.reading import Labels, PixelPrediction, Reading, Taps, Waveforms
     from rso_lidar.records.schema import ArraySpec, Record, array, specs
     from rso_lidar.records.symmetry import Symmetry, rotation_error_rad
-    from rso_lidar.records.taxonomy import Taxonomy
+    from rso_lidar.records.taxonomy import (
+        FRAGMENT_LENGTHS_M,
+        FragmentKind,
+        Hinge,
+        ObjectClass,
+        ShapeFamily,
+        SizeClass,
+        Stabilisation,
+        Taxonomy,
+        classify_size,
+    )
     from rso_lidar.records.telemetry import (
+        ALL_READ,
+        ANGULAR_ACCELERATION,
+        ATTITUDE,
+        DYNAMICS,
+        PLACE,
+        SKY,
         AccelerometerSamples,
         BodyMotion,
         GnssSamples,
@@ -30,9 +47,27 @@ if TYPE_CHECKING:
         join_samples,
     )
     from rso_lidar.records.truth import BodyState, PtuAngles, Truth
+    from rso_lidar.records.viewing_geometry import (
+        ViewingGeometry,
+        compute_viewing_geometry,
+        find_shadow_spans_s,
+        join_viewing_geometry,
+        tabulate_truth,
+    )
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "ALL_READ",
+    "ANGULAR_ACCELERATION",
+    "ATTITUDE",
+    "DYNAMICS",
+    "FRAGMENT_LENGTHS_M",
+    "OTHER",
+    "PART_CLASSES",
+    "PLACE",
     "SCHEMA_VERSION",
+    "SKY",
     "AccelerometerSamples",
     "ArraySpec",
     "BodyMotion",
@@ -41,13 +76,17 @@ __all__ = [
     "Command",
     "Contours",
     "Extent",
+    "FragmentKind",
     "Frame",
     "GnssSamples",
     "GyroSamples",
+    "Hinge",
     "Hits",
     "Labels",
+    "ObjectClass",
     "Observation",
     "Oversampled",
+    "PartClass",
     "Photons",
     "PixelPrediction",
     "PtuAngles",
@@ -57,8 +96,11 @@ __all__ = [
     "RelativeGnssSamples",
     "SensorSamples",
     "SensorState",
+    "ShapeFamily",
+    "SizeClass",
     "Sky",
     "Source",
+    "Stabilisation",
     "StarTrackerSamples",
     "Symmetry",
     "Taps",
@@ -66,13 +108,18 @@ __all__ = [
     "Taxonomy",
     "ThrusterSamples",
     "Truth",
+    "ViewingGeometry",
     "Waveforms",
     "WheelSamples",
     "array",
+    "classify_size",
+    "compute_viewing_geometry",
+    "find_shadow_spans_s",
     "join_samples",
+    "join_viewing_geometry",
     "rotation_error_rad",
     "specs",
+    "tabulate_truth",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

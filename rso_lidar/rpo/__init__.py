@@ -5,30 +5,41 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.rpo.dispersed.nominal_flight import GuidanceInstant, NominalFlight
     from rso_lidar.rpo.flown.filtered_flight import FilterEstimate
-    from rso_lidar.rpo.flown.flown_plan import Flown, RelativeStart
+    from rso_lidar.rpo.flown.flown_plan import AnyNavigation, Flown, RelativeStart
     from rso_lidar.rpo.flown.guidance import Guidance, GuidanceUpdate, TwoImpulseGuidance
+    from rso_lidar.rpo.flown.held_thrust import HeldThrustErrors
     from rso_lidar.rpo.flown.plan_flight import PlanFlight
     from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
-    from rso_lidar.rpo.navigation.navigation_sensors import NavigationCamera, NavigationLidar, RangeNoise
+    from rso_lidar.rpo.navigation.filter_bank import ORBIT, THRUST, FilterBank, ScalarUpdate, apply_matrix, find_nees
+    from rso_lidar.rpo.navigation.navigation_sensors import (
+        NavigationCamera,
+        NavigationLidar,
+        RangeNoise,
+        find_clear_views,
+    )
     from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
     from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
     from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
     from rso_lidar.rpo.plans.free_holds import Perch, PulsedStationKeeping
     from rso_lidar.rpo.plans.glideslope import Glideslope
+    from rso_lidar.rpo.plans.keep_out import KeepOutSphere
     from rso_lidar.rpo.plans.operation import ProximityOperation
     from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
     from rso_lidar.rpo.plans.transfers import Hop, Lambert, Rendezvous, Waypoints
-    from rso_lidar.rpo.relative.hill import Hill
+    from rso_lidar.rpo.relative.deviation_flow import DeviationFlow, Push
+    from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire, mean_motion_of_state
     from rso_lidar.rpo.relative.nonlinear import Nonlinear
+    from rso_lidar.rpo.relative.reference_orbit import ReferenceOrbit
     from rso_lidar.rpo.relative.relative_elements import (
         RelativeElements,
         relative_elements_from_states,
         state_from_relative_elements,
     )
-    from rso_lidar.rpo.relative.relative_motion import RelativeMotion
-    from rso_lidar.rpo.relative.rtn import rtn_axes, rtn_matrix
-    from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen
+    from rso_lidar.rpo.relative.relative_motion import RelativeMotion, RtnMotion
+    from rso_lidar.rpo.relative.rtn import inertial_acceleration, rtn_axes, rtn_matrix
+    from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen, propagate_yamanaka_ankersen
     from rso_lidar.rpo.sequences.end_conditions import (
         AfterTime,
         AtAngle,
@@ -56,9 +67,14 @@ if TYPE_CHECKING:
     )
     from rso_lidar.rpo.sequences.sequence import Sequence
     from rso_lidar.rpo.sequences.sequence_plan import PlannedLeg, SequencePlan
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "ORBIT",
+    "THRUST",
     "AfterTime",
+    "AnyNavigation",
     "AtAngle",
     "AtPassiveSafety",
     "AtRange",
@@ -67,7 +83,9 @@ __all__ = [
     "CircumnavigationLeg",
     "CoElliptic",
     "CoEllipticLeg",
+    "DeviationFlow",
     "DriftLeg",
+    "FilterBank",
     "FilterEstimate",
     "Flown",
     "ForcedCircumnavigation",
@@ -75,17 +93,21 @@ __all__ = [
     "Glideslope",
     "GlideslopeLeg",
     "Guidance",
+    "GuidanceInstant",
     "GuidanceUpdate",
+    "HeldThrustErrors",
     "Hill",
     "HoldLeg",
     "Hop",
     "HopLeg",
     "InSunlight",
+    "KeepOutSphere",
     "Lambert",
     "LambertLeg",
     "NavigationCamera",
     "NavigationErrors",
     "NavigationLidar",
+    "NominalFlight",
     "Nonlinear",
     "Perch",
     "PerchLeg",
@@ -96,16 +118,20 @@ __all__ = [
     "ProximityOperation",
     "PulsedHoldLeg",
     "PulsedStationKeeping",
+    "Push",
     "RBarApproach",
     "RBarLeg",
     "RangeNoise",
+    "ReferenceOrbit",
     "RelativeElements",
     "RelativeFilter",
     "RelativeMotion",
     "RelativeStart",
     "Rendezvous",
+    "RtnMotion",
     "SafetyEllipse",
     "SafetyEllipseLeg",
+    "ScalarUpdate",
     "Sequence",
     "SequencePlan",
     "StationKeeping",
@@ -118,11 +144,17 @@ __all__ = [
     "Waypoints",
     "WaypointsLeg",
     "YamanakaAnkersen",
+    "apply_matrix",
+    "clohessy_wiltshire",
+    "find_clear_views",
+    "find_nees",
+    "inertial_acceleration",
+    "mean_motion_of_state",
+    "propagate_yamanaka_ankersen",
     "relative_elements_from_states",
     "rtn_axes",
     "rtn_matrix",
     "state_from_relative_elements",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

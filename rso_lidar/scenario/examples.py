@@ -8,7 +8,7 @@ from typing import Any
 
 from rso_lidar.shipped import shipped
 
-SHORTEST = """\
+SHORTEST_EXAMPLE = """\
 version = 1
 name = "new scenario"
 world = { axes = "local" }  # a bench; leave it out for an orbit

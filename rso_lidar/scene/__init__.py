@@ -5,13 +5,26 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.scene import library
     from rso_lidar.scene.bounces.bounce import bounce
     from rso_lidar.scene.bounces.earthshine import add_earthshine
     from rso_lidar.scene.casting.cast import cast
     from rso_lidar.scene.casting.contours import contours
     from rso_lidar.scene.casting.extent import extent
     from rso_lidar.scene.casting.sky import find_hidden
+    from rso_lidar.scene.embree.engine import engine
     from rso_lidar.scene.labels import label
+    from rso_lidar.scene.library.adding import MeshOptions, add_model, remove_model
+    from rso_lidar.scene.library.mesh_units import known_meshes, list_units
+    from rso_lidar.scene.library.model_index import (
+        ModelEntry,
+        is_mesh_path,
+        load_materials,
+        model,
+        models,
+        own_folder,
+        own_models,
+    )
     from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength, Named, find_material
     from rso_lidar.scene.materials.crinkle import Crinkled
     from rso_lidar.scene.materials.lobe import Lobe
@@ -20,12 +33,30 @@ if TYPE_CHECKING:
     from rso_lidar.scene.materials.phong import Lambertian, Phong
     from rso_lidar.scene.materials.retro import RetroReflector
     from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
-    from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, warn_of_repairs, warn_of_size
+    from rso_lidar.scene.meshes.cad import is_cad, tessellate
+    from rso_lidar.scene.meshes.components import format_count
+    from rso_lidar.scene.meshes.height_field import MOST_HEIGHT_CELLS, build_height_field, load_height_field
+    from rso_lidar.scene.meshes.mesh import (
+        Mesh,
+        body_from_mesh,
+        format_colours,
+        load_mesh,
+        normalize_mesh,
+        parse_mesh,
+        read_facet_colours,
+        warn_of_repairs,
+        warn_of_size,
+    )
     from rso_lidar.scene.meshes.symmetry_check import SymmetryDeviation, measure_symmetry
     from rso_lidar.scene.surfaces.articulation import Hinged, split_at_hinges
+    from rso_lidar.scene.surfaces.examination import examine_mesh
+    from rso_lidar.scene.surfaces.portrait import find_top_heights, render_portrait, viewer_axes
     from rso_lidar.scene.surfaces.surface import Surface, build_surface
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "MOST_HEIGHT_CELLS",
     "AnyMaterial",
     "ByWavelength",
     "Crinkled",
@@ -35,6 +66,8 @@ __all__ = [
     "Lobe",
     "Material",
     "Mesh",
+    "MeshOptions",
+    "ModelEntry",
     "Named",
     "OrenNayar",
     "Phong",
@@ -44,21 +77,46 @@ __all__ = [
     "SymmetryDeviation",
     "TableBrdf",
     "add_earthshine",
+    "add_model",
+    "body_from_mesh",
     "bounce",
+    "build_height_field",
     "build_surface",
     "cast",
     "complete",
     "contours",
+    "engine",
+    "examine_mesh",
     "extent",
     "find_hidden",
     "find_material",
+    "find_top_heights",
+    "format_colours",
+    "format_count",
+    "is_cad",
+    "is_mesh_path",
+    "known_meshes",
     "label",
+    "library",
+    "list_units",
+    "load_height_field",
+    "load_materials",
     "load_mesh",
     "measure_symmetry",
+    "model",
+    "models",
+    "normalize_mesh",
+    "own_folder",
+    "own_models",
+    "parse_mesh",
+    "read_facet_colours",
+    "remove_model",
+    "render_portrait",
     "split_at_hinges",
+    "tessellate",
+    "viewer_axes",
     "warn_of_repairs",
     "warn_of_size",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

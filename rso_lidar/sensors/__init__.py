@@ -7,6 +7,7 @@ from rso_lidar.public_names import export_lazily, limit_dir
 if TYPE_CHECKING:
     from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
     from rso_lidar.sensors.choice import (
+        BEFORE_ALL_S,
         AnySensor,
         DescribedSensor,
         Sensor,
@@ -22,8 +23,11 @@ if TYPE_CHECKING:
     from rso_lidar.sensors.sensor_part import OutageWindow, RandomOutage
     from rso_lidar.sensors.star_tracker import StarTracker
     from rso_lidar.sensors.suite import SensorSuite
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "BEFORE_ALL_S",
     "Accelerometer",
     "AnySensor",
     "DescribedSensor",
@@ -46,5 +50,4 @@ __all__ = [
     "read_schedule",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

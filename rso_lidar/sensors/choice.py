@@ -11,8 +11,7 @@ from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Seam, kind_of, make_answer_error, name_object, read_member, to_real_array
-from rso_lidar.records import BodyMotion, SensorSamples, SensorState
-from rso_lidar.records.telemetry import ALL_READ
+from rso_lidar.records import ALL_READ, BodyMotion, SensorSamples, SensorState
 from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
 from rso_lidar.sensors.gnss import Gnss, RelativeGnss
 from rso_lidar.sensors.inertial import Accelerometer, Gyro

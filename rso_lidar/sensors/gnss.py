@@ -9,7 +9,7 @@ from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.two_body.orbit_axes import rtn_matrix
+from rso_lidar.orbit import rtn_matrix
 from rso_lidar.part import Name, NotNegative, Positive, Vector
 from rso_lidar.pose import cross, dot, length, matrix_from_quaternion, rotate_vectors
 from rso_lidar.records import BodyMotion, GnssSamples, RelativeGnssSamples, SensorState

@@ -13,10 +13,9 @@ from pydantic import AfterValidator, Field
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.kernels import kernel, packed
-from rso_lidar.motion.mount import Mount
+from rso_lidar.motion import Mount
 from rso_lidar.part import NotNegative, Positive
-from rso_lidar.records import AccelerometerSamples, BodyMotion, GyroSamples, SensorState
-from rso_lidar.records.telemetry import ANGULAR_ACCELERATION
+from rso_lidar.records import ANGULAR_ACCELERATION, AccelerometerSamples, BodyMotion, GyroSamples, SensorState
 from rso_lidar.sensors.random_errors import ErrorProcess
 from rso_lidar.sensors.sensor_part import ErrorTerms, SensorPart, check_correlation, flicker
 

@@ -12,8 +12,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Name, NotNegative, Part, Positive, Text
-from rso_lidar.records import BodyMotion, SensorState
-from rso_lidar.records.telemetry import ALL_READ
+from rso_lidar.records import ALL_READ, BodyMotion, SensorState
 from rso_lidar.sensors.presets import merge_preset
 from rso_lidar.sensors.random_errors import ErrorModel, ErrorProcess, draw_errors, make_model
 

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar import units
-from rso_lidar.motion.mount import Mount
+from rso_lidar.motion import Mount
 from rso_lidar.part import NotNegative, Positive
 from rso_lidar.pose import (
     dot,

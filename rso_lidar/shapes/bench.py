@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.records.symmetry import Symmetry
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records import Symmetry, Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import ball, box
 

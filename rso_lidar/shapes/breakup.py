@@ -26,7 +26,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.kernels import packed
 from rso_lidar.philox import fill_row
 from rso_lidar.pose import dot, length
-from rso_lidar.records.taxonomy import FRAGMENT_LENGTHS_M, FragmentKind, ShapeFamily, Taxonomy, classify_size
+from rso_lidar.records import FRAGMENT_LENGTHS_M, FragmentKind, ShapeFamily, Taxonomy, classify_size
 from rso_lidar.shapes.area_to_mass import draw_area_to_mass, power_of_ten
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from rso_lidar.records.symmetry import Symmetry
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records import Symmetry, Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import (
     Point,

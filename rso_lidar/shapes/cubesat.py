@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.records.symmetry import Symmetry
-from rso_lidar.records.taxonomy import Hinge, Taxonomy, classify_size
+from rso_lidar.records import Hinge, Symmetry, Taxonomy, classify_size
 from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import Solid, box, cylinder, dome, join, ring, tiles, tube, wall
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records import Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import (
     Point,

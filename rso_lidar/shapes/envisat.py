@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rso_lidar.records.taxonomy import Hinge, Taxonomy
+from rso_lidar.records import Hinge, Taxonomy
 from rso_lidar.shapes import envisat_payload as payload
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid, box, cylinder, frustum, join, lattice, ring, tiles, torus, tube, wall

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.records.taxonomy import ShapeFamily, Taxonomy, classify_size
+from rso_lidar.records import ShapeFamily, Taxonomy, classify_size
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid, join, pipe
 from rso_lidar.shapes.torn_sheets import bend_solids, build_sheet, draw_outline

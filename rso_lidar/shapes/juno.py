@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records import Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import (
     Point,

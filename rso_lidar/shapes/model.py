@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rso_lidar.records.part_classes import PartClass
-from rso_lidar.records.symmetry import Symmetry
-from rso_lidar.records.taxonomy import Hinge, Taxonomy
+from rso_lidar.records import Hinge, PartClass, Symmetry, Taxonomy
 from rso_lidar.shapes.part_classes import classify_parts
 from rso_lidar.shapes.solids import Solid
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.records.part_classes import PartClass
+from rso_lidar.records import PartClass
 
 _PARTS: dict[PartClass, str] = {
     "bus": """

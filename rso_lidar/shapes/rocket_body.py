@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rso_lidar.records.symmetry import Symmetry
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records import Symmetry, Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid, ball, box, cylinder, frustum, join, pipe, revolve, ring, torus, tube, wall
 from rso_lidar.units import DEG

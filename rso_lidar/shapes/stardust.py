@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from rso_lidar.records.taxonomy import Hinge, Taxonomy
+from rso_lidar.records import Hinge, Taxonomy
 from rso_lidar.shapes import stardust_capsule as capsule
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import (

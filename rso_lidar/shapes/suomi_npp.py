@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rso_lidar.records.taxonomy import Hinge, Taxonomy
+from rso_lidar.records import Hinge, Taxonomy
 from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import (
     Solid,

@@ -35,7 +35,7 @@ class Ground:
     boulders: Solid | None
 
 
-def made_ground(seed: int, size_m: float, cell_m: float, craters: Abundance, rocks: Abundance) -> Ground:
+def build_ground(seed: int, size_m: float, cell_m: float, craters: Abundance, rocks: Abundance) -> Ground:
     """Generate ground from a random seed: a square about the origin, x east, y north.
 
     Parameters

@@ -3,14 +3,18 @@
 from typing import TYPE_CHECKING
 
 from rso_lidar.public_names import export_lazily, limit_dir
-from rso_lidar.simulation.flash import flash
 
 if TYPE_CHECKING:
+    from rso_lidar.simulation.laser_flash import flash
     from rso_lidar.simulation.run import simulate
     from rso_lidar.simulation.state import SimulationState
-    from rso_lidar.simulation.stepping import Moment, Simulation
+    from rso_lidar.simulation.stepping import DETECTION, POINTING, Moment, Simulation
+else:
+    __getattr__ = export_lazily(__name__)
 
 __all__ = [
+    "DETECTION",
+    "POINTING",
     "Moment",
     "Simulation",
     "SimulationState",
@@ -18,5 +22,4 @@ __all__ = [
     "simulate",
 ]
 
-__getattr__ = export_lazily(__name__)
 __dir__ = limit_dir(__name__)

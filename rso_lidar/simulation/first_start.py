@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import detector, kernels, optics, scene
-from rso_lidar.detector.stages.avalanche import multiply_rows
+from rso_lidar.detector import multiply_rows
 from rso_lidar.records import Hits, Rays
 
 # -P: files of the current folder are not imported. The package is found wherever this process found it.

@@ -13,9 +13,9 @@ from rso_lidar.processes import call_in_background
 from rso_lidar.records import Command, Frame, Labels, Reading, Record
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.simulation.first_start import compile_ahead
-from rso_lidar.simulation.flash import assemble_frame, check_kept, flash
+from rso_lidar.simulation.laser_flash import assemble_frame, check_kept, flash
 from rso_lidar.simulation.stepping import Moment, Simulation, check_count
-from rso_lidar.track.controller import Controller
+from rso_lidar.track import Controller
 
 
 def simulate(

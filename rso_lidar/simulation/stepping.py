@@ -15,9 +15,9 @@ from rso_lidar import motion, sensors
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Command, Frame, Observation, SensorSamples, Truth, join_samples
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
-from rso_lidar.sensors.choice import BEFORE_ALL_S
+from rso_lidar.sensors import BEFORE_ALL_S
 from rso_lidar.simulation.first_start import compile_ahead
-from rso_lidar.simulation.flash import check_kept, flash
+from rso_lidar.simulation.laser_flash import check_kept, flash
 from rso_lidar.simulation.state import SimulationState, check_state, digest_scenario
 from rso_lidar.units import NS_PER_S
 

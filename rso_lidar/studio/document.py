@@ -10,7 +10,7 @@ from typing import Self
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.files import check_writable, read_bytes, write_atomically
-from rso_lidar.part.toml_text import MOST_BYTES
+from rso_lidar.part import MOST_TOML_BYTES
 from rso_lidar.studio.model.editable_toml import EditableToml
 from rso_lidar.studio.model.root_folder import Folder
 
@@ -185,7 +185,7 @@ class Document(EditableToml):
 
     def _digest_on_disk(self) -> str:
         path = self._path()
-        return hashlib.sha256(read_bytes(path, MOST_BYTES, ScenarioError)).hexdigest() if path.is_file() else ""
+        return hashlib.sha256(read_bytes(path, MOST_TOML_BYTES, ScenarioError)).hexdigest() if path.is_file() else ""
 
 
 def list_documents(folder: Folder) -> list[str]:
@@ -197,7 +197,7 @@ def list_documents(folder: Folder) -> list[str]:
 def _decode(path: Path) -> str:
     """Read a text without changing its line ends."""
     try:
-        return read_bytes(path, MOST_BYTES, ScenarioError, "scenario file (.toml)").decode("utf-8-sig")
+        return read_bytes(path, MOST_TOML_BYTES, ScenarioError, "scenario file (.toml)").decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ScenarioError(f"{path.name}: is not UTF-8 text; save it as UTF-8") from None
 
@@ -208,8 +208,8 @@ def _write(path: Path, text: str) -> None:
         content = text.encode()
     except UnicodeEncodeError:
         raise ScenarioError(f"{path.name}: not written: it contains half a character; delete and retype it") from None
-    if len(content) > MOST_BYTES:
-        size = f"{len(content):,} bytes, and at most {MOST_BYTES:,} can be read again"
+    if len(content) > MOST_TOML_BYTES:
+        size = f"{len(content):,} bytes, and at most {MOST_TOML_BYTES:,} can be read again"
         raise ScenarioError(f"{path.name}: not written: {size}")
     with write_atomically(path) as draft:
         draft.write_bytes(content)

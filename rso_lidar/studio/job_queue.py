@@ -17,8 +17,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import IO
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.export.reader.status import read_status
-from rso_lidar.export.registry import SUFFIXES
+from rso_lidar.export import FORMAT_SUFFIXES, read_status
 from rso_lidar.files import write_text
 from rso_lidar.studio.model.recording_list import RECORDINGS
 from rso_lidar.studio.model.root_folder import Folder
@@ -45,7 +44,7 @@ KINDS = {
     "budget": JobKind("Link budget", "budget {source} -o {output}", (".toml",), (".png", ".csv", ".svg")),
     "trade": JobKind("Trade study", "trade {source} -o {output}", (".toml",), (".html",)),
     "dataset": JobKind("Dataset", "dataset make {source} -o {output}", (".toml",), ("",)),
-    "export": JobKind("Export", "export {source} --to {output}", RECORDINGS, tuple(SUFFIXES)),
+    "export": JobKind("Export", "export {source} --to {output}", RECORDINGS, tuple(FORMAT_SUFFIXES)),
     "sheet": JobKind("Contact sheet", "plot {source} -o {output}", RECORDINGS, (".png",)),
     "curves": JobKind("Curves", "plot {source} --curves -o {output}", RECORDINGS, (".png", ".svg")),
     "animate": JobKind("Animation", "animate {source} {output}", RECORDINGS, (".gif", ".mp4")),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.interruption import remove_on_signal
-from rso_lidar.loop.network_address import NetworkAddress
+from rso_lidar.loop import NetworkAddress
 
 _NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from nicegui import Event, run
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.scenario.tables.world import parse_frames
+from rso_lidar.scenario import parse_frames
 from rso_lidar.studio.document import UNSAVED, Document, list_documents
 from rso_lidar.studio.job_queue import FLIES_SCENARIO, KINDS, JobQueue, JobRequest
 from rso_lidar.studio.model.recording_list import RecordingList

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.aim import lidar_from_ptu
-from rso_lidar.motion.mount import Mount
+from rso_lidar.motion import Mount, lidar_from_ptu
 from rso_lidar.records import Command, Observation, Reading
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.registry import FORMATS, SUFFIXES
+from rso_lidar.export import FORMAT_SUFFIXES, FORMATS
 from rso_lidar.shipped import shipped
 from tests.settings_for_tests import limit_pixels
 
@@ -28,7 +28,9 @@ def recording(flown, tmp_path_factory):
     return rl.save(tmp_path_factory.mktemp("recorded") / "run.h5", flown)
 
 
-@pytest.mark.parametrize("suffix", [suffix for suffix, made in SUFFIXES.items() if not made.folder and not made.extra])
+@pytest.mark.parametrize(
+    "suffix", [suffix for suffix, kind in FORMAT_SUFFIXES.items() if not kind.folder and not kind.extra]
+)
 def test_save_and_export_write_the_same(rso_lidar, flown, recording, tmp_path, suffix):
     """From frames in memory, from a recording, and by the command: but for the time of writing, byte for byte."""
     one = rl.save(tmp_path / f"one{suffix}", iter(flown))
@@ -37,8 +39,8 @@ def test_save_and_export_write_the_same(rso_lidar, flown, recording, tmp_path, s
     three = tmp_path / f"three{suffix}"
     status, out, err = rso_lidar("export", recording, "--to", three)
     assert (status, [line for line in err if not line.startswith("frame ")]) == (0, [])
-    assert f"({SUFFIXES[suffix].name}, 4 frames" in out
-    if SUFFIXES[suffix].name in ("hdf5", "netcdf", "npz"):
+    assert f"({FORMAT_SUFFIXES[suffix].name}, 4 frames" in out
+    if FORMAT_SUFFIXES[suffix].name in ("hdf5", "netcdf", "npz"):
         sizes = [file.stat().st_size for file in (one, two, three)]
         assert max(sizes) < 1.01 * min(sizes)
         return
@@ -47,7 +49,7 @@ def test_save_and_export_write_the_same(rso_lidar, flown, recording, tmp_path, s
         for file in (one, two, three)
     ]
     assert texts[1] == texts[2]
-    if SUFFIXES[suffix].name != "czml":  # where a pose is stored as a quaternion, its last digit may change
+    if FORMAT_SUFFIXES[suffix].name != "czml":  # where a pose is stored as a quaternion, its last digit may change
         assert len(texts[0]) == len(texts[1]) > 1
 
 

@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 import typer
 
-from rso_lidar.cli.app import COMMANDS, app, load_command
-from rso_lidar.export.registry import SUFFIXES
+from rso_lidar.cli import app
+from rso_lidar.cli.app import COMMANDS, load_command
+from rso_lidar.export import FORMAT_SUFFIXES
 from tests.house.test_start import LATER
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -186,7 +187,10 @@ def test_no_command_of_the_docs_writes_among_the_examples():
 
 def test_documented_exports_that_need_an_extra_name_it():
     """A newcomer who installed the package alone is told beforehand."""
-    needs = {suffix: made.extra for suffix, made in SUFFIXES.items() if made.extra} | {".mp4": "mp4", ".rrd": "view"}
+    needs = {suffix: made.extra for suffix, made in FORMAT_SUFFIXES.items() if made.extra} | {
+        ".mp4": "mp4",
+        ".rrd": "view",
+    }
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         for line in re.findall(r"^rso-lidar .*$", text, re.MULTILINE):

@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.dataset.reading.random_access import open_dataset
+from rso_lidar.dataset import open as open_dataset
 from tests.dataset.bench_for_tests import make_spec
 from tests.dataset.written_for_tests import make_dataset
 

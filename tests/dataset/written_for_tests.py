@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 
+from rso_lidar.dataset import DatasetSpec
 from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record
 from rso_lidar.dataset.shards.sensor_file import Constants, write_constants
 from rso_lidar.dataset.shards.shard_file import hash_file, write_shard
-from rso_lidar.dataset.specification.spec import DatasetSpec
 
 SPEC = """
 version  = 1

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rso_lidar.scene.meshes.height_field import build_height_field
-from rso_lidar.scene.surfaces.surface import build_surface
+from rso_lidar.scene import build_height_field, build_surface
 from rso_lidar.study import (
     HAZARD,
     SAFE,

@@ -13,7 +13,7 @@ from frames_for_tests import make_frame, make_frames
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.registry import FORMATS, SUFFIXES, format_for, writer_for
+from rso_lidar.export import FORMAT_SUFFIXES, FORMATS, format_for, writer_for
 
 FOLDERS = ("pcd", "ply", "bop")
 OURS = ("npz", *FOLDERS, *["zarr"] * bool(find_spec("zarr")))
@@ -30,7 +30,7 @@ def everything(folder):
 
 
 def test_every_suffix_has_one_format_that_says_what_it_loses():
-    assert len(SUFFIXES) == sum(len(made.suffixes) for made in FORMATS.values())
+    assert len(FORMAT_SUFFIXES) == sum(len(made.suffixes) for made in FORMATS.values())
     for made in FORMATS.values():
         assert made.loses
         assert not made.loses.endswith(".")
@@ -207,7 +207,7 @@ def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(tmp_path, name, monk
         raise OSError(28, os.strerror(28))
 
     writes = {"npz": "numpy.savez_compressed", "zarr": "rso_lidar.export.writer.zarr_store.ZarrWriter.add"}
-    writes |= {"bop": "rso_lidar.dataset.conversion.bop.write_new_file"}
+    writes |= {"bop": "rso_lidar.export.formats.bop.write_new_file"}
     monkeypatch.setattr(writes.get(name, "rso_lidar.export.writer.frame_files.write_new_file"), full)
     with pytest.raises(RunError, match=rf"out.{name}: could not be written: No space left on device"):
         write(tmp_path, name, make_frames(2))

@@ -15,8 +15,7 @@ import rso_lidar as rl
 from rso_lidar.cli.truth import truth
 from rso_lidar.errors import ScenarioError
 from rso_lidar.fmi import host, host_process
-from rso_lidar.mission_analysis.time_history.open_loop import fly_open_loop
-from rso_lidar.mission_analysis.time_history.timeline import timeline
+from rso_lidar.mission_analysis import fly_open_loop, timeline
 from rso_lidar.motion import FmuAttitude, FmuDrive, FmuMotion
 from rso_lidar.motion.dynamics.fmu_history import FmuHistory
 from tests.fmi.fmus_for_tests import build_drive, compile_reference, write_fmu

@@ -9,11 +9,10 @@ import rso_lidar as rl
 from rso_lidar.cli.parameters import parameters
 from rso_lidar.cli.requirements import requirements
 from rso_lidar.cli.trade import trade
-from rso_lidar.dataset.drawing.plan import make_plan as plan_dataset
+from rso_lidar.dataset.drawing.plan import make_trade_plan as plan_dataset
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import FmuAttitude
-from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.plan import make_plan
+from rso_lidar.study import Study, make_trade_plan
 from tests.dataset.bench_for_tests import SCENARIO, make_spec
 from tests.fmi.fmus_for_tests import compile_reference
 
@@ -69,9 +68,9 @@ def test_a_trade_flies_fmus_where_they_are_trusted(mission, tmp_path):
     trade(mission / "study.toml", str(tmp_path / "made.csv"), trust_fmu=True)
     table = (tmp_path / "made.csv").read_text()
     assert table.count("\n") == 3 and "native code" not in table
-    untrusted, _ = make_plan(Study.load(mission / "study.toml"), 1)
+    untrusted, _ = make_trade_plan(Study.load(mission / "study.toml"), 1)
     assert "holds native code" in untrusted.row(1)["error"]
-    plan, _ = make_plan(Study.load(mission / "study.toml"), 1, trust_fmu=True)
+    plan, _ = make_trade_plan(Study.load(mission / "study.toml"), 1, trust_fmu=True)
     row = pickle.loads(pickle.dumps(plan)).row(1)  # as in a worker process
     assert row["error"] == "" and str(row["merits"]["returns_on_target"]) in table
 

@@ -14,9 +14,8 @@ import pytest
 from PIL import Image, ImageSequence
 
 import rso_lidar as rl
-from rso_lidar.dataset.drawing.plan import make_plan as make_dataset_plan
-from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.plan import make_plan
+from rso_lidar.dataset.drawing.plan import make_trade_plan as make_dataset_plan
+from rso_lidar.study import Study, make_trade_plan
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -152,7 +151,7 @@ def test_scenarios_of_the_pages_fly(page):
         if "version" not in (said := tomllib.loads(block)):
             continue
         if "merits" in said:
-            make_plan(Study.loads(block, folder=ROOT))
+            make_trade_plan(Study.loads(block, folder=ROOT))
             continue
         if "classes" in said:
             make_dataset_plan(rl.dataset.DatasetSpec.loads(block, folder=ROOT / "examples" / "datasets"))

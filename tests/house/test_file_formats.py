@@ -18,8 +18,7 @@ from rso_lidar.loop.service.command_log import LogHeader
 from rso_lidar.loop.service.requests import SCHEMA
 from rso_lidar.loop.service.wire_format import decode
 from rso_lidar.records import SCHEMA_VERSION
-from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.verification.requirements_file import Requirements
+from rso_lidar.study import Requirements, Study
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = Path(__file__).with_name("kept_files")

@@ -60,7 +60,7 @@ def burgled(tmp_path_factory):
         "skyfield and sgp4 live in orbit",
         "Light and files know nothing of orbits: rooms beside motion take records",
         "h5py and its like live in export",
-        "matplotlib and Pillow live in picture and in figures beside their question; a measured pattern, a depth map and heights are images too",
+        "matplotlib and Pillow live in picture, in figures beside their question, and where files of the world are images",
         "Rerun lives in one module of picture",
         "typer and rich live in cli",
     ],

@@ -8,10 +8,9 @@ from typing import get_args
 
 import rso_lidar as rl
 from rso_lidar.cli.app import COMMANDS
-from rso_lidar.export.registry import FORMATS
-from rso_lidar.scenario.tables.presets import load_presets
-from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.verification.requirements_file import Requirements
+from rso_lidar.export import FORMATS
+from rso_lidar.scenario import load_presets
+from rso_lidar.study import Requirements, Study
 
 # Fields whose words are models of their own. Words of other fields belong to the capability of their part.
 SPLIT = ((rl.detector.Ranging, "algorithm"), (rl.Laser, "footprint"), (rl.Laser, "pulse_shape"))

@@ -3,7 +3,8 @@
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.loop.network_address import parse_address, require_loopback
+from rso_lidar.loop import parse_address
+from rso_lidar.loop.network_address import require_loopback
 
 
 def test_hosts_and_ports():

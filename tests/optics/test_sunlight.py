@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rso_lidar.optics.sunlight import sun_irradiance_w_m2_um, sun_photons_per_s_m2
+from rso_lidar.optics import sun_photons_per_s_m2
+from rso_lidar.optics.sunlight import sun_irradiance_w_m2_um
 
 # ASTM E490-00a (AM0), as instrument.md section 5 gives it [nm, W m-2 um-1].
 E490 = {1060.0: 641.5, 1064.0: 645.9, 1550.0: 271.3, 1570.0: 264.5, 1572.0: 267.3}

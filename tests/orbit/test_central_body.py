@@ -18,7 +18,7 @@ from rso_lidar.orbit import (
     screen,
     screen_pairs,
 )
-from rso_lidar.rpo.relative.hill import Hill
+from rso_lidar.rpo import Hill
 from tests.orbit.earth.earth_for_tests import LOW, START
 from tests.orbit.sets.sets_for_tests import TERRASAR
 

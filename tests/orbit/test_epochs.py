@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs, format_utc
+from rso_lidar.orbit import Epochs, format_utc
 
 UTC = datetime.UTC
 BEFORE_LEAP = datetime.datetime(2016, 12, 31, 23, 59, 55, tzinfo=UTC)

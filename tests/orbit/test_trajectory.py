@@ -8,7 +8,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.trajectory import STEP_S, differentiate, state_rates
+from rso_lidar.orbit import DIFFERENCE_STEP_S, differentiate, state_rates
 from rso_lidar.records import BodyState
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
@@ -73,7 +73,7 @@ def test_a_derivative_within_a_short_piece():
 
     time_s = np.array([0.1, 0.15, 0.2])
     found = differentiate(rows, time_s, rows(time_s), np.array([0.1, 0.2]))
-    assert STEP_S > 0.1
+    assert DIFFERENCE_STEP_S > 0.1
     np.testing.assert_allclose(found[:2, 0], np.cos(time_s[:2]), rtol=0, atol=0.05**2)  # f''' h^2 / 3
 
 

@@ -6,7 +6,8 @@ import tomllib
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part.toml_text import DEEPEST, MOST_BYTES, MOST_KEYS, parse_toml
+from rso_lidar.part import DEEPEST_TOML, MOST_TOML_BYTES, parse_toml
+from rso_lidar.part.toml_text import MOST_KEYS
 
 SOUND = [
     'a.b."c.d".e = 1\n[x.y]\nz = [[1, 2], { p = "q" }]',
@@ -14,7 +15,7 @@ SOUND = [
     "# [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[ a.b.c\nx = 1 # {{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{{",
     'lines = """\n1 23456U 98067A   24001.5  .00016717  00000-0  10270-3 0  9000\n"""',
     "numbers = [" + ", ".join(["1.5"] * 200_000) + "]",
-    "deep = " + "[" * (DEEPEST - 1) + "]" * (DEEPEST - 1),
+    "deep = " + "[" * (DEEPEST_TOML - 1) + "]" * (DEEPEST_TOML - 1),
 ]
 
 
@@ -32,7 +33,7 @@ BOMBS = {
     "tables in tables": ("a = " + "{a = " * 50_000, "levels deep"),
     "many keys": ("".join(f"k{i} = 1\n" for i in range(MOST_KEYS + 1)), "keys; move large tables"),
     "many deep keys": ("".join(f"k{i}.{'a.' * 20}a = 1\n" for i in range(MOST_KEYS // 20)), "keys; move large tables"),
-    "long": ("# " + "x" * MOST_BYTES, "million characters"),
+    "long": ("# " + "x" * MOST_TOML_BYTES, "million characters"),
     "quotes without end": ('a = "' * 100_000, "not valid TOML"),
     "long quotes without end": ('a = """' * 99_999, "TOML"),
     "a number of many digits": ("a = 1" + "0" * 5000, "not readable as TOML"),

@@ -11,8 +11,7 @@ from scipy import optimize, signal
 
 import rso_lidar as rl
 from rso_lidar import units
-from rso_lidar.detector import Amplifier, Apd, Readout, Timing, Trigger
-from rso_lidar.detector.bench.trial import make_point_returns, run_trial
+from rso_lidar.detector import Amplifier, Apd, Readout, Timing, Trigger, make_point_returns, run_trial
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.geiger.histogram import count_photons
 

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from rso_lidar import motion, orbit, rpo
+from rso_lidar.motion import Spin, Tumble
 from rso_lidar.motion.attitudes.look_at import aim_axes
-from rso_lidar.motion.attitudes.spin import Spin, Tumble
 from rso_lidar.units import DEG, EARTH_GM_M3_S2
 
 TILT = Rotation.from_euler("ZYX", [0.4, -1.1, 2.0]).as_matrix()

@@ -11,13 +11,20 @@ from scipy import integrate, special
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength, Named
-from rso_lidar.scene.materials.crinkle import Crinkled
-from rso_lidar.scene.materials.measured_brdf import TableBrdf
-from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
-from rso_lidar.scene.materials.phong import Lambertian, Phong
-from rso_lidar.scene.materials.retro import RetroReflector
-from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, Scatterer
+from rso_lidar.scene import (
+    AnyMaterial,
+    ByWavelength,
+    Crinkled,
+    Ggx,
+    Lambertian,
+    Named,
+    OrenNayar,
+    Phong,
+    RetroReflector,
+    Scatterer,
+    TableBrdf,
+)
+from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD
 from tests.optics.bench_for_tests import look, place, plate
 
 DEG = math.pi / 180

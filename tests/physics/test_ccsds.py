@@ -11,14 +11,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
-from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.truth import truth
-from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
-from rso_lidar.orbit.ccsds.reader import read_message
-from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import Kepler
+from rso_lidar.motion import AttitudeTable, Body, truth
+from rso_lidar.orbit import Ephemeris, Epochs, Kepler, gcrs_from_eme2000, read_message
 
 # 502.0-B, annex: the OEM example of two segments and a covariance, about Mars
 MARS = """CCSDS_OEM_VERS = 3.0

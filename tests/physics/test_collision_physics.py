@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RsoLidarWarning
-from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage
-from rso_lidar.orbit.collision.foster import foster_probability
-from rso_lidar.orbit.collision.monte_carlo import sample_collisions
-from rso_lidar.orbit.collision.uncertain_state import UncertainState
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import ConjunctionMessage, Epochs, UncertainState, foster_probability, sample_collisions
 from rso_lidar.shipped import shipped
 from rso_lidar.study import assess_conjunction
 from tests.physics.alfano_2009 import CASES, read_state

@@ -11,8 +11,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Gsfl, LaserPulse, detect, predict
-from rso_lidar.detector.bench.trial import make_plate
+from rso_lidar.detector import Gsfl, LaserPulse, detect, make_plate, predict
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.optics import Laser

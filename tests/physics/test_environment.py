@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 
 from rso_lidar import units
-from rso_lidar.orbit import Epochs, State, Tle
-from rso_lidar.orbit.sky.eclipse import find_eclipses, shadow_margins_rad
-from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_angular_radius_rad
-from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit import (
+    Epochs,
+    State,
+    Tle,
+    angle_rad,
+    beta_angle_rad,
+    earth_angular_radius_rad,
+    find_eclipses,
+    shadow_margins_rad,
+    sun_position_m,
+)
 
 EARTH = units.EARTH_RADIUS_M
 EQUINOX = datetime.datetime(2024, 3, 20, 3, 6, tzinfo=datetime.UTC)

@@ -15,12 +15,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
-from rso_lidar.mission_analysis.budgets.finding_range import find_range
+from rso_lidar.mission_analysis import find_range
 from rso_lidar.records import BodyState
-from rso_lidar.scenario import Finding
-from rso_lidar.scenario.preview.geometry import preview_mission
-from rso_lidar.scenario.preview.orientations import face_direction, spread_attitudes
-from rso_lidar.scenario.preview.whole_target import find_aspects, move_target, place_body
+from rso_lidar.scenario import Finding, find_aspects, move_target, place_body, preview_mission, spread_attitudes
+from rso_lidar.scenario.preview.orientations import face_direction
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 LIDAR_FROM_FOLLOWER = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])

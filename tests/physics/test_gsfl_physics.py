@@ -12,8 +12,7 @@ import pytest
 from scipy import stats
 
 import rso_lidar as rl
-from rso_lidar.detector import Apd, Gsfl, detect
-from rso_lidar.detector.bench.trial import make_plate, run_trial
+from rso_lidar.detector import Apd, Gsfl, detect, make_plate, run_trial
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time

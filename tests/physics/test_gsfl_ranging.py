@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rso_lidar.detector import Amplifier, Apd, Gsfl, Ranging, Readout, Timing, Trigger, detect
-from rso_lidar.detector.bench.trial import make_plate, run_trial
+from rso_lidar.detector import Amplifier, Apd, Gsfl, Ranging, Readout, Timing, Trigger, detect, make_plate, run_trial
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.full import store_waveforms

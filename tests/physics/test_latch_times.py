@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Droop, Gsfl
+from rso_lidar.detector import Droop, Gsfl, simulate_separations
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.bench.range_resolution import simulate_separations
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.stages.array_effects import solve_gain

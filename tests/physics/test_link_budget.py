@@ -11,10 +11,22 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
-from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, LaserPulse, Readout, Timing, Trigger, detect, predict
-from rso_lidar.detector.bench.trial import make_plate as pixels
-from rso_lidar.detector.bench.trial import run_trial
-from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
+from rso_lidar.detector import (
+    Amplifier,
+    Apd,
+    Gate,
+    Gsfl,
+    LaserPulse,
+    Pulse,
+    Readout,
+    Timing,
+    Trigger,
+    detect,
+    predict,
+    run_trial,
+)
+from rso_lidar.detector import make_plate as pixels
+from rso_lidar.detector.ranging.pulse import crlb_s, noise_covariance
 from rso_lidar.mission_analysis.budgets.pixel_light import compute_photons, depth_spread_s, pixel_width_m
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Ggx, Lambertian, OrenNayar, Phong, TableBrdf

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from rso_lidar import motion, sensors, track
-from rso_lidar.motion.aim import lidar_from_ptu
+from rso_lidar.motion import lidar_from_ptu
 from rso_lidar.pose import matrix_from_vector
 from rso_lidar.records import BodyState
 from rso_lidar.track.navigation.two_orbits import predict_orbits

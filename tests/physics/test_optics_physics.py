@@ -15,7 +15,7 @@ from rso_lidar import optics, scene
 from rso_lidar.optics import BrownConrady, FieldDependentPsf, FieldPsf, GaussianPsf, Laser, Receiver
 from rso_lidar.scene import Phong
 from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD
-from rso_lidar.simulation.stepping import DETECTION
+from rso_lidar.simulation import DETECTION
 from tests.optics.bench_for_tests import box, place, plate, see, surface, truth_of, write_stl
 
 C = 299_792_458.0

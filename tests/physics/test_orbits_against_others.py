@@ -10,14 +10,10 @@ from scipy.integrate import solve_ivp
 
 import rso_lidar as rl
 from rso_lidar import motion, units
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs, Kepler, Tle, gcrs_from_teme, propagate_in_teme, propagate_two_body
 from rso_lidar.orbit.sets.formats import parse_lines
-from rso_lidar.orbit.sets.sgp4_motion import Tle
-from rso_lidar.orbit.sets.teme import gcrs_from_teme, propagate_in_teme
 from rso_lidar.orbit.sky.sun import sun_direction
-from rso_lidar.orbit.two_body.kepler import Kepler, propagate_two_body
-from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire
-from rso_lidar.rpo.relative.rtn import rtn_axes
+from rso_lidar.rpo import Hill, clohessy_wiltshire, rtn_axes
 
 GM = units.EARTH_GM_M3_S2
 ACTIVE = "tle/catalogs/celestrak_active_2026-05-07.tle"

@@ -7,13 +7,19 @@ import numpy as np
 import pytest
 
 from rso_lidar import units
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces, RadiationPressure
-from rso_lidar.orbit.propagation.j2 import J2, secular_rates
-from rso_lidar.orbit.propagation.numerical import Numerical, integrate_orbit
+from rso_lidar.orbit import (
+    J2,
+    Epochs,
+    Forces,
+    Kepler,
+    Numerical,
+    RadiationPressure,
+    elements_from_state,
+    integrate_orbit,
+    propagate_two_body,
+)
+from rso_lidar.orbit.propagation.j2 import secular_rates
 from rso_lidar.orbit.sky.moon import ecliptic_of_date
-from rso_lidar.orbit.two_body.kepler import Kepler, propagate_two_body
-from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

@@ -8,11 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rso_lidar import rpo, units
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import Kepler, State
-from rso_lidar.orbit.two_body.lambert import solve_lambert, solve_lambert_all
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire
-from rso_lidar.rpo.relative.rtn import rtn_axes
+from rso_lidar.orbit import Epochs, Kepler, State, solve_lambert, solve_lambert_all
+from rso_lidar.rpo import clohessy_wiltshire, rtn_axes
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2026, 5, 1, tzinfo=datetime.UTC)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.detector.bench.trial import make_plate, make_point_returns, run_trial
+from rso_lidar.detector import make_plate, make_point_returns, run_trial
 from tests.physics import published_cameras as published
 
 TMF = "ICCP 2025 Summer School, distance_data.json (raw histograms of a TMF8820)"

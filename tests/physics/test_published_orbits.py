@@ -7,19 +7,26 @@ import numpy as np
 import pytest
 
 from rso_lidar import rpo, units
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import (
+    Catalog,
+    Epochs,
+    Kepler,
+    OsculatingElements,
+    eccentric_from_mean,
+    elements_from_state,
+    find_eclipses,
+    mean_from_true,
+    moon_position_m,
+    propagate_sgp4,
+    propagate_two_body,
+    solve_lambert,
+    state_from_elements,
+    true_from_mean,
+)
 from rso_lidar.orbit.propagation.j2 import secular_rates
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.teme import propagate_sgp4
-from rso_lidar.orbit.sky.eclipse import find_eclipses
-from rso_lidar.orbit.sky.moon import moon_position_m
-from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, true_from_mean
-from rso_lidar.orbit.two_body.kepler import Kepler, propagate_two_body
-from rso_lidar.orbit.two_body.lambert import solve_lambert
-from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, elements_from_state, state_from_elements
 from rso_lidar.records import BodyState
+from rso_lidar.rpo import clohessy_wiltshire
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from rso_lidar.rpo.relative.reference_orbit import find_relative_state
 
 GM = units.EARTH_GM_M3_S2

@@ -9,15 +9,22 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from rso_lidar import units
-from rso_lidar.orbit import moon_position_m, sun_position_m
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure, air_density_kg_m3
-from rso_lidar.orbit.propagation.maneuver import Impulse
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
+from rso_lidar.orbit import (
+    Drag,
+    Epochs,
+    Forces,
+    Impulse,
+    OsculatingElements,
+    RadiationPressure,
+    State,
+    moon_position_m,
+    state_from_elements,
+    sun_position_m,
+    sunlit_fraction,
+)
+from rso_lidar.orbit.propagation.forces import air_density_kg_m3
 from rso_lidar.orbit.sky.precession import pole_direction
-from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
-from rso_lidar.rpo.relative.nonlinear import Nonlinear
+from rso_lidar.rpo import Nonlinear
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

@@ -8,19 +8,21 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rso_lidar import units
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.j2 import mean_from_osculating, osculating_from_mean, state_from_quasi_nonsingular
-from rso_lidar.orbit.sky.precession import equator_axes
-from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
+from rso_lidar.orbit import (
+    Epochs,
+    Forces,
+    OsculatingElements,
+    State,
+    equator_axes,
+    mean_from_osculating,
+    osculating_from_mean,
+    state_from_elements,
+    state_from_quasi_nonsingular,
+)
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.hill import Hill
-from rso_lidar.rpo.relative.nonlinear import Nonlinear
-from rso_lidar.rpo.relative.relative_elements import RelativeElements, add_relative_elements
-from rso_lidar.rpo.relative.rtn import rtn_axes
-from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen
+from rso_lidar.rpo import Hill, Nonlinear, RelativeElements, YamanakaAnkersen, rtn_axes
+from rso_lidar.rpo.relative.relative_elements import add_relative_elements
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

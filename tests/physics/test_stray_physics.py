@@ -7,10 +7,9 @@ import pytest
 from scipy import integrate
 
 from rso_lidar import optics, scene, units
-from rso_lidar.optics import Baffle, GaussianPsf, Ghost, Glare, Laser, Receiver
+from rso_lidar.optics import Baffle, GaussianPsf, Ghost, Glare, Laser, Receiver, sun_photons_per_s_m2
 from rso_lidar.optics.stray import glare, sources
 from rso_lidar.optics.stray.ghosts import add_ghosts
-from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import BodyState, Truth
 from tests.optics.bench_for_tests import place, plate, surface

@@ -7,9 +7,8 @@ import pytest
 from scipy import optimize, signal, special
 
 import rso_lidar as rl
-from rso_lidar.detector import Gsfl, LaserPulse, LowGain, Readout, Timing, ZeroCrossing, simulate_walk_curve
+from rso_lidar.detector import Gsfl, LaserPulse, LowGain, Pulse, Readout, Timing, ZeroCrossing, simulate_walk_curve
 from rso_lidar.detector.ranging.bipolar_pulse import crossing_lead_s, find_zero_crossings
-from rso_lidar.detector.ranging.pulse import Pulse
 from tests.detector.returns_for_tests import bell
 from tests.physics import chain_by_hand as by_hand
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
-from rso_lidar.simulation.flash import flash
+from rso_lidar.simulation import flash
 from tests.optics.bench_for_tests import box, plate, write_stl
 
 LENS = rl.Receiver(fov_deg=4.0, f_number=2.8, n_rows=32, n_cols=32, rays_per_pixel=9)

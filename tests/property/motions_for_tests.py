@@ -4,9 +4,7 @@ import datetime
 
 import numpy as np
 
-from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import Kepler
+from rso_lidar.orbit import Epochs, Kepler, write_ephemeris_csv, write_oem
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 WHEN = "epoch_utc = 2024-09-17T12:00:00Z"
@@ -203,7 +201,7 @@ def write_files(folder):
     """Write what the motions and attitudes name: element sets, ephemerides, tables and dynamics."""
     from scipy.spatial.transform import Rotation
 
-    from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
+    from rso_lidar.motion import write_aem, write_attitude_csv
 
     first, later = element_set(24261.25, 10.0), element_set(24261.775, 10.0 + 0.525 * 15.05 * 360.0 % 360.0)
     (folder / "low.tle").write_text("\n".join(first) + "\n")

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rso_lidar as rl
-from rso_lidar.scenario import Schedule
-from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.scenario import Schedule, load_presets
 
 GATED = {"type": "gsfl", "gate": {"delay_ns": 100.0}}
 LISTS = {

@@ -8,14 +8,9 @@ from hypothesis import strategies as st
 import rso_lidar as rl
 from rso_lidar import motion, units
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.motion.aim import add_lidar, simulate_drive
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
-from rso_lidar.rpo.relative.hill import Hill
-from rso_lidar.rpo.relative.nonlinear import Nonlinear
-from rso_lidar.rpo.relative.rtn import rtn_axes
-from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen
+from rso_lidar.motion import add_lidar, simulate_drive
+from rso_lidar.orbit import Epochs, OsculatingElements, State, state_from_elements
+from rso_lidar.rpo import Hill, Nonlinear, YamanakaAnkersen, rtn_axes
 from tests.property.motions_for_tests import (
     ATTITUDES,
     KEPLER,

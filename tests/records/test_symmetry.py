@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.records.symmetry import Symmetry, rotation_error_rad
+from rso_lidar.records import Symmetry, rotation_error_rad
 
 GROUPS = [
     Symmetry(fold=2),

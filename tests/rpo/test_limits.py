@@ -10,8 +10,7 @@ import pytest
 
 from rso_lidar import rpo, units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import Kepler
+from rso_lidar.orbit import Epochs, Kepler
 
 START = datetime.datetime(2026, 5, 1, tzinfo=datetime.UTC)
 C = {"relative_to": "station"}
@@ -175,7 +174,7 @@ def test_flattening_is_told_of_free_flight_and_names_the_operation():
 @pytest.mark.parametrize(("inclination_deg", "anomaly_deg"), [(51.6, 0.0), (97.6, 70.0), (97.6, 90.0), (97.6, 160.0)])
 def test_flattening_bounds_what_an_integration_finds(inclination_deg, anomaly_deg):
     """Two bodies against J2 integrated: it moves a ring about a chief by up to 4.5 % of the separation a revolution."""
-    from rso_lidar.orbit.propagation.forces import Forces
+    from rso_lidar.orbit import Forces
     from rso_lidar.rpo.relative.hill import describe_flattening, find_start_state
 
     chief = STATION.replace(inclination_deg=inclination_deg, true_anomaly_deg=anomaly_deg, eccentricity=0.0)

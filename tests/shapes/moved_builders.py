@@ -85,16 +85,14 @@ def move(seed: int, by: float) -> Moving:
 
 def shapes() -> dict[str, np.ndarray]:
     """Return vertices and facets of all that a builder makes, by name: craft, fragments of seeds, ground with boulders."""
-    from rso_lidar.shapes import build, builders
-    from rso_lidar.shapes.fragment import fragment
-    from rso_lidar.shapes.terrain import Abundance, made_ground
+    from rso_lidar.shapes import Abundance, build, build_ground, builders, fragment
 
     solids = {f"{name}/{part}": solid for name in builders() for part, solid in build(name).parts.items()}
     for kind in ("plate", "shard", "panel", "foil"):
         for seed in (0, 1):
             parts = fragment(seed, 0.5, kind).parts
             solids |= {f"fragment {kind} {seed}/{part}": solid for part, solid in parts.items()}
-    ground = made_ground(1, 20.0, 0.5, Abundance(1.0, 5.0, 0.3), Abundance(0.3, 2.0, 0.05))
+    ground = build_ground(1, 20.0, 0.5, Abundance(1.0, 5.0, 0.3), Abundance(0.3, 2.0, 0.05))
     solids["ground/boulders"] = ground.boulders
     arrays = {"ground/heights": ground.heights_m}
     for name, solid in solids.items():

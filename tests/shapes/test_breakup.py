@@ -13,10 +13,9 @@ from scipy import stats
 from scipy.spatial.distance import pdist
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.records.taxonomy import FragmentKind
-from rso_lidar.shapes import breakup_fragment
+from rso_lidar.records import FragmentKind
+from rso_lidar.shapes import breakup_fragment, hash_solid
 from rso_lidar.shapes.area_to_mass import draw_area_to_mass
-from rso_lidar.shapes.breakup import hash_solid
 from rso_lidar.shapes.torn_sheets import sine_cosine
 from tests.processor import other_processor
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records import Taxonomy
 from rso_lidar.shapes import CraftModel, CraftPart
 from rso_lidar.shapes.solids import ball, box
 

@@ -7,15 +7,12 @@ import pytest
 import trimesh
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.records.part_classes import PART_CLASSES
-from rso_lidar.records.taxonomy import classify_size
-from rso_lidar.scene import find_material
-from rso_lidar.scene.library.model_index import materials, models
-from rso_lidar.shapes import MATERIALS, build, builders
+from rso_lidar.records import PART_CLASSES, classify_size
+from rso_lidar.scene import find_material, load_materials, models
+from rso_lidar.shapes import MATERIALS, Solid, build, builders
 from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar.shapes.part_classes import _PARTS as PART_TABLE
 from rso_lidar.shapes.part_classes import classify_parts
-from rso_lidar.shapes.solids import Solid
 from rso_lidar.shapes.write import glb, write
 
 NAMES = sorted(builders())
@@ -181,7 +178,7 @@ def test_index_says_what_the_file_is(built, name):
     assert entry.size_bytes == len(content)
     assert entry.facets == built[name].facet_count
     assert dict(entry.parts) == built[name].materials
-    assert set(entry.parts.values()) <= set(materials())
+    assert set(entry.parts.values()) <= set(load_materials())
     assert entry.size_m == pytest.approx(built[name].size_m, abs=1e-4)
     assert entry.center_of_mass_m == pytest.approx(built[name].center_of_mass_m, abs=1e-5)
     assert entry.licence == "MIT"
@@ -212,7 +209,7 @@ def test_inertia_is_that_of_a_possible_body(name):
 
 def test_materials_are_whole_and_conserve_energy():
     """What a material itself checks (k_d + k_s at most 1, cubes and what is between them) at both wavelengths."""
-    assert materials() == MATERIALS
+    assert load_materials() == MATERIALS
     for name, table in MATERIALS.items():
         for wavelength_m in (1064e-9, 1570e-9):
             at = find_material(name, wavelength_m)

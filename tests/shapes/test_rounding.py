@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from rso_lidar.scene.library.model_index import models
+from rso_lidar.scene import models
 from tests.processor import other_processor
 from tests.shapes.moved_builders import shapes
 

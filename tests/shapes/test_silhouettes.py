@@ -7,8 +7,7 @@ import pytest
 
 from benchmarks import silhouettes
 from benchmarks.silhouettes import EDGE_M, GROUPS, PLACES, WANTED, Place, grouped, overlap, shares, views
-from rso_lidar.scene.library.model_index import models
-from rso_lidar.scene.meshes.mesh import load_mesh
+from rso_lidar.scene import load_mesh, models
 from rso_lidar.shapes import builders, solids
 
 CRAFT = sorted(PLACES.keys() & builders().keys())

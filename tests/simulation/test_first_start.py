@@ -10,7 +10,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import kernels
-from rso_lidar.detector.stages.avalanche import multiply_rows
+from rso_lidar.detector import multiply_rows
 from rso_lidar.kernels import Kernel
 from rso_lidar.simulation import first_start
 

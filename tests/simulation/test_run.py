@@ -10,8 +10,7 @@ from rso_lidar import optics, scene
 from rso_lidar.detector import detect
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import truth
-from rso_lidar.simulation.flash import flash
-from rso_lidar.simulation.stepping import DETECTION
+from rso_lidar.simulation import DETECTION, flash
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.export.reader.status import RecordingStatus
+from rso_lidar.export import RecordingStatus
 from rso_lidar.studio.job_queue import KINDS, Job, JobQueue, JobRequest
 from rso_lidar.studio.model.recording_list import RecordingList
 from rso_lidar.studio.model.root_folder import Folder

@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.loop.network_address import NetworkAddress
-from rso_lidar.studio.server import open_studio
+from rso_lidar.loop import NetworkAddress
+from rso_lidar.studio import open_studio
 from tests.studio.conftest import serve_studio
 
 FREE = NetworkAddress("127.0.0.1", 0)

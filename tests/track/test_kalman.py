@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire
+from rso_lidar.rpo import clohessy_wiltshire
 from rso_lidar.track import filter_positions, locate_centroid, nis_bounds
 from rso_lidar.track.kalman import _discretize
 

@@ -5,12 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.gimbal.demand import FixedPoint, find_pan_tilt
-from rso_lidar.motion.gimbal.drive import SecondOrder
-from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, sense, start, step
-from rso_lidar.motion.mount import Mount
+from rso_lidar.motion import FixedPoint, Mount, PointingErrors, Ptu, SecondOrder, sense, start, step
+from rso_lidar.motion.gimbal.demand import find_pan_tilt
 from rso_lidar.records import Command, Observation, Reading
-from rso_lidar.track.pointing import Pointing, find_cluster
+from rso_lidar.track import Pointing, find_cluster
 from rso_lidar.units import DEG
 
 N = 64

@@ -8,10 +8,9 @@ from typing import cast
 
 import numpy as np
 
-from rso_lidar.detector.analysis.reported_light import mark_reports
+from rso_lidar.detector import mark_reports
 from rso_lidar.errors import RecordError
-from rso_lidar.records import Frame, Hits, Photons, Record, Source, array
-from rso_lidar.records.part_classes import OTHER, PART_CLASSES
+from rso_lidar.records import OTHER, PART_CLASSES, Frame, Hits, Photons, Record, Source, array
 from rso_lidar.scenario import Scenario
 
 LEAST_PHOTONS = 1.0  # expected photons of the target in a lit pixel, at least; a choice

@@ -10,8 +10,7 @@ from rso_lidar import scene
 from rso_lidar.dataset.annotation.frame_labels import number_part_classes
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.pose import rotate_vectors
-from rso_lidar.records import Frame, Rays
-from rso_lidar.records.part_classes import PART_CLASSES
+from rso_lidar.records import PART_CLASSES, Frame, Rays
 from rso_lidar.scenario import Scenario
 
 _CELLS = 96  # along the longer side of the target's image: a silhouette of a thousand cells is known to about 1 %

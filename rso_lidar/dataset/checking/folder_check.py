@@ -18,8 +18,8 @@ from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame
 from rso_lidar.dataset.shards.shard_file import hash_file, list_drafts
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, RsoLidarError, suppress_warnings
-from rso_lidar.records.schema import specs
-from rso_lidar.scenario.mission.named_files import list_dynamics
+from rso_lidar.records import specs
+from rso_lidar.scenario import list_dynamics
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,21 +8,20 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from rso_lidar.dataset.conversion.bop import FULL
 from rso_lidar.dataset.conversion.frame_batches import choose_images
 from rso_lidar.dataset.conversion.image_folders import IMAGES, write_image_folders
 from rso_lidar.dataset.conversion.tar_archives import write_tar_archives
 from rso_lidar.dataset.conversion.tensorflow_files import write_tensorflow_files
 from rso_lidar.dataset.shards.layout import is_image
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export import BOP_FULL, check_folder, draft_folder
 from rso_lidar.units import MM
 
 if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset
 
 MARK = "dataset_export.json"  # marks a folder as an export, which --overwrite may replace
-FORMATS = {
+EXPORT_FORMATS = {
     "webdataset": "tar archives of arrays, for reading in sequence from object stores",
     "images": "folders of PNG images with annotations in the format of COCO",
     "tfrecord": "TFRecord files of messages tf.train.Example",
@@ -49,7 +48,7 @@ def export_dataset(
     ----------
     data : the dataset.
     path : of the folder to write.
-    to : name of the format, one of `FORMATS`.
+    to : name of the format, one of `EXPORT_FORMATS`.
     splits : names of the splits to write; all if empty.
     images : names of the arrays of images to write; ``all`` for all of them. If empty, those of the reading, the target
         and the part classes.
@@ -85,7 +84,8 @@ def export_dataset(
             arrays, advice = list(IMAGES), f"this format has {', '.join(IMAGES)} only"
             info["range_step_mm"] = step_mm = write_image_folders(draft, data, chosen, info)
             lines.append(
-                f"range       {step_mm:g} mm per grey level; 0 is no return, or a range beyond {FULL * step_mm * MM:,.0f} m"
+                f"range       {step_mm:g} mm per grey level; 0 is no return, or a range beyond "
+                f"{BOP_FULL * step_mm * MM:,.0f} m"
             )
         else:
             info["images"], advice = arrays, "choose arrays by --arrays, or all of them by --arrays all"
@@ -123,7 +123,9 @@ def _check_format(to: str, images: Sequence[str]) -> None:
     """
     if to == "matlab":
         raise DatasetError("matlab: reads the shards as they are; see examples/matlab/dataset_datastore.m")
-    if to not in FORMATS:
-        raise DatasetError(f"{to}: no such format{did_you_mean(to, FORMATS)} (known: {', '.join(FORMATS)})")
+    if to not in EXPORT_FORMATS:
+        raise DatasetError(
+            f"{to}: no such format{did_you_mean(to, EXPORT_FORMATS)} (known: {', '.join(EXPORT_FORMATS)})"
+        )
     if to == "images" and images:
         raise DatasetError(f"images: has range, intensity, target and part class; leave out {', '.join(images)}")

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.dataset.annotation.frame_labels import LEAST_PHOTONS
-from rso_lidar.dataset.conversion.bop import BEYOND, BEYOND_M, FULL, choose_depth_scale, encode_png
 from rso_lidar.dataset.conversion.coco_annotations import CocoWriter, open_coco
 from rso_lidar.dataset.conversion.frame_batches import ExportedFrame, read_batches, read_frames
+from rso_lidar.export import BOP_BEYOND, BOP_BEYOND_M, BOP_FULL, choose_depth_scale, encode_png
 from rso_lidar.units import MM
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def _find_farthest_m(data: Dataset, splits: Sequence[str]) -> float:
         for batch in read_batches(data.split(split), ["true_range_m"]):
             known = batch["true_range_m"][np.isfinite(batch["true_range_m"])]
             farthest_m = max(farthest_m, float(known.max(initial=0.0)))
-    return BEYOND * farthest_m + BEYOND_M
+    return BOP_BEYOND * farthest_m + BOP_BEYOND_M
 
 
 def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
@@ -84,7 +84,7 @@ def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
     valid = np.isfinite(range_m)
     levels = np.zeros(range_m.shape)
     levels[valid] = np.maximum(np.rint(range_m[valid].astype(float) / (step_mm * MM)), 1)
-    levels[levels > FULL] = 0  # false alarms far behind all bodies
+    levels[levels > BOP_FULL] = 0  # false alarms far behind all bodies
     pictures = {"range": levels.astype(np.uint16), "intensity": frame.images["intensity_counts"].astype(np.uint16)}
     pictures |= {mask: (frame.images[mask] + 1).astype(np.uint8) for mask in MASKS}
     for kind, picture in pictures.items():

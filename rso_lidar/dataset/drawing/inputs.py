@@ -11,12 +11,9 @@ from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.dataset.specification.tables import ClassOfTargets, DrawnFragments
 from rso_lidar.errors import DatasetError, MeshError, SettingError
 from rso_lidar.files import MOST_BYTES, check_regular, read_bytes
-from rso_lidar.part.toml_text import parse_toml
-from rso_lidar.scenario import Fragment, Scenario, Target
-from rso_lidar.scenario.mission.target_surfaces import build_whole_surface
-from rso_lidar.scenario.tables.fragment import build_fragment, name_fragments
-from rso_lidar.scene import Mesh, load_mesh
-from rso_lidar.scene.library.model_index import is_mesh_path, model, models, own_models
+from rso_lidar.part import parse_toml
+from rso_lidar.scenario import Fragment, Scenario, Target, build_fragment, build_whole_surface, name_fragments
+from rso_lidar.scene import Mesh, is_mesh_path, load_mesh, model, models, own_models
 from rso_lidar.shipped import find
 
 _SAMPLE_LENGTH_M = 1.0  # of the fragment that stands for its kind in the hash of a dataset

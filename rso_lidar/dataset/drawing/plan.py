@@ -20,9 +20,8 @@ from rso_lidar.dataset.specification.spec import DatasetSpec, check_model_split
 from rso_lidar.dataset.specification.tables import SPLITS, ClassOfTargets, ModelSplit, RandomSplit
 from rso_lidar.errors import DatasetError, ScenarioError, add_place, did_you_mean
 from rso_lidar.files import convert_path, expand_user
-from rso_lidar.part.toml_text import parse_toml
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.validation import apply_setting, read_toml
+from rso_lidar.part import parse_toml
+from rso_lidar.scenario import Scenario, apply_setting, read_toml
 from rso_lidar.shipped import find
 
 _DRAWING = 2  # version of the rules by which a specification becomes samples; a part of the hash of a dataset

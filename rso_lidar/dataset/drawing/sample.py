@@ -19,10 +19,8 @@ from rso_lidar.dataset.specification.distributions import Choice, UniformDirecti
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.dataset.specification.tables import ClassOfTargets, DrawnFragments, RandomView
 from rso_lidar.errors import DatasetError, add_place
-from rso_lidar.motion.aim import lidar_from_ptu
-from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scenario.mission.validation import apply_setting, get_field, set_field, validate_tables
-from rso_lidar.scenario.tables.fragment import name_fragments
+from rso_lidar.motion import lidar_from_ptu
+from rso_lidar.scenario import Lidar, Scenario, apply_setting, get_field, name_fragments, set_field, validate_tables
 
 _OF_ANY_MODEL = ("name", "motion", "attitude", "material", "axes")  # fields of a target that another model keeps
 _AROUND = UniformDirection()

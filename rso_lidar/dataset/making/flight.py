@@ -18,9 +18,7 @@ from rso_lidar.dataset.specification.tables import OptionalLabels
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.records import Command, Frame, Observation
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation.flash import flash
-from rso_lidar.simulation.run import simulate
-from rso_lidar.simulation.stepping import DETECTION
+from rso_lidar.simulation import DETECTION, flash, simulate
 from rso_lidar.track import Pointing
 
 

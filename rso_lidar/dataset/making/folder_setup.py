@@ -18,12 +18,10 @@ from rso_lidar.dataset.shards.shard_file import list_drafts
 from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
 from rso_lidar.files import advise_on_write, hold_lock, write_text
-from rso_lidar.motion.motions.prescribed_motion import Fixed
-from rso_lidar.records.part_classes import PART_CLASSES
-from rso_lidar.scenario.mission.target_surfaces import find_symmetry
-from rso_lidar.scenario.mission.validation import apply_setting
-from rso_lidar.scenario.tables.target import Target
-from rso_lidar.scene.library.model_index import is_mesh_path
+from rso_lidar.motion import Fixed
+from rso_lidar.records import PART_CLASSES
+from rso_lidar.scenario import Target, apply_setting, find_symmetry
+from rso_lidar.scene import is_mesh_path
 
 SCENARIO_FILE = "scenario.toml"
 _LOCK = ".dataset.lock"

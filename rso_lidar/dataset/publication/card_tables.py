@@ -11,9 +11,9 @@ from rso_lidar.dataset.publication.sensor_table import Parameter, list_parameter
 from rso_lidar.dataset.shards.layout import LabelledFrame, describe_array
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.part import Part
-from rso_lidar.records.schema import specs
-from rso_lidar.scenario.tables.fragment import name_fragments
-from rso_lidar.scene.library.model_index import model
+from rso_lidar.records import specs
+from rso_lidar.scenario import name_fragments
+from rso_lidar.scene import model
 
 if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset

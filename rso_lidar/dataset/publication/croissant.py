@@ -22,7 +22,7 @@ from rso_lidar.files import write_text
 
 if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset
-    from rso_lidar.records.schema import ArraySpec
+    from rso_lidar.records import ArraySpec
 
 MOST_FILES = 4000  # shards listed one by one, about a million frames; of more shards, only the manifest has the hashes
 HDF5, PARQUET = "application/x-hdf5", "application/x-parquet"  # media types as mlcroissant knows them

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.dataset.shards.layout import describe_array, is_image
 from rso_lidar.files import write_atomically
-from rso_lidar.records.schema import ArraySpec
+from rso_lidar.records import ArraySpec
 
 if TYPE_CHECKING:
     from rso_lidar.dataset.reading.random_access import Dataset, Split

@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture.selection.window import Window, bounding_window, crop
-from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP
-from rso_lidar.picture.style.figures import SMALL_PT, TEXT_PT, new_figure
-from rso_lidar.picture.style.output import save_figure
-from rso_lidar.picture.style.palette import INK, NO_RETURN, PARTS, QUIET
+from rso_lidar.picture import Window, bounding_window, colour_maps, crop, figures, palette, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +21,7 @@ _TITLES = {
     "detection_probability": "detection probability (label)",
     "photons": "expected photons (label)",
 }
-_RAMPS = {"range_m": RANGE_RAMP, "intensity_counts": INTENSITY_RAMP}
+_RAMPS = {"range_m": colour_maps.RANGE_RAMP, "intensity_counts": colour_maps.INTENSITY_RAMP}
 _PANELS = 4
 
 
@@ -57,14 +53,14 @@ def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], 
     """
     on_target = images["part_class_id"] >= 0
     window = crop(bounding_window(on_target))
-    figure = new_figure(10.6, 3.4, title, note)
+    figure = figures.new_figure(10.6, 3.4, title, note)
     for axes, name in zip(figure.subplots(1, _PANELS).flat, images, strict=False):
         if name == "part_class_id":
             _draw_classes(axes, images[name], part_classes, window)
         else:
             _draw_values(axes, name, images[name].astype(float), on_target, window)
-        axes.set_title(_TITLES[name], loc="left", fontsize=TEXT_PT, color=INK)
-        axes.tick_params(labelsize=SMALL_PT, colors=QUIET)
+        axes.set_title(_TITLES[name], loc="left", fontsize=figures.TEXT_PT, color=palette.INK)
+        axes.tick_params(labelsize=figures.SMALL_PT, colors=palette.QUIET)
     return figure
 
 
@@ -95,14 +91,14 @@ def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarra
     seen = shown[~absent & window.cut(on_target)]
     is_probability = name == "detection_probability"
     low, high = np.percentile(seen, [2, 98]) if seen.size and not is_probability else (0.0, 1.0)
-    colours = colormaps[_RAMPS.get(name, RANGE_RAMP)].with_extremes(bad=NO_RETURN)
+    colours = colormaps[_RAMPS.get(name, colour_maps.RANGE_RAMP)].with_extremes(bad=palette.NO_RETURN)
     pad = 0.05 if high - low < 0.1 else 0.0  # a flat target: its noise does not fill the ramp
     is_light = name in ("intensity_counts", "photons")  # a few glints outshine the rest
     norm = LogNorm(low, high) if is_light and 0.0 < low < high else Normalize(low - pad, high + pad)
     masked = np.ma.masked_array(shown, absent)
     drawn = axes.imshow(masked, cmap=colours, norm=norm, extent=_extent(window), interpolation="nearest")
     bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.8)
-    bar.ax.tick_params(which="both", labelsize=SMALL_PT, colors=QUIET)
+    bar.ax.tick_params(which="both", labelsize=figures.SMALL_PT, colors=palette.QUIET)
     if isinstance(norm, LogNorm):
         bar.locator, bar.formatter = LogLocator(subs=(1.0, 2.0, 5.0)), StrMethodFormatter("{x:,.0f}")
         bar.minorticks_off()
@@ -124,13 +120,18 @@ def _draw_classes(axes: Axes, classes: np.ndarray, names: Sequence[str], window:
     from matplotlib.patches import Patch
 
     shown = window.cut(classes)
-    colours = [PARTS[k % len(PARTS)] for k in range(len(names))]
-    ramp = ListedColormap([NO_RETURN, *colours])
+    colours = [palette.PARTS[k % len(palette.PARTS)] for k in range(len(names))]
+    ramp = ListedColormap([palette.NO_RETURN, *colours])
     limits: dict[str, Any] = {"vmin": -1.5, "vmax": len(names) - 0.5}
     axes.imshow(shown, cmap=ramp, extent=_extent(window), interpolation="nearest", **limits)
     there = [k for k in range(len(names)) if (shown == k).any()]
     if there:
         keys = [Patch(color=colours[k], label=names[k]) for k in there]
         axes.legend(
-            handles=keys, fontsize=SMALL_PT, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False
+            handles=keys,
+            fontsize=figures.SMALL_PT,
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.12),
+            ncols=2,
+            frameon=False,
         )

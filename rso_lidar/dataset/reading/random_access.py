@@ -16,9 +16,9 @@ from rso_lidar.dataset.shards.sensor_file import Constants, read_constants
 from rso_lidar.dataset.shards.shard_file import hash_file, open_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export.reader.hdf5_checks import check_size
+from rso_lidar.export import check_size
 from rso_lidar.files import convert_path, explain_unreadable
-from rso_lidar.records.symmetry import Symmetry
+from rso_lidar.records import Symmetry
 
 SPEC_FILE = "dataset.toml"
 _IMAGE_DIMENSIONS = 3  # of an array of images, with the frame

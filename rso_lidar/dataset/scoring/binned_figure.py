@@ -8,18 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import (
-    LINE_PT,
-    SMALL_PT,
-    THICK_PT,
-    THIN_PT,
-    colour_of,
-    format_thousands,
-    log_ticks,
-    new_figure,
-    style_axes,
-)
-from rso_lidar.picture.style.palette import INK, QUIET, SHADE
+from rso_lidar.picture import figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +51,7 @@ def binned_figure(panels: Sequence[BinnedPanel], title: str, note: str = "") -> 
     -------
     Figure
     """
-    figure = new_figure(7.4 + _LEGEND_IN, 1.0 + _PANEL_IN * len(panels), title, note)
+    figure = figures.new_figure(7.4 + _LEGEND_IN, 1.0 + _PANEL_IN * len(panels), title, note)
     for axes, panel in zip(np.atleast_1d(figure.subplots(len(panels), 1)), panels, strict=True):
         _draw_panel(axes, panel)
     return figure
@@ -75,7 +64,9 @@ def _draw_panel(axes: Axes, panel: BinnedPanel) -> None:
     names = list(panel.series)
     for number, (name, values) in enumerate(panel.series.items()):
         is_first = number == 0
-        colour, style = (INK, "-") if is_first and len(names) > 1 else colour_of(number - (len(names) > 1))
+        colour, style = (
+            (palette.INK, "-") if is_first and len(names) > 1 else figures.colour_of(number - (len(names) > 1))
+        )
         value, lower, upper = values.T
         known = np.isfinite(value)
         if is_first:
@@ -84,25 +75,25 @@ def _draw_panel(axes: Axes, panel: BinnedPanel) -> None:
             )
         axes.plot(
             middle, np.where(known, value, np.nan), marker="o", ms=4.5 if is_first else 3,
-            lw=THICK_PT if is_first else LINE_PT,
+            lw=figures.THICK_PT if is_first else figures.LINE_PT,
             color=colour, ls=style, label=name, zorder=4 if is_first else 3,
         )  # fmt: skip
     _set_values(axes, panel)
     if panel.level is not None:
-        axes.axhline(panel.level, color=QUIET, lw=THIN_PT, ls=(0, (4, 3)))
+        axes.axhline(panel.level, color=palette.QUIET, lw=figures.THIN_PT, ls=(0, (4, 3)))
     if panel.mark is not None and np.isfinite(panel.mark[0]):
         _draw_mark(axes, panel)
     if panel.is_log:
         axes.set_xscale("log")
         axes.set_xlim(panel.edges[0], panel.edges[-1])
-        log_ticks(axes.xaxis, *axes.get_xlim())
+        figures.log_ticks(axes.xaxis, *axes.get_xlim())
     else:
         axes.set_xlim(panel.edges[0], panel.edges[-1])
-        format_thousands(axes.xaxis)
-    style_axes(axes, x=panel.x, y=panel.y)
+        figures.format_thousands(axes.xaxis)
+    figures.style_axes(axes, x=panel.x, y=panel.y)
     _write_counts(axes, middle, panel.frames)
     axes.legend(
-        fontsize=SMALL_PT, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0), labelcolor=QUIET,
+        fontsize=figures.SMALL_PT, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0), labelcolor=palette.QUIET,
         borderaxespad=0.0,
     )  # fmt: skip
 
@@ -119,7 +110,7 @@ def _set_values(axes: Axes, panel: BinnedPanel) -> None:
         low, high = float(values.min()), float(values.max())
         room = max(1.15, float(np.sqrt(max(1.0, 4.0 * low / high))))  # at least a factor of four
         axes.set_ylim(low / room, high * room)
-        log_ticks(axes.yaxis, *axes.get_ylim())
+        figures.log_ticks(axes.yaxis, *axes.get_ylim())
 
 
 def _draw_mark(axes: Axes, panel: BinnedPanel) -> None:
@@ -127,13 +118,13 @@ def _draw_mark(axes: Axes, panel: BinnedPanel) -> None:
     assert panel.mark is not None
     at, low, high = panel.mark
     last = float(panel.edges[-1])
-    axes.axvspan(max(low, float(panel.edges[0])), min(high, last), color=SHADE, lw=0, zorder=0)
-    axes.axvline(at, color=INK, lw=LINE_PT, ls=(0, (4, 3)), zorder=1)
+    axes.axvspan(max(low, float(panel.edges[0])), min(high, last), color=palette.SHADE, lw=0, zorder=0)
+    axes.axvline(at, color=palette.INK, lw=figures.LINE_PT, ls=(0, (4, 3)), zorder=1)
     upper = f"{high:,.0f}" if np.isfinite(high) else "never"
     between = f" ({low:,.0f} to {upper})" if np.isfinite(low) else ""
     axes.annotate(
         f"{panel.level:.0%} from {at:,.0f}{between}", (at, 0.04), xycoords=("data", "axes fraction"), xytext=(5, 0),
-        textcoords="offset points", fontsize=SMALL_PT, color=INK,
+        textcoords="offset points", fontsize=figures.SMALL_PT, color=palette.INK,
     )  # fmt: skip
 
 
@@ -149,9 +140,9 @@ def _write_counts(axes: Axes, middle: np.ndarray, frames: np.ndarray) -> None:
     for at, count in zip(middle.tolist(), frames.tolist(), strict=True):
         axes.annotate(
             f"{count:,}", (at, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points",
-            ha="center", fontsize=SMALL_PT, color=QUIET, annotation_clip=False,
+            ha="center", fontsize=figures.SMALL_PT, color=palette.QUIET, annotation_clip=False,
         )  # fmt: skip
     axes.annotate(
-        "frames", (1.01, 1.0), xycoords="axes fraction", xytext=(0, 3), textcoords="offset points", fontsize=SMALL_PT,
-        color=QUIET, annotation_clip=False,
+        "frames", (1.01, 1.0), xycoords="axes fraction", xytext=(0, 3), textcoords="offset points",
+        fontsize=figures.SMALL_PT, color=palette.QUIET, annotation_clip=False,
     )  # fmt: skip

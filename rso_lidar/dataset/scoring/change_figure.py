@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import HAIR_PT, SMALL_PT, THICK_PT, THIN_PT, new_figure, style_axes
-from rso_lidar.picture.style.palette import GREEN, GRID, INK, QUIET, RED, RULE
+from rso_lidar.picture import figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = {"better": GREEN, "worse": RED}
+COLOURS = {"better": palette.GREEN, "worse": palette.RED}
 _ROW_IN = 0.36
 _SPAN = 4.0  # half-widths of an interval that the axis shows
 
@@ -46,9 +45,9 @@ def change_figure(rows: Sequence[ChangeRow], title: str, note: str = "") -> Figu
     -------
     Figure
     """
-    figure = new_figure(10.0, 1.5 + _ROW_IN * len(rows), title, note)
+    figure = figures.new_figure(10.0, 1.5 + _ROW_IN * len(rows), title, note)
     axes = figure.subplots()
-    axes.axvline(0.0, color=INK, lw=THIN_PT)
+    axes.axvline(0.0, color=palette.INK, lw=figures.THIN_PT)
     for place, row in enumerate(rows):
         half = 0.5 * (row.high - row.low)
         if not np.isfinite(half) or half <= 0:
@@ -56,19 +55,19 @@ def change_figure(rows: Sequence[ChangeRow], title: str, note: str = "") -> Figu
         else:
             centre, ends = row.gain / half, ((row.gain - row.low) / half, (row.high - row.gain) / half)
         centre = float(np.clip(centre, -_SPAN, _SPAN))
-        colour = COLOURS.get(row.verdict, RULE)
+        colour = COLOURS.get(row.verdict, palette.RULE)
         axes.errorbar(
-            [centre], [place], xerr=[[max(ends[0], 0.0)], [max(ends[1], 0.0)]], fmt="o", ms=6, color=colour, lw=THICK_PT,
-            capsize=3,
+            [centre], [place], xerr=[[max(ends[0], 0.0)], [max(ends[1], 0.0)]], fmt="o", ms=6, color=colour,
+            lw=figures.THICK_PT, capsize=3,
         )  # fmt: skip
         axes.annotate(
             f"{row.words}   {row.verdict}", (1.01, place), xycoords=("axes fraction", "data"), va="center",
-            fontsize=SMALL_PT, color=INK if row.verdict in COLOURS else QUIET, annotation_clip=False,
+            fontsize=figures.SMALL_PT, color=palette.INK if row.verdict in COLOURS else palette.QUIET, annotation_clip=False,
         )  # fmt: skip
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlim(-_SPAN - 1.2, _SPAN + 1.2)
-    style_axes(axes, x="worse   ←   gain, in half-widths of its interval   →   better")
+    figures.style_axes(axes, x="worse   ←   gain, in half-widths of its interval   →   better")
     axes.set_yticks(range(len(rows)), [row.name for row in rows])
     axes.tick_params(axis="y", length=0)
-    axes.grid(axis="y", color=GRID, lw=HAIR_PT)
+    axes.grid(axis="y", color=palette.GRID, lw=figures.HAIR_PT)
     return figure

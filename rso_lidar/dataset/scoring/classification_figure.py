@@ -7,18 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP
-from rso_lidar.picture.style.figures import (
-    SMALL_PT,
-    TEXT_PT,
-    THICK_PT,
-    THIN_PT,
-    colour_of,
-    new_figure,
-    shorten,
-    style_axes,
-)
-from rso_lidar.picture.style.palette import INK, QUIET, choose_ink
+from rso_lidar.picture import colour_maps, figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +34,7 @@ def precision_recall_figure(
     -------
     Figure
     """
-    figure = new_figure(_SIDE_IN + _LEGEND_IN, _SIDE_IN + 0.5, title, note)
+    figure = figures.new_figure(_SIDE_IN + _LEGEND_IN, _SIDE_IN + 0.5, title, note)
     axes = figure.subplots()
     for number, (name, runs) in enumerate(curves.items()):
         _draw_traces(axes, number, runs, labels.get(name, name))
@@ -69,7 +58,7 @@ def presence_figure(
     -------
     Figure
     """
-    figure = new_figure(2.0 * _SIDE_IN, _SIDE_IN + 0.9, title, note)
+    figure = figures.new_figure(2.0 * _SIDE_IN, _SIDE_IN + 0.9, title, note)
     left, right = figure.subplots(1, 2)
     _draw_traces(left, 0, precision, labels[0])
     _draw_traces(right, 0, detections, labels[1])
@@ -101,7 +90,7 @@ def confusion_figure(
     rows = -(-others // columns) if others else 0
     small_in = large_in * 0.62
     width_in = max(large_in + 1.2, columns * small_in)
-    figure = new_figure(width_in, 0.7 + large_in + rows * small_in, title, note)
+    figure = figures.new_figure(width_in, 0.7 + large_in + rows * small_in, title, note)
     grid = figure.add_gridspec(1 + rows, columns, height_ratios=[large_in] + [small_in] * rows)
     _draw_matrix(figure.add_subplot(grid[0, :]), names, *matrices[0], is_large=True)
     for number, (words, counts) in enumerate(matrices[1:]):
@@ -120,11 +109,11 @@ def _draw_traces(axes: Axes, number: int, runs: Sequence[Trace], label: str) -> 
     runs : values along x and y of each run.
     label : word of the legend.
     """
-    colour, style = colour_of(number)
+    colour, style = figures.colour_of(number)
     for run, (x, y) in enumerate(runs):
         alone = len(runs) == 1
-        axes.plot(x, y, color=colour, ls=style, lw=THICK_PT if alone else THIN_PT, alpha=1.0 if alone else 0.65,
-                  label=label if run == 0 else None)  # fmt: skip
+        width, alpha = (figures.THICK_PT, 1.0) if alone else (figures.THIN_PT, 0.65)
+        axes.plot(x, y, color=colour, ls=style, lw=width, alpha=alpha, label=label if run == 0 else None)
 
 
 def _frame_unit_square(axes: Axes, x: str, y: str, inside: bool = False) -> None:
@@ -139,9 +128,9 @@ def _frame_unit_square(axes: Axes, x: str, y: str, inside: bool = False) -> None
     axes.set_xlim(-0.01, 1.01)
     axes.set_ylim(-0.01, 1.02)
     axes.set_aspect("equal")
-    style_axes(axes, x=x, y=y)
+    figures.style_axes(axes, x=x, y=y)
     place = {"loc": "lower right"} if inside else {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0)}
-    axes.legend(fontsize=SMALL_PT, frameon=False, labelcolor=INK, borderaxespad=0.3, **place)
+    axes.legend(fontsize=figures.SMALL_PT, frameon=False, labelcolor=palette.INK, borderaxespad=0.3, **place)
 
 
 def _draw_matrix(axes: Axes, names: Sequence[str], words: str, counts: np.ndarray, is_large: bool) -> None:
@@ -162,23 +151,23 @@ def _draw_matrix(axes: Axes, names: Sequence[str], words: str, counts: np.ndarra
     called = [*names, "missing"][: counts.shape[1]]
     total = counts.sum(axis=1, keepdims=True)
     share = np.where(total > 0, counts / np.maximum(total, 1), np.nan)
-    colours = matplotlib.colormaps[AMOUNT_RAMP]
+    colours = matplotlib.colormaps[colour_maps.AMOUNT_RAMP]
     axes.imshow(np.where(total > 0, share, 0.0), cmap=colours, vmin=0.0, vmax=1.0)
     frames = int(counts.sum())
-    style_axes(axes, words, note=f"{frames:,} frames" if is_large else "")
+    figures.style_axes(axes, words, note=f"{frames:,} frames" if is_large else "")
     axes.grid(False)
     letters = _NAME_LETTERS if is_large else _NAME_LETTERS // 2
-    axes.set_xticks(range(len(called)), [shorten(name, letters) for name in called], rotation=45, ha="right")
-    axes.set_yticks(range(len(names)), [shorten(name, letters) for name in names])
-    axes.tick_params(labelsize=SMALL_PT, length=0)
-    axes.set_xlabel("Predicted", fontsize=TEXT_PT, color=QUIET)
-    axes.set_ylabel("True", fontsize=TEXT_PT, color=QUIET)
+    axes.set_xticks(range(len(called)), [figures.shorten(name, letters) for name in called], rotation=45, ha="right")
+    axes.set_yticks(range(len(names)), [figures.shorten(name, letters) for name in names])
+    axes.tick_params(labelsize=figures.SMALL_PT, length=0)
+    axes.set_xlabel("Predicted", fontsize=figures.TEXT_PT, color=palette.QUIET)
+    axes.set_ylabel("True", fontsize=figures.TEXT_PT, color=palette.QUIET)
     if not is_large:
-        axes.title.set_fontsize(SMALL_PT)
-        axes.set_title(words, loc="left", fontsize=SMALL_PT, color=INK)
+        axes.title.set_fontsize(figures.SMALL_PT)
+        axes.set_title(words, loc="left", fontsize=figures.SMALL_PT, color=palette.INK)
     for row, col in np.argwhere(np.nan_to_num(share) >= (0.005 if is_large else 0.05)).tolist():
         value = float(share[row, col])
         axes.text(
-            col, row, f"{100.0 * value:.0f}", ha="center", va="center", fontsize=SMALL_PT,
-            color=choose_ink(colours(value)),
+            col, row, f"{100.0 * value:.0f}", ha="center", va="center", fontsize=figures.SMALL_PT,
+            color=palette.choose_ink(colours(value)),
         )  # fmt: skip

@@ -16,9 +16,9 @@ from rso_lidar.dataset.scoring.ground_truth import COLUMNS, MIN_LIT_PIXELS, Fram
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface
 from rso_lidar.dataset.scoring.prediction_file import PIXELS, PredictionLimits
 from rso_lidar.dataset.scoring.prediction_table import Predictions, check_predictions, load_predictions, match_frames
-from rso_lidar.dataset.scoring.scorecard import CONFIDENCE, REPLICATES, Benchmark, Scorecard, score_run
+from rso_lidar.dataset.scoring.scorecard import SCORE_CONFIDENCE, SCORE_REPLICATES, Benchmark, Scorecard, score_run
 from rso_lidar.errors import DatasetError, RsoLidarError, warn
-from rso_lidar.track.pose.sampled_mesh import sample_mesh
+from rso_lidar.track import sample_mesh
 
 _ROW_BYTES, _CLASS_BYTES = 4096, 256  # of a row of predictions: all its numbers and texts, and more for each class
 _LEAST_HASH = 8  # letters of a dataset's hash that identify it
@@ -32,8 +32,8 @@ def score(
     split: str = "test",
     *,
     min_lit_pixels: int = MIN_LIT_PIXELS,
-    replicates: int = REPLICATES,
-    confidence: float = CONFIDENCE,
+    replicates: int = SCORE_REPLICATES,
+    confidence: float = SCORE_CONFIDENCE,
 ) -> Scorecard:
     """Score predictions on a split of a dataset.
 

@@ -25,8 +25,8 @@ from rso_lidar.dataset.metrics.merits import (
 )
 from rso_lidar.dataset.metrics.weighted_statistics import Quantile, Ratios
 from rso_lidar.dataset.scoring.ground_truth import FrameTruth
-from rso_lidar.records.symmetry import Symmetry, rotation_error_rad
-from rso_lidar.track.pose.sampled_mesh import SampledMesh
+from rso_lidar.records import Symmetry, rotation_error_rad
+from rso_lidar.track import SampledMesh
 from rso_lidar.units import DEG
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export.reader.hdf5_checks import check_size, open_checked
+from rso_lidar.export import check_size, open_checked
 from rso_lidar.files import check_regular, describe_size, expand_user, read_arrays, read_text
 
 SUFFIXES = (".csv", ".parquet", ".npz", ".h5", ".hdf5")

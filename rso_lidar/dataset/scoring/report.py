@@ -17,15 +17,13 @@ from rso_lidar.dataset.scoring.score_figures import ScoreFigure, describe_frames
 from rso_lidar.dataset.scoring.scorecard import Scorecard
 from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.picture.style.html_page import embed_figure, write_page, write_table
-from rso_lidar.picture.style.output import save_figure
-from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture import LIGHT, Scheme, embed_figure, save_figure, write_page, write_table
 
 SUFFIXES = (".html", ".json")
 _MOST_POINTS = 400  # of a curve in JSON
 
 
-def check_output(place: Path, *, overwrite: bool) -> Path:
+def check_report_output(place: Path, *, overwrite: bool) -> Path:
     """Check that a report may be written at a path, and return the path.
 
     Parameters
@@ -57,7 +55,7 @@ def save_report(
     Parameters
     ----------
     card : the scorecard.
-    place : as `check_output` returned it.
+    place : as `check_report_output` returned it.
     comparison : with another algorithm, if any.
     scheme : of pictures and pages, `LIGHT` or `DARK`.
 

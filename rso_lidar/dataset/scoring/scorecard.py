@@ -19,10 +19,10 @@ from rso_lidar.dataset.scoring.pose_errors import ModelSurface, PoseScores, find
 from rso_lidar.dataset.scoring.prediction_table import Predictions
 from rso_lidar.dataset.scoring.presence import Presence, score_presence
 from rso_lidar.errors import DatasetError
-from rso_lidar.records.symmetry import Symmetry
+from rso_lidar.records import Symmetry
 
-REPLICATES = 2000
-CONFIDENCE = 0.95
+SCORE_REPLICATES = 2000
+SCORE_CONFIDENCE = 0.95
 _BLOCK = 64  # frames of pixels in memory at once
 
 
@@ -107,8 +107,8 @@ class Scorecard:
 
     benchmark: Benchmark
     runs: tuple[RunScores, ...]
-    replicates: int = REPLICATES
-    confidence: float = CONFIDENCE
+    replicates: int = SCORE_REPLICATES
+    confidence: float = SCORE_CONFIDENCE
 
     def draw(self, places: Sequence[int]) -> np.ndarray:
         """Return replicates (run, merit, replicate) of the bootstrap.

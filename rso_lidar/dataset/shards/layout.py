@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.records.schema import ArraySpec, Record, array, specs
+from rso_lidar.records import ArraySpec, Record, array, specs
 
 VARIABLE_PREFIX = "variable."  # of the arrays that hold drawn numbers
 _COMPONENTS = {  # names of the components of the vectors that a view draws

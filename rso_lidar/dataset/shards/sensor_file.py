@@ -12,7 +12,7 @@ import numpy as np
 
 from rso_lidar.dataset.shards.shard_file import CONVENTIONS, hash_file
 from rso_lidar.errors import DatasetError
-from rso_lidar.export.reader.hdf5_checks import check_size, open_checked
+from rso_lidar.export import check_size, open_checked
 from rso_lidar.files import write_atomically, write_text
 
 SENSOR_FILE = "sensor.h5"

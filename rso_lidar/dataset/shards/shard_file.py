@@ -14,10 +14,9 @@ import numpy as np
 from rso_lidar.dataset.shards.layout import VARIABLE_PREFIX, LabelledFrame, describe_array
 from rso_lidar.dataset.specification.tables import SPLITS
 from rso_lidar.errors import DatasetError
-from rso_lidar.export.reader.hdf5_checks import CACHE_BYTES, open_checked
-from rso_lidar.export.writer.chunks import ImageEncoder
+from rso_lidar.export import CACHE_BYTES, ImageEncoder, open_checked
 from rso_lidar.files import check_regular, explain_unreadable, write_atomically
-from rso_lidar.records.schema import specs
+from rso_lidar.records import specs
 
 CONVENTIONS = "rso_lidar dataset 1"
 _IMAGE_DIMENSIONS = 2

@@ -23,7 +23,7 @@ from rso_lidar.dataset.specification.tables import (
 )
 from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.part import Count, Name, Text, Whole
-from rso_lidar.scenario.mission.validation import FilePart
+from rso_lidar.scenario import FilePart
 
 MOST_SAMPLES = 10**8
 _MEASURED = ("lidar.detector.", "lidar.laser.pulse_")  # fields on which the table of scatter depends, except:

@@ -20,14 +20,7 @@ from rso_lidar.dataset.specification.distributions import (
     check_range,
 )
 from rso_lidar.part import Count, Flag, Fraction, Name, NotNegative, Part, Positive, Text, Whole
-from rso_lidar.records.taxonomy import (
-    FRAGMENT_LENGTHS_M,
-    FragmentKind,
-    ObjectClass,
-    ShapeFamily,
-    SizeClass,
-    Stabilisation,
-)
+from rso_lidar.records import FRAGMENT_LENGTHS_M, FragmentKind, ObjectClass, ShapeFamily, SizeClass, Stabilisation
 
 SPLITS = ("train", "val", "test")
 

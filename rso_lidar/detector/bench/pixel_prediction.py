@@ -30,7 +30,7 @@ from rso_lidar.detector.analysis.noise_effects import split_sunlight
 from rso_lidar.detector.bench.scatter_table import read_scatter_m, threshold_of_returns
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.full import run_chain
-from rso_lidar.detector.detect import AnyDetector, detect, report_probability
+from rso_lidar.detector.detection import AnyDetector, detect, report_probability
 from rso_lidar.detector.geiger import photon_counter
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.settings.empirical import Empirical

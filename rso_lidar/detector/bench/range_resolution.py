@@ -10,11 +10,11 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.bench.trial import make_point_returns
-from rso_lidar.detector.detect import AnyDetector, detect, isolate
+from rso_lidar.detector.detection import AnyDetector, detect, isolate
 
 _EACH = 64  # trials of a separation: standard error of a probability at most 0.06
 _TOLERANCE_M = 0.5  # within which a report is that of a return
-OVER = 5.0  # times the threshold, the light of each return
+SIGNAL_OVER_THRESHOLD = 5.0  # times the threshold, the light of each return
 _MARGIN_M = 20.0  # from the ends of the armed window, where that is long enough
 _SEED = 9  # random seed of the trials
 
@@ -92,7 +92,7 @@ def simulate_pairs(
     probability at each separation that both are listed.
     """
     traits = detector.traits
-    near, far = photons or (OVER * traits.threshold_photons,) * 2
+    near, far = photons or (SIGNAL_OVER_THRESHOLD * traits.threshold_photons,) * 2
     separation = np.repeat(np.asarray(separation_m, dtype=float), each)
     n = len(separation)
     phase = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0] * traits.clock_s * units.RANGE_PER_DELAY_M_S
@@ -113,7 +113,7 @@ def simulate_pairs(
 
 
 def simulate_separations(
-    detector: AnyDetector, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = OVER
+    detector: AnyDetector, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = SIGNAL_OVER_THRESHOLD
 ) -> Separations:
     """Simulate pairs at the separations that matter: about the pulse's length, and about the end of the stored depth.
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.detect import AnyDetector, detect, draw_crosstalk_m, frame_jitter_s, isolate
+from rso_lidar.detector.detection import AnyDetector, detect, draw_crosstalk_m, frame_jitter_s, isolate
 from rso_lidar.records import Photons
 
 COHERENCE_CELLS = (

@@ -1,4 +1,4 @@
-"""Functions of a Geiger-mode array: those of `rso_lidar.detector.detect` for it, by their names."""
+"""Functions of a Geiger-mode array: those of `rso_lidar.detector.detection` for it, by their names."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from rso_lidar.detector.settings.apd import Apd
 from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.noise import noise_rms
-from rso_lidar.detector.settings.presets import PRESETS
+from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.settings.trigger import Trigger
@@ -137,9 +137,9 @@ class Gsfl(Part):
         for part, key in _PRESET:
             table = filled.get(part, {})
             if isinstance(table, dict):
-                filled[part] = {key: PRESETS[filled["preset"]][key], **table}
+                filled[part] = {key: DETECTOR_PRESETS[filled["preset"]][key], **table}
             elif isinstance(table, Part) and key not in table.model_fields_set:
-                filled[part] = table.replace(**{key: PRESETS[filled["preset"]][key]})
+                filled[part] = table.replace(**{key: DETECTOR_PRESETS[filled["preset"]][key]})
         return filled
 
     @model_validator(mode="after")
@@ -191,7 +191,7 @@ class Gsfl(Part):
         if other != self.preset:
             for name, key in _PRESET:
                 part = getattr(self, name)
-                if name not in changes and getattr(part, key) == PRESETS[self.preset][key]:
+                if name not in changes and getattr(part, key) == DETECTOR_PRESETS[self.preset][key]:
                     kept = part.model_fields_set - {key}
                     changes[name] = type(part)(**{field: getattr(part, field) for field in kept})
         return super().replace(**changes)

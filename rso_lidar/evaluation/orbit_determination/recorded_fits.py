@@ -28,20 +28,19 @@ from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_
 from rso_lidar.evaluation.track_quality.target_mesh import sample_target
 from rso_lidar.orbit import Forces
 from rso_lidar.records import Frame, GnssSamples
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
+from rso_lidar.scenario import Scenario, list_lunar_bodies
 from rso_lidar.sensors import Gnss
 from rso_lidar.track import (
+    MEASUREMENT_GATE,
     EstimatedOrbit,
     OwnOrbitFit,
+    RelativeModel,
     RelativeOrbitFit,
     SightBias,
     fit_own_state,
     fit_relative_state,
     measure_visible_centroid,
 )
-from rso_lidar.track.least_squares.gated_solution import GATE
-from rso_lidar.track.least_squares.relative_prediction import RelativeModel
 
 _J2 = Forces()
 
@@ -91,7 +90,7 @@ def fit_own_orbit(
     epoch_s: float | None = None,
     forces: Forces | None = _J2,
     known_attitude: bool = False,
-    gate: float = GATE,
+    gate: float = MEASUREMENT_GATE,
     folder: Path | None = None,
 ) -> OwnOrbitFit:
     """Fit the follower's own orbit to the GNSS solutions of a recording.
@@ -142,7 +141,7 @@ def fit_relative_orbit(
     range_noise_m: float | None = None,
     shape: bool = True,
     misalignment_rad: float = 0.0,
-    gate: float = GATE,
+    gate: float = MEASUREMENT_GATE,
     folder: Path | None = None,
     each: Iterable[Frame] | None = None,
 ) -> RelativeNavigation:

@@ -19,8 +19,7 @@ from rso_lidar.pose import skew
 from rso_lidar.records import Frame, GnssSamples, Observation, SensorSamples, StarTrackerSamples, join_samples
 from rso_lidar.scenario import Scenario
 from rso_lidar.sensors import Gnss, StarTracker
-from rso_lidar.track import GnssErrors, locate_centroid
-from rso_lidar.track.centroid import select_target_points
+from rso_lidar.track import GnssErrors, locate_centroid, select_target_points
 
 _Sensor = TypeVar("_Sensor", bound=Any)
 

@@ -14,15 +14,23 @@ from rso_lidar import orbit
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, suppress_warnings, warn
 from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
 from rso_lidar.evaluation.recorded_runs.globe import build_globe
-from rso_lidar.export.formats.czml import choose_samples, write_czml
-from rso_lidar.export.formats.truth_batches import TruthBatch, join_batches, peek_source, read_truth_batches
-from rso_lidar.export.reader.recording import Frames, Recording
-from rso_lidar.export.registry import format_for, writer_for
+from rso_lidar.export import (
+    Frames,
+    Recording,
+    TruthBatch,
+    choose_samples,
+    format_for,
+    join_batches,
+    peek_source,
+    read_truth_batches,
+    write_czml,
+    writer_for,
+)
 from rso_lidar.files import check_writable, convert_path
-from rso_lidar.mission_analysis.time_history.open_loop import find_velocity_jumps_s
-from rso_lidar.motion.attitudes.attitude_file import write_aem
-from rso_lidar.orbit.ccsds.writer import write_oem
-from rso_lidar.part.toml_text import parse_toml
+from rso_lidar.mission_analysis import find_velocity_jumps_s
+from rso_lidar.motion import write_aem
+from rso_lidar.orbit import write_oem
+from rso_lidar.part import parse_toml
 from rso_lidar.pose import ROOT
 from rso_lidar.records import BodyState, Frame, Source
 

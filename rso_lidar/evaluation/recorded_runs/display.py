@@ -15,14 +15,11 @@ from rso_lidar.evaluation.recorded_runs.player import Colour, find_fullest_frame
 from rso_lidar.export import Frames, Recording
 from rso_lidar.files import check_writable
 from rso_lidar.interruption import make_temporary_folder
-from rso_lidar.picture.style.output import FIGURE_SUFFIXES
-from rso_lidar.picture.style.palette import LIGHT, Scheme
-from rso_lidar.picture.viewers.rerun_scene import has_rerun, import_rerun, open_rerun, write_rerun
-from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, Shape, rerun_scene
 from rso_lidar.records import Frame, Source
 
-TOOLS = ("rerun", "window", "files")
-COLOURS: tuple[Colour, ...] = ("range", "intensity")
+VIEW_TOOLS = ("rerun", "window", "files")
+VIEW_COLOURS: tuple[Colour, ...] = ("range", "intensity")
 _SCENE = ".rrd"
 _FILMS = (".gif", ".mp4")
 _PICTURES = (*FIGURE_SUFFIXES, *_FILMS)
@@ -33,7 +30,7 @@ _BESIDE = ("_view.png", _SHEET, "_view.gif")  # ends of the files beside a recor
 
 @dataclass(frozen=True)
 class ViewerChoice:
-    """The way a recording is shown: one of `TOOLS`, the reason in words, and the files to write (none: a window opens)."""
+    """The way a recording is shown: one of `VIEW_TOOLS`, the reason, and the files to write (none: a window opens)."""
 
     tool: str
     why: str
@@ -51,7 +48,7 @@ def choose_viewer(
 
     Parameters
     ----------
-    tool : one of `TOOLS` (None: the first that is available, or the one that the suffix of `output` implies).
+    tool : one of `VIEW_TOOLS` (None: the first that is available, or the one that the suffix of `output` implies).
     output : a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
     recording : file of the recording, beside which files without a name are written (None: none are).
     overwrite : whether existing files are replaced.
@@ -61,16 +58,16 @@ def choose_viewer(
     RecordingError
         For a tool that is unknown or not available, and for files that exist already.
     """
-    if tool is not None and tool not in TOOLS:
+    if tool is not None and tool not in VIEW_TOOLS:
         raise RecordingError(
-            f"view: no viewer is named '{tool}'{did_you_mean(tool, TOOLS)} (known: {', '.join(TOOLS)})"
+            f"view: no viewer is named '{tool}'{did_you_mean(tool, VIEW_TOOLS)} (known: {', '.join(VIEW_TOOLS)})"
         )
     if output is not None:
         return _choose_by_suffix(tool, Path(output), overwrite=overwrite)
     if tool == "rerun":
-        import_rerun("view")
+        rerun_scene.import_rerun("view")
     display = has_display()
-    if display and (tool == "rerun" or (tool is None and has_rerun())):
+    if display and (tool == "rerun" or (tool is None and rerun_scene.has_rerun())):
         return ViewerChoice("rerun", "Rerun")
     backend = window_backend() if display and tool != "files" else None
     if backend is not None:
@@ -138,8 +135,10 @@ def show(
     each : iterator over the same frames that reports progress while a scene is written (None: `frames`).
     scheme : of pictures and of the window, `LIGHT` or `DARK`.
     """
-    if colour not in COLOURS:
-        raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, COLOURS)} (known: {', '.join(COLOURS)})")
+    if colour not in VIEW_COLOURS:
+        raise RecordingError(
+            f"view: no colour '{colour}'{did_you_mean(colour, VIEW_COLOURS)} (known: {', '.join(VIEW_COLOURS)})"
+        )
     if not len(frames):
         raise RecordingError("view: the recording has no frames; record some")
     suffixes = {path.suffix.lower() for path in chosen.paths}
@@ -149,11 +148,13 @@ def show(
         play(frames, shapes, colour, scheme)
         return ()
     if _SCENE in suffixes:
-        write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
+        rerun_scene.write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
         return (_count_frames(len(frames)),)
     if chosen.tool == "rerun":
         with make_temporary_folder() as place:
-            open_rerun(write_rerun(frames, Path(place, "recording.rrd"), shapes, colour=colour, each=each))
+            rerun_scene.open_rerun(
+                rerun_scene.write_rerun(frames, Path(place, "recording.rrd"), shapes, colour=colour, each=each)
+            )
         return ()
     return tuple(_write_pictures(chosen.paths, frames, shapes, colour, scheme))
 
@@ -223,7 +224,7 @@ def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> Vie
         raise RecordingError(f"{output}: a window writes no file; omit the name, or choose rerun or files")
     place = check_writable(output, known, overwrite=overwrite)
     if place.suffix.lower() == _SCENE:
-        import_rerun(str(place))
+        rerun_scene.import_rerun(str(place))
         return ViewerChoice("rerun", "", (place,))
     return ViewerChoice("files", "", (place,))
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import orbit
-from rso_lidar.export.formats.czml import CzmlBeam, CzmlBody, build_packets
-from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
+from rso_lidar.export import CzmlBeam, CzmlBody, build_packets
+from rso_lidar.orbit import itrs_from_gcrs
 from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth
 

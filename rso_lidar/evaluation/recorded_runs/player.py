@@ -14,17 +14,28 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable
-from rso_lidar.picture.frames.frame import summarise
-from rso_lidar.picture.frames.panels import draw_intensity, draw_range, range_limits_m
-from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Thumbnail, even_indices, find_target_pixels, on_target
-from rso_lidar.picture.selection.window import bounding_window, crop
-from rso_lidar.picture.style.colour_maps import INTENSITY_RAMP, RANGE_RAMP, apply_ramp
-from rso_lidar.picture.style.figures import HAIR_PT, HEADING_PT, SCREEN_DPI, SMALL_PT, TEXT_PT, TITLE_PT
-from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
-from rso_lidar.picture.style.palette import IMAGE_EDGE, IMAGE_GREY, INK, LIGHT, MARK, NO_RETURN, QUIET, Scheme
-from rso_lidar.picture.style.recolour import recolour
-from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.picture import (
+    FIGURE_SUFFIXES,
+    LIGHT,
+    Scale,
+    Scheme,
+    Shape,
+    Thumbnail,
+    bounding_window,
+    colour_maps,
+    crop,
+    draw_intensity,
+    draw_range,
+    even_indices,
+    figures,
+    find_target_pixels,
+    on_target,
+    palette,
+    range_limits_m,
+    recolour,
+    save_figure,
+    summarize_frame,
+)
 from rso_lidar.records import Frame
 
 if TYPE_CHECKING:
@@ -83,17 +94,19 @@ class Player:
         space: Any = self.figure.add_axes((0.675, under, 0.31, over), projection="3d", computed_zorder=False)
         space.view_init(elev=14, azim=-72)
         self._space = space
-        self._title = self.figure.text(0.01, 0.975, "", fontsize=TITLE_PT, weight="bold", color=INK, va="top")
-        self._note = self.figure.text(0.01, 0.918, "", fontsize=TEXT_PT, color=QUIET, va="top")
+        self._title = self.figure.text(
+            0.01, 0.975, "", fontsize=figures.TITLE_PT, weight="bold", color=palette.INK, va="top"
+        )
+        self._note = self.figure.text(0.01, 0.918, "", fontsize=figures.TEXT_PT, color=palette.QUIET, va="top")
         if controls:
-            self.figure.text(0.99, 0.975, _HINT, fontsize=SMALL_PT, color=QUIET, va="top", ha="right")
+            self.figure.text(0.99, 0.975, _HINT, fontsize=figures.SMALL_PT, color=palette.QUIET, va="top", ha="right")
         self.slider = None
         if controls and len(frames) > 1:
             place = self.figure.add_axes((0.09, 0.03, 0.78, 0.035))
-            self.slider = Slider(place, "frame", 0, len(frames) - 1, valinit=first, valstep=1, color=MARK)
+            self.slider = Slider(place, "frame", 0, len(frames) - 1, valinit=first, valstep=1, color=palette.MARK)
             self.slider.drawon = False  # the new frame is drawn anyway
-            self.slider.label.set_color(QUIET)
-            self.slider.valtext.set_color(QUIET)
+            self.slider.label.set_color(palette.QUIET)
+            self.slider.valtext.set_color(palette.QUIET)
             self.slider.on_changed(lambda place: self._show(round(place)))
         self.figure.canvas.mpl_connect("key_press_event", self._on_key)
         self.figure.canvas.mpl_connect("close_event", lambda event: self._play(on=False))
@@ -145,12 +158,12 @@ class Player:
         for axes, draw in ((self._range, draw_range), (self._intensity, draw_intensity)):
             axes.clear()
             draw(axes, frame, window)
-            axes.tick_params(labelsize=SMALL_PT, colors=QUIET)
+            axes.tick_params(labelsize=figures.SMALL_PT, colors=palette.QUIET)
             for spine in axes.spines.values():
-                spine.set_color(QUIET)
+                spine.set_color(palette.QUIET)
         self._draw_space(frame)
         self._title.set_text(frame.source.title)
-        self._note.set_text(summarise(frame))
+        self._note.set_text(summarize_frame(frame))
         if self.slider is not None:
             self.slider.valtext.set_text(f"{frame.index}, {place + 1} of {len(self.frames)}")
         recolour(self.figure, self.scheme)
@@ -168,7 +181,7 @@ class Player:
         near = (np.abs(points_m - middle) <= half_m).all(axis=-1)
         for lines in edges_m:
             axes.add_collection3d(
-                Line3DCollection(_plot_axes(lines), colors=[IMAGE_EDGE], linewidths=HAIR_PT, zorder=1)
+                Line3DCollection(_plot_axes(lines), colors=[palette.IMAGE_EDGE], linewidths=figures.HAIR_PT, zorder=1)
             )
         x, y, z = _plot_axes(points_m[near]).T
         size = 5.0 if len(x) > _MANY else 14.0
@@ -177,16 +190,18 @@ class Player:
             set_limits(low - half_m, low + half_m)
         axes.set_box_aspect((1, 1, 1), zoom=1.08)
         for axis, name in ((axes.xaxis, "right"), (axes.yaxis, "ahead"), (axes.zaxis, "up")):
-            axis.set_pane_color(NO_RETURN)
-            axis._axinfo["grid"].update({"color": IMAGE_GREY, "linewidth": HAIR_PT})
-            axis.set_label_text(f"{name} [m]", fontsize=SMALL_PT, color=QUIET)
-            axis.set_tick_params(labelsize=SMALL_PT, colors=QUIET)
+            axis.set_pane_color(palette.NO_RETURN)
+            axis._axinfo["grid"].update({"color": palette.IMAGE_GREY, "linewidth": figures.HAIR_PT})
+            axis.set_label_text(f"{name} [m]", fontsize=figures.SMALL_PT, color=palette.QUIET)
+            axis.set_tick_params(labelsize=figures.SMALL_PT, colors=palette.QUIET)
             axis.set_major_locator(_few_ticks())
             axis.get_major_formatter().set_useOffset(False)
         beyond = int((~near).sum())
         note = f", {beyond:,} return{'s' * (beyond > 1)} elsewhere" if beyond else ""
         truth = "; edges: truth" if edges_m else ""
-        axes.set_title(f"Cloud, colour: {self.colour}{truth}{note}", fontsize=HEADING_PT, color=INK, y=1.02, pad=0)
+        axes.set_title(
+            f"Cloud, colour: {self.colour}{truth}{note}", fontsize=figures.HEADING_PT, color=palette.INK, y=1.02, pad=0
+        )
 
 
 def save_view(
@@ -262,7 +277,7 @@ def _figure(size_in: tuple[float, float]) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size_in, dpi=SCREEN_DPI)
+    figure = Figure(figsize=size_in, dpi=figures.SCREEN_DPI)
     FigureCanvasAgg(figure)
     return figure
 
@@ -289,10 +304,12 @@ def _cloud(frame: Frame, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     valid = frame.valid
     if colour == "range":
         low, high = range_limits_m(frame)
-        return frame.points_m[valid], apply_ramp((frame.range_m[valid] - low) / (high - low), RANGE_RAMP, NO_RETURN)
+        return frame.points_m[valid], colour_maps.apply_ramp(
+            (frame.range_m[valid] - low) / (high - low), colour_maps.RANGE_RAMP, palette.NO_RETURN
+        )
     scale = Scale.of([Thumbnail.of(frame)])
-    return frame.points_m[valid], apply_ramp(
-        scale.intensity_fraction(frame.intensity_counts[valid]), INTENSITY_RAMP, QUIET
+    return frame.points_m[valid], colour_maps.apply_ramp(
+        scale.intensity_fraction(frame.intensity_counts[valid]), colour_maps.INTENSITY_RAMP, palette.QUIET
     )
 
 

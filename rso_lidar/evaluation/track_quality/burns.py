@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import rpo
-from rso_lidar.motion.proximity import find_plan, follows_plan, list_commands
+from rso_lidar.motion import find_plan, follows_plan, list_commands
 from rso_lidar.scenario import Scenario
 
 _LEAST_M_S = 1e-9  # velocity change between two frames below which the flight counts as free

@@ -20,13 +20,11 @@ from rso_lidar.evaluation.track_quality.lidar_mount import find_measured_mount, 
 from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_m
 from rso_lidar.evaluation.track_quality.target_mesh import measure_hinges_rad, sample_target
 from rso_lidar.evaluation.track_quality.tracking_figure import tracking_figure
-from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
-from rso_lidar.picture.style.output import save_figure_or_table
-from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.orbit import elements_from_state
+from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.pose import ROOT, cross, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import Frame
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
+from rso_lidar.scenario import Scenario, list_lunar_bodies
 from rso_lidar.track import (
     Alignment,
     Fix,
@@ -41,7 +39,7 @@ from rso_lidar.track import (
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
-AXES = ("right", "down", "ahead")
+TRACKING_AXES = ("right", "down", "ahead")
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,7 +343,7 @@ def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.nd
     name, unit : start and end of the names.
     values : (time, 3).
     """
-    return {f"{name}_{axis}{unit}": column for axis, column in zip(AXES, values.T, strict=True)}
+    return {f"{name}_{axis}{unit}": column for axis, column in zip(TRACKING_AXES, values.T, strict=True)}
 
 
 def _tabulate_errors(kind: str, made: Track, rows: Sequence[_EvaluatedFrame]) -> dict[str, np.ndarray]:

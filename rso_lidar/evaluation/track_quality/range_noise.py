@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import array_load, detect, isolate
-from rso_lidar.detector.bench.trial import Surroundings, make_plate, make_point_returns, run_trial
+from rso_lidar.detector import Surroundings, array_load, detect, isolate, make_plate, make_point_returns, run_trial
 from rso_lidar.records import Frame, Photons, Reading
 from rso_lidar.scenario import Lidar
 

@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import (
-    LINE_PT,
-    SMALL_PT,
-    TEXT_PT,
-    THIN_PT,
-    WIDE_PT,
-    colour_axis,
-    format_thousands,
-    log_ticks,
-    new_figure,
-    style_axes,
-)
-from rso_lidar.picture.style.palette import BLUE, GREEN, INK, ORANGE, QUIET, RED, RULE, SHADE
+from rso_lidar.picture import figures, palette
 from rso_lidar.units import DEG
 
 if TYPE_CHECKING:
@@ -27,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-NAMES = {"cv": "constant velocity", "cw": "Clohessy-Wiltshire"}
-COLOURS = {"cv": ORANGE, "cw": BLUE}
+TRACKED_QUANTITIES = {"cv": "constant velocity", "cw": "Clohessy-Wiltshire"}
+COLOURS = {"cv": palette.ORANGE, "cw": palette.BLUE}
 _NIS_95 = (0.2158, 9.3484)  # chi-square of three degrees of freedom, two-sided
 _CUT = (1.0, 99.0)  # percentiles of errors that an axis spans, with margin
 _PANEL_IN = 1.6  # height of a panel with the legend above it [inches]
@@ -54,7 +42,7 @@ def tracking_figure(
         f"{target}   ·   {time_s.size:,} frames   ·   errors: estimate − truth of the target's origin, in lidar axes"
     )
     height_in = 1.1 + _PANEL_IN * panels
-    figure = new_figure(9.6, height_in, title or "Tracking", words, (note,) if note else ())
+    figure = figures.new_figure(9.6, height_in, title or "Tracking", words, (note,) if note else ())
     rows = list(figure.subplots(panels, 1, sharex=True))
     _draw_range(rows[0], table)
     for axes, axis in zip(rows[1:4], ("right", "down", "ahead"), strict=True):
@@ -64,17 +52,23 @@ def tracking_figure(
     if poses:
         turn, place = rows[5:]
         _draw_on_log(
-            turn, table, (("icp_error_rad", "turn", RED), ("icp_long_axis_error_rad", "long axis", BLUE)), 1.0 / DEG
+            turn,
+            table,
+            (("icp_error_rad", "turn", palette.RED), ("icp_long_axis_error_rad", "long axis", palette.BLUE)),
+            1.0 / DEG,
         )
-        style_axes(turn, y="ICP, turn [deg]")
+        figures.style_axes(turn, y="ICP, turn [deg]")
         _draw_on_log(
-            place, table, (("icp_error_m", "place", RED), ("icp_rms_m", "rms of points to facets", GREEN)), 1.0
+            place,
+            table,
+            (("icp_error_m", "place", palette.RED), ("icp_rms_m", "rms of points to facets", palette.GREEN)),
+            1.0,
         )
-        style_axes(place, y="ICP, place [m]")
+        figures.style_axes(place, y="ICP, place [m]")
         for axes in (turn, place):
             _draw_legend(axes, *axes.get_legend_handles_labels())
-    rows[-1].set_xlabel("Time [s]", fontsize=TEXT_PT, color=QUIET)
-    format_thousands(rows[-1].xaxis)
+    rows[-1].set_xlabel("Time [s]", fontsize=figures.TEXT_PT, color=palette.QUIET)
+    figures.format_thousands(rows[-1].xaxis)
     rows[-1].set_xlim(time_s[0], time_s[-1] if time_s.size > 1 else time_s[0] + 1.0)
     for axes in rows:
         _set_few_ticks(axes)
@@ -92,8 +86,8 @@ def _draw_legend(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) ->
     handles, words : entries and their names.
     """
     axes.legend(
-        handles, words, fontsize=SMALL_PT, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(words),
-        labelcolor=QUIET, borderaxespad=0.0,
+        handles, words, fontsize=figures.SMALL_PT, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0),
+        ncols=len(words), labelcolor=palette.QUIET, borderaxespad=0.0,
     )  # fmt: skip
 
 
@@ -108,22 +102,22 @@ def _set_few_ticks(axes: Axes) -> None:
         axes.yaxis.set_major_locator(LogLocator(numticks=5))
         axes.yaxis.set_minor_locator(NullLocator())
     else:
-        log_ticks(axes.yaxis, low, high)
+        figures.log_ticks(axes.yaxis, low, high)
 
 
 def _draw_range(axes: Axes, table: Mapping[str, np.ndarray]) -> None:
-    axes.plot(table["time_s"], table["true_range_m"], color=RULE, lw=WIDE_PT, label="true range")
-    axes.plot(table["time_s"], table["centroid_range_m"], ".", color=BLUE, ms=3, label="range of the centroid")
-    style_axes(axes, y="Range [m]")
-    colour_axis(axes, "left", BLUE)
-    format_thousands(axes.yaxis)
+    axes.plot(table["time_s"], table["true_range_m"], color=palette.RULE, lw=figures.WIDE_PT, label="true range")
+    axes.plot(table["time_s"], table["centroid_range_m"], ".", color=palette.BLUE, ms=3, label="range of the centroid")
+    figures.style_axes(axes, y="Range [m]")
+    figures.colour_axis(axes, "left", palette.BLUE)
+    figures.format_thousands(axes.yaxis)
     points = axes.twinx()
-    points.plot(table["time_s"], table["points"], color=ORANGE, lw=LINE_PT, label="points (right)")
-    style_axes(points, y="Points")
+    points.plot(table["time_s"], table["points"], color=palette.ORANGE, lw=figures.LINE_PT, label="points (right)")
+    figures.style_axes(points, y="Points")
     points.grid(False)
     points.set_ylim(bottom=0.0)
-    format_thousands(points.yaxis)
-    colour_axis(points, "right", ORANGE)
+    figures.format_thousands(points.yaxis)
+    figures.colour_axis(points, "right", palette.ORANGE)
     entries = [one.get_legend_handles_labels() for one in (axes, points)]
     _draw_legend(axes, [*entries[0][0], *entries[1][0]], [*entries[0][1], *entries[1][1]])
 
@@ -139,12 +133,12 @@ def _draw_errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[st
     axis : name of the axis.
     """
     shown = [table[f"centroid_error_{axis}_m"]]
-    axes.axhline(0, color=RULE, lw=THIN_PT)
-    axes.plot(table["time_s"], shown[0], ".", color=QUIET, ms=3, label="centroid")
+    axes.axhline(0, color=palette.RULE, lw=figures.THIN_PT)
+    axes.plot(table["time_s"], shown[0], ".", color=palette.QUIET, ms=3, label="centroid")
     for kind in kinds:
         shown.append(table[f"{kind}_error_{axis}_m"])
-        axes.plot(table["time_s"], shown[-1], color=COLOURS[kind], lw=LINE_PT, label=NAMES[kind])
-    style_axes(axes, y=f"Error {axis} [m]")
+        axes.plot(table["time_s"], shown[-1], color=COLOURS[kind], lw=figures.LINE_PT, label=TRACKED_QUANTITIES[kind])
+    figures.style_axes(axes, y=f"Error {axis} [m]")
     values = np.concatenate(shown)
     values = values[np.isfinite(values)]
     if values.size:
@@ -163,11 +157,11 @@ def _draw_nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str])
     kinds : filters in the table.
     """
     low, high = _NIS_95
-    axes.axhspan(low, high, color=SHADE, lw=0, label="95 % bounds, chi-square", zorder=0)
-    axes.axhline(3.0, color=INK, lw=THIN_PT, ls=(0, (4, 3)), label="expected mean")
+    axes.axhspan(low, high, color=palette.SHADE, lw=0, label="95 % bounds, chi-square", zorder=0)
+    axes.axhline(3.0, color=palette.INK, lw=figures.THIN_PT, ls=(0, (4, 3)), label="expected mean")
     for kind in kinds:
-        axes.plot(table["time_s"], table[f"{kind}_nis"], ".", color=COLOURS[kind], ms=3, label=NAMES[kind])
-    style_axes(axes, y="NIS")
+        axes.plot(table["time_s"], table[f"{kind}_nis"], ".", color=COLOURS[kind], ms=3, label=TRACKED_QUANTITIES[kind])
+    figures.style_axes(axes, y="NIS")
     axes.set_yscale("log")
     axes.set_ylim(bottom=max(axes.get_ylim()[0], 1e-3))
     _draw_legend(axes, *axes.get_legend_handles_labels())
@@ -186,5 +180,5 @@ def _draw_on_log(
     scale : factor to the unit of the axis.
     """
     for name, word, colour in lines:
-        axes.plot(table["time_s"], table[name] * scale, ".-", color=colour, ms=3, lw=THIN_PT, label=word)
+        axes.plot(table["time_s"], table[name] * scale, ".-", color=colour, ms=3, lw=figures.THIN_PT, label=word)
     axes.set_yscale("log")

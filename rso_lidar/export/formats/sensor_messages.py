@@ -15,7 +15,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.formats.ros_messages import IMU, JOINTS, POINT, QUATERNION, VECTOR, define_message
-from rso_lidar.part.toml_text import parse_toml
+from rso_lidar.part import parse_toml
 from rso_lidar.pose import ROOT, build_rotation, quaternion_xyzw
 from rso_lidar.records import (
     AccelerometerSamples,

@@ -23,8 +23,7 @@ from rso_lidar.export.formats.truth_batches import TruthBatch, peek_source, read
 from rso_lidar.export.reader.sample_table import read_samples, tabulate_samples
 from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.records import Frame, Source, Truth
-from rso_lidar.records.viewing_geometry import tabulate_truth
+from rso_lidar.records import Frame, Source, Truth, tabulate_truth
 from rso_lidar.units import NS_PER_S
 
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)

@@ -6,8 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from rso_lidar.records import TargetEntry
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records import TargetEntry, Taxonomy
 
 
 def tabulate_targets(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:

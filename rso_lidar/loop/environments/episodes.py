@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.attitudes.spin import Tumble
+from rso_lidar.motion import Tumble
 from rso_lidar.part import Part
 from rso_lidar.scenario import Scenario
 from rso_lidar.shipped import shipped

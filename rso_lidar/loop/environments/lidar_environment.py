@@ -14,11 +14,10 @@ from gymnasium.spaces import Box, Dict, MultiBinary
 
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.part import to_real_array
-from rso_lidar.picture.style.colour_maps import RANGE_RAMP, apply_ramp
-from rso_lidar.picture.style.palette import PAPER
+from rso_lidar.picture import colour_maps, palette
 from rso_lidar.records import Command, Frame
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation.stepping import Simulation
+from rso_lidar.simulation import Simulation
 
 Draw = Callable[[Scenario, np.random.Generator], Scenario]
 Images = dict[str, np.ndarray]
@@ -174,7 +173,7 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
             raise ScenarioError(f"{type(self).__name__}: render() before reset(); call reset() first")
         range_m = self._frame.range_m
         near, far = (np.nanmin(range_m), np.nanmax(range_m)) if self._frame.valid.any() else (0.0, 1.0)
-        image = apply_ramp((range_m - near) / max(far - near, 1.0), RANGE_RAMP, PAPER)
+        image = colour_maps.apply_ramp((range_m - near) / max(far - near, 1.0), colour_maps.RANGE_RAMP, palette.PAPER)
         times = math.ceil(_RENDERED_PIXELS / max(range_m.shape))
         return image.repeat(times, axis=0).repeat(times, axis=1)
 

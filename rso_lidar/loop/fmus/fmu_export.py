@@ -15,8 +15,7 @@ from xml.etree import ElementTree
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.loop.fmus.instrument import OUTPUTS, Port, list_inputs
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.named_files import list_named_files
+from rso_lidar.scenario import Scenario, list_named_files
 
 FMU_SUFFIXES = (".fmu",)
 VERSIONS = (2, 3)

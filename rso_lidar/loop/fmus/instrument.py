@@ -9,9 +9,8 @@ import numpy as np
 
 from rso_lidar.records import Command, Observation
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation.state import SimulationState
-from rso_lidar.simulation.stepping import Simulation
-from rso_lidar.track.pointing import find_cluster
+from rso_lidar.simulation import Simulation, SimulationState
+from rso_lidar.track import find_cluster
 
 GATE_M, MIN_PIXELS = 20.0, 4  # of the cluster that is the target, as in track.Pointing
 NO_TARGET, TARGET, OVER = 0, 1, 2

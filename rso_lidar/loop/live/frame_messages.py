@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.export.formats.camera import fit_camera
-from rso_lidar.export.formats.trajectory import to_stamp_ns
-from rso_lidar.picture.viewers.rerun_scene import paths_of, world_of
-from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.export import fit_camera, to_stamp_ns
+from rso_lidar.picture import Shape, rerun_scene
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame
 from rso_lidar.units import NS_PER_S
@@ -49,9 +47,9 @@ def write_transforms(frame: Frame) -> Any:
     """Return the pose of all axes in their parents, without the inertial root."""
     from foxglove.messages import FrameTransform, FrameTransforms, Quaternion, Vector3
 
-    poses, world = frame.truth.poses, world_of(frame)
+    poses, world = frame.truth.poses, rerun_scene.world_of(frame)
     made = []
-    for name, path in paths_of(poses, world).items():
+    for name, path in rerun_scene.paths_of(poses, world).items():
         if name == world:
             continue
         parent_from = poses.pose(path[-2], name)

@@ -17,7 +17,7 @@ from rso_lidar.loop.live.frame_messages import PTU_SCHEMA, TARGETS, WRITERS, sta
 from rso_lidar.loop.live.page_origins import VIEWER_ORIGINS, HandshakeCheck, parse_origin
 from rso_lidar.loop.live.queued_view import QueuedView
 from rso_lidar.loop.network_address import parse_address, require_loopback
-from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.picture import Shape
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 

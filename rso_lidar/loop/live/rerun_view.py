@@ -19,10 +19,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.interruption import remove_on_signal
 from rso_lidar.loop.live.queued_view import QueuedView
 from rso_lidar.loop.network_address import NetworkAddress, parse_address, require_loopback
-from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Thumbnail
-from rso_lidar.picture.viewers.rerun_scene import APPLICATION, RerunScene, import_rerun, silence_analytics
-from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.picture import Scale, Shape, Thumbnail, rerun_scene
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 
@@ -57,17 +54,17 @@ class RerunView(QueuedView):
         """
         asked = parse_address(address, "live view:")
         require_loopback(asked, "live view:", "the live view")
-        self._rerun = import_rerun("live view")
+        self._rerun = rerun_scene.import_rerun("live view")
         super().__init__()
         if shapes is None:
             shapes = [Shape(surface.name, surface.corners) for surface in scenario.surfaces]
         self._shapes = tuple(shapes)
         self._lasts_s = scenario.span[1]
-        self._scene: RerunScene | None = None
+        self._scene: rerun_scene.RerunScene | None = None
         self._stream: Any = None
         self.address = _find_free(asked)
         with ExitStack() as stack:
-            environment = stack.enter_context(silence_analytics())
+            environment = stack.enter_context(rerun_scene.silence_analytics())
             command = [sys.executable, "-m", "rerun", "--serve-grpc", "--bind", self.address.host]
             command += ["--port", str(self.address.port), "--server-memory-limit", _MEMORY]
             quiet = subprocess.DEVNULL
@@ -89,8 +86,8 @@ class RerunView(QueuedView):
         """Send one frame to the proxy, with the colours that suit it."""
         scale = Scale.of([Thumbnail.of(frame)])
         if self._scene is None:
-            self._scene = RerunScene(self._rerun, frame, self._lasts_s, self._shapes, scale, "range")
-            self._stream = self._rerun.RecordingStream(APPLICATION, send_properties=False)
+            self._scene = rerun_scene.RerunScene(self._rerun, frame, self._lasts_s, self._shapes, scale, "range")
+            self._stream = self._rerun.RecordingStream(rerun_scene.APPLICATION, send_properties=False)
             self._stream.connect_grpc(self.url, default_blueprint=self._scene.blueprint())
             self._scene.begin(self._stream)
         self._scene.scale = scale

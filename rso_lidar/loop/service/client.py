@@ -24,8 +24,7 @@ from rso_lidar.loop.service.wire_format import (
     decode,
     encode_request,
 )
-from rso_lidar.records import Command, Observation, SensorSamples, Truth
-from rso_lidar.records.telemetry import join_samples
+from rso_lidar.records import Command, Observation, SensorSamples, Truth, join_samples
 from rso_lidar.units import NS_PER_S
 
 _MOST_STEPS = 10_000  # whose samples are kept until the next reading

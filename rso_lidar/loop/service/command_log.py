@@ -14,7 +14,7 @@ from rso_lidar.files import check_regular, explain_unreadable, make_write_error
 from rso_lidar.loop.service.requests import CommandRequest, Nanoseconds, parse_json
 from rso_lidar.part import Flag, Part, Text, Whole, explain
 from rso_lidar.records import Command, Frame
-from rso_lidar.simulation.stepping import Simulation
+from rso_lidar.simulation import Simulation
 from rso_lidar.units import NS_PER_S
 
 SUFFIX = ".commands.jsonl"

@@ -12,7 +12,7 @@ from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.units import NS_PER_S
 
 Policy = Literal["slip", "skip", "fail"]
-POLICIES: tuple[Policy, ...] = ("slip", "skip", "fail")
+DEADLINE_POLICIES: tuple[Policy, ...] = ("slip", "skip", "fail")
 
 
 class Deadlines:
@@ -35,8 +35,8 @@ class Deadlines:
             raise ScenarioError(
                 f"--real-time {factor:g}: is no factor of real time; give one from 1e-6 to 1e6, such as 1"
             )
-        if policy not in POLICIES:
-            raise ScenarioError(f"--late {policy}: is not {', '.join(POLICIES)}")
+        if policy not in DEADLINE_POLICIES:
+            raise ScenarioError(f"--late {policy}: is not {', '.join(DEADLINE_POLICIES)}")
         self.factor, self.policy, self._clock = factor, policy, clock
         self._origin: tuple[float, int] | None = None  # clock [s] and simulated time [ns]
         self._late_s: list[float] = []

@@ -12,7 +12,7 @@ from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.files import check_writable
 from rso_lidar.loop.service.command_log import SUFFIX, CommandLog, FlownStep
 from rso_lidar.records import Frame
-from rso_lidar.simulation.stepping import Simulation
+from rso_lidar.simulation import Simulation
 
 
 def _make_run_id() -> str:

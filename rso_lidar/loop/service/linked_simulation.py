@@ -8,11 +8,9 @@ from typing import Literal
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.loop.service.command_log import FlownStep
-from rso_lidar.records import Command, Frame, Observation, SensorSamples
-from rso_lidar.records.telemetry import join_samples
+from rso_lidar.records import Command, Frame, Observation, SensorSamples, join_samples
 from rso_lidar.scenario import DataLink
-from rso_lidar.simulation.state import SimulationState
-from rso_lidar.simulation.stepping import Simulation
+from rso_lidar.simulation import Simulation, SimulationState
 from rso_lidar.units import NS_PER_S
 
 LINK = 2  # stage of the draws of the link, beside those of detection (0) and pointing (1)

@@ -25,7 +25,7 @@ from rso_lidar.loop.service.requests import (
 )
 from rso_lidar.loop.service.wire_format import WireArray, list_reading, list_truth
 from rso_lidar.records import Frame, Observation, SensorSamples, specs
-from rso_lidar.simulation.stepping import Simulation
+from rso_lidar.simulation import Simulation
 
 MOST_STATES = 64  # kept at once; each holds a frame
 _SIGHT = "line_of_sight"

@@ -15,7 +15,7 @@ from pydantic_core import from_json, to_json
 
 from rso_lidar import records
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.export.layout.datasets import INERTIAL, NODE, SUN, compute_lidar_poses
+from rso_lidar.export import INERTIAL, NODE, SUN, compute_lidar_poses
 from rso_lidar.loop.service.requests import SCHEMA
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (

@@ -10,16 +10,19 @@ import numpy as np
 from rso_lidar.detector import report_probability
 from rso_lidar.errors import ScenarioError, suppress_warnings
 from rso_lidar.records import Truth
-from rso_lidar.scenario import Finding, Lidar, Scenario
-from rso_lidar.scenario.preview.geometry import preview_mission
-from rso_lidar.scenario.preview.orientations import list_facing_attitudes, spread_attitudes
-from rso_lidar.scenario.preview.returns import cast_surfaces
-from rso_lidar.scenario.preview.whole_target import (
+from rso_lidar.scenario import (
+    Finding,
+    Lidar,
+    Scenario,
+    cast_surfaces,
     find_aspects,
     follow_gate,
+    list_facing_attitudes,
     list_run_attitudes,
     move_target,
     place_body,
+    preview_mission,
+    spread_attitudes,
 )
 
 _TRIED, _FEW_PLACES = 256, 4  # attitudes that are tried for the worst, and places in the pixel grid for each

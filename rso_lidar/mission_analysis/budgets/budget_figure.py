@@ -10,23 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.style.figures import (
-    LINE_IN,
-    LINE_PT,
-    SMALL_PT,
-    TEXT_PT,
-    THIN_PT,
-    log_ticks,
-    new_figure,
-    style_axes,
-)
-from rso_lidar.picture.style.palette import BLUE, GREEN, INK, ORANGE, PAPER, PINK, QUIET, RED, RULE, SKY
+from rso_lidar.picture import figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLOURS = (BLUE, ORANGE, GREEN, PINK, RED, SKY)
+_COLOURS = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.PINK, palette.RED, palette.SKY)
 _STYLES = ("-", (0, (5, 2)))
 _LOWEST_PHOTONS = 1.0
 
@@ -63,10 +53,14 @@ def budget_figure(
     title, note, small_print : words about the figure.
     probability : the wanted probability of detection.
     """
-    figure = new_figure(11.0, 8.2, title, note, tuple(small_print))
+    figure = figures.new_figure(11.0, 8.2, title, note, tuple(small_print))
     (light, found), (precision, pixels) = figure.subplots(2, 2, sharex=True)
     for number, line in enumerate(lines):
-        look = {"color": _COLOURS[number % len(_COLOURS)], "ls": _STYLES[number // len(_COLOURS) % 2], "lw": LINE_PT}
+        look = {
+            "color": _COLOURS[number % len(_COLOURS)],
+            "ls": _STYLES[number // len(_COLOURS) % 2],
+            "lw": figures.LINE_PT,
+        }
         ends = _ARMED if line.armed_limits else _FILLED if line.fill_limits else ""
         reach = ": never" if np.isnan(line.max_range_m) else f": {_format_length(line.max_range_m)}{ends}"
         shown = np.where(line.probability >= 0.01, line.range_precision_m / units.CM, np.nan)
@@ -88,8 +82,8 @@ def budget_figure(
     filled_to_m = min(line.filled_to_m for line in lines)
     if first < filled_to_m < last:
         for axes in (light, found, precision):
-            axes.axvline(filled_to_m, color=QUIET, lw=THIN_PT, ls=(0, (2, 3)), zorder=0)
-    found.axhline(probability, color=RULE, lw=THIN_PT, zorder=0)
+            axes.axvline(filled_to_m, color=palette.QUIET, lw=figures.THIN_PT, ls=(0, (2, 3)), zorder=0)
+    found.axhline(probability, color=palette.RULE, lw=figures.THIN_PT, zorder=0)
     _prepare_axes(light, "Photons on the pixel", "expected, after the optics")
     _prepare_axes(found, "Probability of detection", f"marked: P = {probability:g}")
     _prepare_axes(precision, "Range precision [cm]", "1 sigma of detected returns")
@@ -101,11 +95,11 @@ def budget_figure(
         light.set_ylim(max(_LOWEST_PHOTONS, low), high)
     found.set_ylim(-0.02, 1.04)
     for axes in (light, precision, pixels):
-        log_ticks(axes.yaxis, *axes.get_ylim())
+        figures.log_ticks(axes.yaxis, *axes.get_ylim())
     for axes in (light, found, precision, pixels):
-        log_ticks(axes.xaxis, *axes.get_xlim())
+        figures.log_ticks(axes.xaxis, *axes.get_xlim())
     for axes in (precision, pixels):
-        axes.set_xlabel("Range [m]", fontsize=TEXT_PT, color=QUIET)
+        axes.set_xlabel("Range [m]", fontsize=figures.TEXT_PT, color=palette.QUIET)
     figure.align_ylabels()
     _draw_legend(figure, light, probability, len(small_print))
     return figure
@@ -124,7 +118,7 @@ def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -
     handles, names = axes.get_legend_handles_labels()
     columns = 1 if len(names) <= 2 else 2 if len(names) <= 8 else 3
     height_in = float(figure.get_figheight())
-    foot_in = 0.12 + LINE_IN * printed
+    foot_in = 0.12 + figures.LINE_IN * printed
     legend = figure.legend(
         handles,
         names,
@@ -132,13 +126,13 @@ def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -
         loc="lower center",
         bbox_to_anchor=(0.5, foot_in / height_in),
         ncols=columns,
-        fontsize=SMALL_PT,
+        fontsize=figures.SMALL_PT,
         frameon=False,
-        labelcolor=INK,
+        labelcolor=palette.INK,
         borderaxespad=0.0,
     )
     legend.set_in_layout(False)
-    legend.get_title().set(fontsize=SMALL_PT, color=QUIET)
+    legend.get_title().set(fontsize=figures.SMALL_PT, color=palette.QUIET)
     room_in = float(legend.get_window_extent().height) / figure.dpi
     head_in = 0.66
     engine: Any = figure.get_layout_engine()
@@ -160,7 +154,7 @@ def _prepare_axes(axes: Axes, title: str, note: str) -> None:
     title, note : its heading, left and right.
     """
     axes.set_xscale("log")
-    style_axes(axes, title, note=note)
+    figures.style_axes(axes, title, note=note)
     axes.tick_params(labelbottom=True)
 
 
@@ -185,7 +179,7 @@ def _mark(axes: Axes, x: float, y: float, colour: str) -> None:
     x, y : of the point, in units of the axes.
     colour : of the mark.
     """
-    axes.plot([x], [y], "o", color=colour, ms=5, mec=PAPER, mew=0.8, zorder=5)
+    axes.plot([x], [y], "o", color=colour, ms=5, mec=palette.PAPER, mew=0.8, zorder=5)
 
 
 def _format_length(metres: float) -> str:

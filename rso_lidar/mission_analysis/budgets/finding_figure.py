@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import SMALL_PT, TEXT_PT, THICK_PT, THIN_PT, log_ticks, new_figure, style_axes
-from rso_lidar.picture.style.palette import BLUE, INK, ORANGE, PAPER, QUIET, RULE
+from rso_lidar.picture import figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,38 +38,40 @@ def finding_figure(
     probability, max_range_m : wanted probability, and the greatest range that has it [m], NaN where none has.
     worst : description of the worst attitude, None without one.
     """
-    figure = new_figure(8.4, 4.8, title, note, tuple(small_print))
+    figure = figures.new_figure(8.4, 4.8, title, note, tuple(small_print))
     axes = figure.subplots()
-    colour, other = BLUE, ORANGE
-    axes.plot(range_m, found, color=colour, lw=THICK_PT, label="over all attitudes")
+    colour, other = palette.BLUE, palette.ORANGE
+    axes.plot(range_m, found, color=colour, lw=figures.THICK_PT, label="over all attitudes")
     if worst is not None:
-        axes.plot(range_m, worst_found, color=other, lw=THICK_PT, ls=(0, (5, 2)), label=f"worst attitude: {worst}")
-    axes.axhline(probability, color=RULE, lw=THIN_PT, zorder=0)
+        axes.plot(
+            range_m, worst_found, color=other, lw=figures.THICK_PT, ls=(0, (5, 2)), label=f"worst attitude: {worst}"
+        )
+    axes.axhline(probability, color=palette.RULE, lw=figures.THIN_PT, zorder=0)
     if np.isfinite(max_range_m):
-        axes.plot([max_range_m], [probability], "o", color=colour, ms=6, mec=PAPER, mew=0.8, zorder=5)
+        axes.plot([max_range_m], [probability], "o", color=colour, ms=6, mec=palette.PAPER, mew=0.8, zorder=5)
         axes.annotate(
             f"{max_range_m:,.0f} m",
             (max_range_m, probability),
             xytext=(8, 6),
             textcoords="offset points",
-            fontsize=TEXT_PT,
-            color=INK,
+            fontsize=figures.TEXT_PT,
+            color=palette.INK,
         )
     axes.set_xscale("log")
-    style_axes(axes, "Probability that the body is found", note=f"marked: P = {probability:g}")
+    figures.style_axes(axes, "Probability that the body is found", note=f"marked: P = {probability:g}")
     shown = np.flatnonzero((found > _SHOWN) & (worst_found < 1.0 - _SHOWN) | (found < 1.0 - _SHOWN) & (found > _SHOWN))
     if shown.size > 1:
         first, last = max(int(shown[0]) - 1, 0), min(int(shown[-1]) + 1, len(range_m) - 1)
         axes.set_xlim(range_m[first], range_m[last])
     low, high = -0.02, 1.04
     axes.set_ylim(low, high)
-    log_ticks(axes.xaxis, *axes.get_xlim())
-    axes.set_xlabel("Range [m]", fontsize=TEXT_PT, color=QUIET)
+    figures.log_ticks(axes.xaxis, *axes.get_xlim())
+    axes.set_xlabel("Range [m]", fontsize=figures.TEXT_PT, color=palette.QUIET)
     top = (probability - low) / (high - low) - 0.01 if probability > _HIGH else 1.0  # below the line of a high level
     axes.legend(
-        fontsize=SMALL_PT,
+        fontsize=figures.SMALL_PT,
         frameon=False,
-        labelcolor=INK,
+        labelcolor=palette.INK,
         loc="upper right",
         bbox_to_anchor=(1.0, top),
         borderaxespad=0.2,

@@ -16,13 +16,11 @@ from rso_lidar.mission_analysis.budgets.body import choose_body
 from rso_lidar.mission_analysis.budgets.finding_figure import finding_figure
 from rso_lidar.mission_analysis.budgets.inputs import select_camera
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M
-from rso_lidar.picture.style.output import save_figure_or_table
-from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.scenario import Finding, Lidar, Scenario
-from rso_lidar.scenario.preview.orientations import describe_facing
+from rso_lidar.scenario import Finding, Lidar, Scenario, describe_facing
 
-ATTITUDES = 256
+FINDING_ATTITUDES = 256
 _SCAN_RATIO, _SCANNED_ATTITUDES = 1.35, 24  # of the ranges of the first scan, and attitudes at each
 _DRAWN = 13  # ranges at which the curve is computed, from almost always to almost never found
 _SURE = 0.995
@@ -163,7 +161,7 @@ def find_range(
     finding: Finding | None = None,
     probability: float = 0.9,
     range_m: tuple[float, float] | None = None,
-    attitudes: int = ATTITUDES,
+    attitudes: int = FINDING_ATTITUDES,
     in_run: bool = False,
 ) -> FoundRange:
     """Solve how far a body is found: at least m pixels report it, in at least k of n flashes.

@@ -17,11 +17,8 @@ from rso_lidar.detector import AnyDetector, describe_window, list_neglected_effe
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.mission_analysis.budgets.silhouettes import cast_silhouettes
-from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scenario.preview.geometry import preview_mission
-from rso_lidar.scenario.tables.presets import load_presets
-from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete, find_material
-from rso_lidar.scene.library.model_index import materials
+from rso_lidar.scenario import Lidar, Scenario, load_presets, preview_mission
+from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete, find_material, load_materials
 
 _RANGES = 121
 _SPAN = 50.0  # default of the greatest range over the least
@@ -176,13 +173,13 @@ def _find_material(given: str | float | Material, wavelength_m: float) -> tuple[
         whole = complete(given)
         return _name_material(whole, wavelength_m), whole.at(wavelength_m)
     if isinstance(given, str):
-        if given in materials():
+        if given in load_materials():
             return given, find_material(given, wavelength_m)
         if Path(given).suffix.lower() == ".csv":
             return Path(given).stem, _read_brdf_table(Path(given))
         if not _is_number(given):
-            guess = did_you_mean(given, materials())
-            known = ", ".join(materials())
+            guess = did_you_mean(given, load_materials())
+            known = ", ".join(load_materials())
             raise MeshError(
                 f"material: no '{given}'{guess} (known: {known}; or a reflectance such as 0.3, or a table .csv)"
             )
@@ -224,7 +221,7 @@ def _is_number(text: str) -> bool:
 
 def _name_material(material: Scatterer, wavelength_m: float) -> str:
     """Return the catalogue's name of a material, or its type and reflectance."""
-    for name in materials():
+    for name in load_materials():
         if find_material(name, wavelength_m) == material and name != "lambertian_30":
             return name
     reflectance = getattr(material, "reflectance", None)

@@ -1,7 +1,6 @@
 """The link budget in closed form, without a mesh."""
 
-from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.receiver import Receiver
+from rso_lidar.optics import Laser, Receiver
 
 
 def filled_pixel_photons(laser: Laser, receiver: Receiver, brdf_per_sr: float, range_m: float) -> float:

@@ -12,8 +12,7 @@ import math
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.optics import Laser, Receiver
-from rso_lidar.optics.tables.laser_profiles import read_pattern
+from rso_lidar.optics import Laser, Receiver, read_pattern
 from rso_lidar.scene import Scatterer
 
 _SLICES = 256  # of a pixel that the edge of a round beam crosses

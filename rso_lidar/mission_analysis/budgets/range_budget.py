@@ -29,17 +29,16 @@ from rso_lidar.mission_analysis.budgets.inputs import (
     select_camera,
 )
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M, BudgetCurve, compute_curve
-from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
-from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, save_figure
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scene import Material
 
-SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
+BUDGET_SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 _MOST_CURVES = 200
 _MOST_DRAWN = 12
 
 
-COLUMNS = (
+BUDGET_COLUMNS = (
     "range_m",
     "photons",
     "fill_fraction",
@@ -89,9 +88,9 @@ class Budget:
         """Return all curves as one CSV table with a row for each range; column names end in their unit."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["material", "tilt_deg", "divergence_deg", *COLUMNS])
+        writer.writerow(["material", "tilt_deg", "divergence_deg", *BUDGET_COLUMNS])
         for curve in self.curves:
-            columns = [getattr(curve, name) for name in COLUMNS]
+            columns = [getattr(curve, name) for name in BUDGET_COLUMNS]
             for row in zip(*columns, strict=True):
                 values = [int(value) if isinstance(value, np.bool_) else f"{float(value):.7g}" for value in row]
                 writer.writerow([curve.material, f"{curve.tilt_deg:g}", f"{curve.divergence_deg:g}", *values])
@@ -139,7 +138,7 @@ class Budget:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        place = check_writable(path, SUFFIXES, overwrite=overwrite)
+        place = check_writable(path, BUDGET_SUFFIXES, overwrite=overwrite)
         if place.suffix.lower() != ".csv":
             return save_figure(self.figure(), place, scheme=scheme)
         return write_text(place, self.csv_text(), overwrite=overwrite)

@@ -6,9 +6,7 @@ import numpy as np
 
 from rso_lidar import sampling, units
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.scenario.mission.mission import Mission
-from rso_lidar.scenario.preview.aspects import build_truth, link_surfaces, rotation_between
-from rso_lidar.scenario.preview.geometry import Preview
+from rso_lidar.scenario import Mission, Preview, build_truth, link_surfaces, rotation_between
 
 _MOST_ATTITUDES = 24
 _CELLS = 160  # along a side of each silhouette

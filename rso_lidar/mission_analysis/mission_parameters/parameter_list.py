@@ -17,12 +17,10 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import false_alarm_probability, find_photons
-from rso_lidar.detector.settings.presets import PRESETS
+from rso_lidar.detector import DETECTOR_PRESETS, false_alarm_probability, find_photons
 from rso_lidar.errors import RsoLidarError, suppress_warnings
 from rso_lidar.part import Part, name_object
-from rso_lidar.scenario import Scenario, require_scenario
-from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.scenario import Scenario, load_presets, require_scenario
 from rso_lidar.sensors import load_sensor_presets
 
 _BRACKETS = re.compile(r"\[([^\[\]]+)\]")
@@ -86,8 +84,8 @@ def _list_preset_values(scenario: Scenario) -> dict[str, tuple[str, Any]]:
     """List what the presets of a lidar, of its detector and of sensors set, by place: name of the preset, and value."""
     found: dict[str, tuple[str, Any]] = {}
     detector_preset = getattr(scenario.lidar.detector, "preset", None)
-    if detector_preset in PRESETS:
-        values = PRESETS[detector_preset]
+    if detector_preset in DETECTOR_PRESETS:
+        values = DETECTOR_PRESETS[detector_preset]
         for name, part in (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons")):
             found[f"lidar.detector.{name}.{part}"] = (detector_preset, values[part])
     if scenario.lidar.preset is not None:

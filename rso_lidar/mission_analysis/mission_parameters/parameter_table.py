@@ -17,7 +17,7 @@ from rso_lidar.mission_analysis.mission_parameters.parameter_list import Mission
 from rso_lidar.mission_analysis.mission_parameters.sysml_text import write_model
 from rso_lidar.scenario import Scenario
 
-SUFFIXES = (".csv", ".json", ".sysml")
+PARAMETER_SUFFIXES = (".csv", ".json", ".sysml")
 _COLUMNS = ("path", "value", "unit", "meaning", "default", "source", "is_derived")
 _WIDEST = 40  # characters of a value on the terminal
 
@@ -54,7 +54,7 @@ class ParameterTable:
         rows = [
             (
                 one.path,
-                f"{_shorten(format_value(one.value))} {'' if one.unit == '1' else one.unit}".rstrip(),
+                f"{_shorten(format_parameter(one.value))} {'' if one.unit == '1' else one.unit}".rstrip(),
                 one.source,
             )
             for one in self.parameters
@@ -69,7 +69,14 @@ class ParameterTable:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(_COLUMNS)
         for one in self.parameters:
-            values = (one.path, format_value(one.value), one.unit, one.meaning, format_value(one.default), one.source)
+            values = (
+                one.path,
+                format_parameter(one.value),
+                one.unit,
+                one.meaning,
+                format_parameter(one.default),
+                one.source,
+            )
             writer.writerow([*values, int(one.is_derived)])
         return text.getvalue()
 
@@ -107,7 +114,7 @@ class ParameterTable:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        place = check_writable(path, SUFFIXES, overwrite=overwrite)
+        place = check_writable(path, PARAMETER_SUFFIXES, overwrite=overwrite)
         suffix = place.suffix.lower()
         text = (
             self.sysml_text(more) if suffix == ".sysml" else self.json_text() if suffix == ".json" else self.csv_text()
@@ -135,10 +142,10 @@ def list_parameters(scenario: Scenario) -> ParameterTable:
     return ParameterTable(scenario.name, parameters)
 
 
-def format_value(value: Any) -> str:
+def format_parameter(value: Any) -> str:
     """Return a value as text: numbers in full, lists in brackets, nothing for none.
 
-    >>> format_value((0.5, -3000.0)), format_value(None), format_value(True)
+    >>> format_parameter((0.5, -3000.0)), format_parameter(None), format_parameter(True)
     ('[0.5, -3000.0]', '', 'true')
     """
     if value is None:
@@ -146,7 +153,7 @@ def format_value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
-        return f"[{', '.join(format_value(one) for one in value)}]"
+        return f"[{', '.join(format_parameter(one) for one in value)}]"
     if isinstance(value, dict):
         return json.dumps(value, default=str, ensure_ascii=False)
     return str(value)

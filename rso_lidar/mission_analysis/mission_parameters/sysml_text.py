@@ -14,7 +14,7 @@ from typing import Any
 from rso_lidar.mission_analysis.mission_parameters.parameter_list import MissionParameter
 from rso_lidar.mission_analysis.mission_parameters.sysml_units import declare_units, find_notation
 
-MISSION = "mission"  # name of the part that holds all parameters
+SYSML_MISSION = "mission"  # name of the part that holds all parameters
 _IMPORTS = ("ScalarValues", "ISQ", "SI", "SIPrefixes", "MeasurementReferences", "Quantities", "VerificationCases")
 _RESERVED = frozenset(  # RESERVED_KEYWORD of SysML-textual-bnf.kebnf
     re.findall(
@@ -66,7 +66,7 @@ def write_model(name: str, parameters: Sequence[MissionParameter], about: str, m
     lines = [f"package {quote_name(name)} {{", f"    {write_comment(about)}"]
     lines += [f"    private import {library}::*;" for library in _IMPORTS]
     lines += [f"    {line}" for line in declare_units(units | _find_units(more))]
-    lines += [f"    part {MISSION} {{"]
+    lines += [f"    part {SYSML_MISSION} {{"]
     here: list[str] = []
     for one in sorted(given, key=_order_within(given)):
         *steps, last = one.path.split(".")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rso_lidar.scene.library.model_index import materials
+from rso_lidar.scene import load_materials
 
 WAVELENGTHS_NM = (1064.0, 1570.0)
 
@@ -36,7 +36,7 @@ def list_materials() -> list[MaterialLine]:
             (_total_reflectance(table), _total_reflectance({**table, **table["at_1570_nm"]})),
             table["confidence"],
         )
-        for name, table in materials().items()
+        for name, table in load_materials().items()
     ]
 
 

@@ -12,15 +12,11 @@ import numpy as np
 from rso_lidar import optics, sampling, units
 from rso_lidar.mission_analysis.models.model_card_figure import CardView, model_card_figure
 from rso_lidar.motion import Fixed
-from rso_lidar.picture.style.output import save_figure
-from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture import LIGHT, Scheme, save_figure
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
-from rso_lidar.scenario import Lidar, Target
-from rso_lidar.scenario.mission.target_surfaces import build_whole_surface, find_taxonomy
-from rso_lidar.scene import Surface
-from rso_lidar.scene.library.model_index import materials, model
-from rso_lidar.scene.surfaces.portrait import render_portrait, viewer_axes
+from rso_lidar.scenario import Lidar, Target, build_whole_surface, find_taxonomy
+from rso_lidar.scene import Surface, load_materials, model, render_portrait, viewer_axes
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -159,7 +155,7 @@ def _list_finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], t
         return tuple(str(getattr(one, "type", "own")) for one in surface.materials), (_GREY,) * len(surface.materials)
     named = model(target.shape).parts
     words = tuple(named.get(part, "") for part in surface.mesh.part_names)
-    table = materials()
+    table = load_materials()
     return words, tuple(tuple(table[word]["display_rgb"]) if word in table else _GREY for word in words)
 
 

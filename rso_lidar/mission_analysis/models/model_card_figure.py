@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import HEADING_PT, LINE_IN, SMALL_PT, TEXT_PT, THICK_PT, new_figure
-from rso_lidar.picture.style.palette import INK, OTHER_PART, PARTS, QUIET
+from rso_lidar.picture import figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,9 +52,9 @@ def model_card_figure(
     foot = max(len(wrapped), len(light))
     tall_m = _half_height_m(views)
     first_half_m = 0.5 * views[0].cell_m * views[0].part.shape[1]
-    figure = new_figure(
+    figure = figures.new_figure(
         14.0,
-        1.1 + 2.0 * max(2.95 * tall_m / first_half_m, 2.1) + LINE_IN * foot,
+        1.1 + 2.0 * max(2.95 * tall_m / first_half_m, 2.1) + figures.LINE_IN * foot,
         title,
         "",
         (*wrapped, *[""] * (foot - len(wrapped))),
@@ -64,9 +63,9 @@ def model_card_figure(
     grid: Any = figure.subplots(2, len(views) + 1, width_ratios=[*([1.0] * len(views)), 0.62])
     first = views[0]
     shown = _by_area(views, len(first.part_names))
-    part_rgb = np.array([_rgb(OTHER_PART)] * len(first.part_names))
-    for number, part in enumerate(shown[: len(PARTS)]):
-        part_rgb[part] = _rgb(PARTS[number])
+    part_rgb = np.array([_rgb(palette.OTHER_PART)] * len(first.part_names))
+    for number, part in enumerate(shown[: len(palette.PARTS)]):
+        part_rgb[part] = _rgb(palette.PARTS[number])
     for column, view in enumerate(views):
         for row, (index, rgb) in enumerate(((view.part, part_rgb), (view.material, np.array(view.material_rgb)))):
             axes = grid[row, column]
@@ -80,11 +79,11 @@ def model_card_figure(
             for spine in axes.spines.values():
                 spine.set_visible(False)
             if row == 0:
-                axes.set_title(view.side, fontsize=HEADING_PT, color=INK)
+                axes.set_title(view.side, fontsize=figures.HEADING_PT, color=palette.INK)
     _draw_bar(grid[1, 0], views[0], tall_m)
-    names = [first.part_names[part] for part in shown[: len(PARTS)]]
+    names = [first.part_names[part] for part in shown[: len(palette.PARTS)]]
     others = len(shown) - len(names)
-    _names(grid[0, -1], "parts, by what is seen of them", names, part_rgb[shown[: len(PARTS)]], others)
+    _names(grid[0, -1], "parts, by what is seen of them", names, part_rgb[shown[: len(palette.PARTS)]], others)
     of_material = dict(zip(first.material_names, first.material_rgb, strict=True))
     _names(grid[1, -1], "materials", list(of_material), np.array(list(of_material.values())), 0)
     return figure
@@ -101,12 +100,12 @@ def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
     """
     height_in = float(figure.get_figheight())
     for row, cells in enumerate(rows):
-        y = (0.07 + LINE_IN * (foot - 1 - row)) / height_in
+        y = (0.07 + figures.LINE_IN * (foot - 1 - row)) / height_in
         for column, cell in enumerate(cells):
             x = _TABLE_FROM if column == 0 else _TABLE_FROM + 0.10 + _CELL * column
             side: Any = "left" if column == 0 else "right"
-            ink = QUIET if row == 0 or column == 0 else INK
-            figure.text(x, y, cell, fontsize=SMALL_PT, color=ink, ha=side, va="bottom", in_layout=False)
+            ink = palette.QUIET if row == 0 or column == 0 else palette.INK
+            figure.text(x, y, cell, fontsize=figures.SMALL_PT, color=ink, ha=side, va="bottom", in_layout=False)
 
 
 def _by_area(views: Sequence[CardView], count: int) -> list[int]:
@@ -163,9 +162,9 @@ def _draw_bar(axes: Any, view: CardView, tall_m: float) -> None:
     rounded = 10.0 ** np.floor(np.log10(half_m))
     length = float(next(step * rounded for step in (5.0, 2.0, 1.0) if step * rounded <= half_m))
     left, low = -0.97 * half_m, -tall_m + 0.03 * half_m
-    axes.plot([left, left + length], [low, low], color=INK, lw=THICK_PT, solid_capstyle="butt")
+    axes.plot([left, left + length], [low, low], color=palette.INK, lw=figures.THICK_PT, solid_capstyle="butt")
     said = f"{length:g} m" if length >= 1.0 else f"{length * 100:g} cm"
-    axes.text(left, low + 0.03 * half_m, said, fontsize=TEXT_PT, color=INK, va="bottom")
+    axes.text(left, low + 0.03 * half_m, said, fontsize=figures.TEXT_PT, color=palette.INK, va="bottom")
 
 
 def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others: int) -> None:
@@ -182,11 +181,13 @@ def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others:
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(_MOST_NAMES + 1.0, 0.0)
-    axes.text(0.0, 0.4, title, fontsize=TEXT_PT, color=QUIET, va="center")
+    axes.text(0.0, 0.4, title, fontsize=figures.TEXT_PT, color=palette.QUIET, va="center")
     listed = list(names[:_MOST_NAMES])
     for row, (name, colour) in enumerate(zip(listed, rgb, strict=False), start=1):
-        axes.plot([0.03], [row + 0.3], "s", color=colour, ms=8, mec=QUIET, mew=0.3, clip_on=False)
-        axes.text(0.10, row + 0.3, name, fontsize=SMALL_PT, color=INK, va="center")
+        axes.plot([0.03], [row + 0.3], "s", color=colour, ms=8, mec=palette.QUIET, mew=0.3, clip_on=False)
+        axes.text(0.10, row + 0.3, name, fontsize=figures.SMALL_PT, color=palette.INK, va="center")
     left = others + len(names) - len(listed)
     if left:
-        axes.text(0.10, len(listed) + 1.3, f"and {left} more", fontsize=SMALL_PT, color=QUIET, va="center")
+        axes.text(
+            0.10, len(listed) + 1.3, f"and {left} more", fontsize=figures.SMALL_PT, color=palette.QUIET, va="center"
+        )

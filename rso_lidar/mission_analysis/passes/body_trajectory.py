@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.truth import Chief
+from rso_lidar.motion import Chief
 from rso_lidar.orbit import Epochs, format_utc
 from rso_lidar.records import BodyState
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
+from rso_lidar.scenario import Scenario, list_lunar_bodies
 
 
 class BodyTrajectory:

@@ -15,11 +15,13 @@ from rso_lidar.orbit import (
     ConjunctionMessage,
     ConjunctionObject,
     SampledProbability,
+    UncertainSeparation,
+    UncertainState,
+    check_radius,
     format_utc,
     foster_probability,
     sample_collisions,
 )
-from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
 from rso_lidar.rpo import rtn_matrix
 
 _DIFFERENT = 0.01  # share by which a figure of the message may differ from its states, beside rounding

@@ -20,8 +20,7 @@ from rso_lidar.mission_analysis.passes.scenario_lines import (
     write_part,
     write_value,
 )
-from rso_lidar.orbit import ConjunctionObject, State, format_utc
-from rso_lidar.orbit.sets.element_set import make_printable
+from rso_lidar.orbit import ConjunctionObject, State, format_utc, make_printable
 from rso_lidar.scenario import Lidar
 
 MAX_SLEW_DEG_S = 30.0  # of the drive that the file gives

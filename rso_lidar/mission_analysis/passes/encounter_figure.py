@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.style.colour_maps import RANGE_RAMP
-from rso_lidar.picture.style.figures import HAIR_PT, LINE_PT, SMALL_PT, new_figure, style_axes, style_bar
-from rso_lidar.picture.style.palette import INK, MARK, PAPER, QUIET, RULE
+from rso_lidar.picture import colour_maps, figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -61,7 +59,7 @@ def encounter_figure(
     from matplotlib.lines import Line2D
     from matplotlib.ticker import FuncFormatter
 
-    figure = new_figure(10.5, 5.8, title, note)
+    figure = figures.new_figure(10.5, 5.8, title, note)
     axes = figure.subplots()
     apart = np.asarray(range_m) >= _TOGETHER_M
     time_utc, range_m, speed_m_s, sunlit = (np.asarray(of)[apart] for of in (time_utc, range_m, speed_m_s, sunlit))
@@ -72,24 +70,24 @@ def encounter_figure(
     spread = bool(nearest_km * units.KM < 0.03 * within_m)
     lowest, highest = (float(speed.min()), float(speed.max())) if len(speed) else (0.0, 1.0)
     drawn = None
-    for lit, marker, rim in ((True, "o", PAPER), (False, "s", INK)):
+    for lit, marker, rim in ((True, "o", palette.PAPER), (False, "s", palette.INK)):
         of = np.asarray(sunlit, dtype=bool) == lit
         drawn = axes.scatter(
             np.asarray(time_utc)[of],
             range_km[of],
             c=speed[of],
-            cmap=RANGE_RAMP,
+            cmap=colour_maps.RANGE_RAMP,
             vmin=lowest,
             vmax=max(highest, 1.02 * lowest, lowest + 1e-3),
             marker=marker,
             s=34 if len(speed) < 400 else 16,
-            lw=HAIR_PT if lit else LINE_PT,
+            lw=figures.HAIR_PT if lit else figures.LINE_PT,
             edgecolors=rim,
             zorder=3,
         )
     busy: list[Artist] = []  # artists that names must not cover
     if reach_m is not None and reach_m < within_m:
-        line = axes.axhline(reach_m / units.KM, color=MARK, lw=LINE_PT, ls="--", zorder=2)
+        line = axes.axhline(reach_m / units.KM, color=palette.MARK, lw=figures.LINE_PT, ls="--", zorder=2)
         label = axes.annotate(
             f"lidar sees 1 m² to {reach_m / units.KM:.3g} km",
             (1.0, reach_m / units.KM),
@@ -97,9 +95,9 @@ def encounter_figure(
             xytext=(-2, 4),
             textcoords="offset points",
             ha="right",
-            fontsize=SMALL_PT,
-            color=INK,
-            bbox={"facecolor": PAPER, "lw": 0, "pad": 1.0, "alpha": 0.8},
+            fontsize=figures.SMALL_PT,
+            color=palette.INK,
+            bbox={"facecolor": palette.PAPER, "lw": 0, "pad": 1.0, "alpha": 0.8},
         )
         busy += [line, label]
     if spread:
@@ -120,7 +118,7 @@ def encounter_figure(
     ends = time_utc if window_utc is None else np.array([window_utc[0], window_utc[1] - np.timedelta64(1, "ms")])
     days = np.unique(ends.astype("datetime64[D]")).astype(str)
     when = ", ".join(["UTC", " to ".join(dict.fromkeys([*days[:1], *days[-1:]]))]) if len(days) else "UTC"
-    style_axes(axes, said, when, "Range at the closest approach [km]")
+    figures.style_axes(axes, said, when, "Range at the closest approach [km]")
     marks = [
         Line2D(
             [],
@@ -128,25 +126,25 @@ def encounter_figure(
             ls="",
             marker=marker,
             ms=6,
-            mfc=RULE,
-            mec=QUIET if lit else INK,
+            mfc=palette.RULE,
+            mec=palette.QUIET if lit else palette.INK,
             label=word,
         )
-        for marker, rim, word in (("o", QUIET, "sunlit"), ("s", INK, "in the Earth's shadow"))
+        for marker, rim, word in (("o", palette.QUIET, "sunlit"), ("s", palette.INK, "in the Earth's shadow"))
     ]
     axes.legend(
         handles=marks,
-        fontsize=SMALL_PT,
+        fontsize=figures.SMALL_PT,
         frameon=False,
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
         ncols=2,
-        labelcolor=QUIET,
+        labelcolor=palette.QUIET,
         borderaxespad=0.1,
     )
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=[axes], fraction=0.035, pad=0.015, aspect=30)
-        style_bar(bar, f"Relative speed [{'m/s' if slow else 'km/s'}]")
+        figures.style_bar(bar, f"Relative speed [{'m/s' if slow else 'km/s'}]")
     points = np.stack([date2num(np.asarray(time_utc)), range_km], axis=1)  # type: ignore[no-untyped-call]
     named: dict[str, int] = {}  # an object with several encounters is labelled once, at the nearest
     for k in np.argsort(range_km, kind="stable").tolist():
@@ -191,10 +189,16 @@ def _write_names(
                 textcoords="offset points",
                 ha={1: "left", 0: "center", -1: "right"}[x],
                 va={1: "bottom", 0: "center", -1: "top"}[y],
-                fontsize=SMALL_PT,
-                color=INK,
+                fontsize=figures.SMALL_PT,
+                color=palette.INK,
                 zorder=4,
-                arrowprops={"arrowstyle": "-", "lw": HAIR_PT, "color": QUIET, "shrinkA": 0, "shrinkB": 3}
+                arrowprops={
+                    "arrowstyle": "-",
+                    "lw": figures.HAIR_PT,
+                    "color": palette.QUIET,
+                    "shrinkA": 0,
+                    "shrinkB": 3,
+                }
                 if far > 7
                 else None,
             )

@@ -8,9 +8,17 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit import Epochs, PairScreening, ScreeningResult, gcrs_from_teme, moon_position_m, sun_position_m
-from rso_lidar.orbit.sky.eclipse import shadow_margins_rad
-from rso_lidar.orbit.sky.geometry import angle_rad, earth_limb_angle_rad
+from rso_lidar.orbit import (
+    Epochs,
+    PairScreening,
+    ScreeningResult,
+    angle_rad,
+    earth_limb_angle_rad,
+    gcrs_from_teme,
+    moon_position_m,
+    shadow_margins_rad,
+    sun_position_m,
+)
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.scenario import Constraints, Corridor
 

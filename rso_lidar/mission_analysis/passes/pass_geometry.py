@@ -18,15 +18,18 @@ from rso_lidar.orbit import (
     CloseApproach,
     Epochs,
     PairScreening,
+    ScheduledFleet,
     ScreeningResult,
+    angle_rad,
+    beta_angle_rad,
+    earth_limb_angle_rad,
     format_utc,
     gcrs_from_teme,
     moon_position_m,
+    phase_angle_rad,
     sun_position_m,
     sunlit_fraction,
 )
-from rso_lidar.orbit.screening.scheduled_fleet import ScheduledFleet
-from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo import rtn_matrix

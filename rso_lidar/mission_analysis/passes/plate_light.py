@@ -14,13 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import false_alarm_probability, predict, report_probability
-from rso_lidar.detector.analysis.finding import k_of_n
-from rso_lidar.detector.bench.trial import make_plate
+from rso_lidar.detector import false_alarm_probability, k_of_n, make_plate, predict, report_probability
 from rso_lidar.errors import ScenarioError
 from rso_lidar.mission_analysis.budgets.pixel_light import compute_photons, pixel_width_m
 from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M, ExclusionAngles
-from rso_lidar.optics.sunlight import sun_photons_per_s_m2
+from rso_lidar.optics import sun_photons_per_s_m2
 from rso_lidar.orbit import phase_angle_rad, sunlit_fraction
 from rso_lidar.scenario import Finding, Lidar
 from rso_lidar.scene import Lambertian

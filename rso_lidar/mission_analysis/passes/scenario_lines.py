@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.orbit import Omm, State
-from rso_lidar.orbit.sets.element_set import ElementSet, make_printable
+from rso_lidar.orbit import ElementSet, Omm, State, make_printable
 from rso_lidar.part import Part
 from rso_lidar.records import BodyState
 from rso_lidar.rpo import rtn_axes

@@ -19,7 +19,7 @@ from rso_lidar.mission_analysis.passes.scenario_lines import (
     write_motion,
     write_value,
 )
-from rso_lidar.orbit.sets.element_set import make_printable
+from rso_lidar.orbit import make_printable
 
 _LONGEST_S, _SHORTEST_S = 1200.0, 10.0
 _MOST_FRAMES = 1250

@@ -11,11 +11,18 @@ from typing import Any
 
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.mission_analysis.passes.body_trajectory import BodyTrajectory
-from rso_lidar.orbit import Catalog, Ephemeris, NamedTrajectory, Trajectory, read_opm
-from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
-from rso_lidar.orbit.ccsds.reader import read_table_text
-from rso_lidar.orbit.sets.element_set import ElementSet, quote
-from rso_lidar.orbit.sets.formats import read_element_sets
+from rso_lidar.orbit import (
+    Catalog,
+    ElementSet,
+    Ephemeris,
+    NamedTrajectory,
+    Trajectory,
+    list_ephemeris_objects,
+    quote_set,
+    read_element_sets,
+    read_opm,
+    read_table_text,
+)
 from rso_lidar.scenario import Scenario
 
 _SNIFFED = 4096  # characters of a file that tell its kind
@@ -106,7 +113,9 @@ def collect_objects(source: Any, *, trust_code: bool = False, trust_fmu: bool = 
         found.where = str(os.fspath(source))
         _add_file(found, os.fspath(source))
     elif isinstance(source, bytes) or not isinstance(source, Iterable):
-        raise CatalogError(f"catalogue: {quote(source)} is not a catalogue; give a path, a catalogue or element sets")
+        raise CatalogError(
+            f"catalogue: {quote_set(source)} is not a catalogue; give a path, a catalogue or element sets"
+        )
     elif isinstance(source, Mapping):
         found.entries += [_name(str(name), entry) for name, entry in source.items()]
     else:
@@ -155,7 +164,7 @@ def _add_entries(found: SearchObjects, source: Iterable[Any]) -> None:
             found.entries.append(NamedTrajectory(f"trajectory {len(found.entries) + 1}", entry))
         else:
             raise CatalogError(
-                f"catalogue: {quote(entry)} in it is not an element set; read the sets with Catalog, or give objects "
+                f"catalogue: {quote_set(entry)} in it is not an element set; read the sets with Catalog, or give objects "
                 "that answer states"
             )
 
@@ -164,7 +173,7 @@ def _name(name: str, entry: Any) -> Any:
     if isinstance(entry, ElementSet | NamedTrajectory):
         return entry
     if not isinstance(entry, Trajectory):
-        raise CatalogError(f"catalogue: {name}: {quote(entry)} has no states; give a trajectory or an element set")
+        raise CatalogError(f"catalogue: {name}: {quote_set(entry)} has no states; give a trajectory or an element set")
     return NamedTrajectory(name, entry)
 
 

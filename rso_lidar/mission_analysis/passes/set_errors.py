@@ -17,8 +17,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, ScenarioError
-from rso_lidar.orbit import ElementSet, Epochs, SetSequence
-from rso_lidar.orbit.sets.teme import find_failures, propagate_in_teme
+from rso_lidar.orbit import ElementSet, Epochs, SetSequence, find_failures, propagate_in_teme
 from rso_lidar.part import to_real_array
 from rso_lidar.rpo import rtn_matrix
 

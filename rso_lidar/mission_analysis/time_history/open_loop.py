@@ -8,14 +8,11 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion, orbit, rpo, units
-from rso_lidar.motion import proximity
-from rso_lidar.motion.motions.motion import chief_of
-from rso_lidar.motion.truth import Chief
-from rso_lidar.orbit.sky.eclipse import find_eclipses
-from rso_lidar.records import BodyState, PtuAngles, Truth
-from rso_lidar.records.viewing_geometry import tabulate_truth
+from rso_lidar.motion import Chief, chief_of, find_jumps_s, find_plan
+from rso_lidar.orbit import find_eclipses
+from rso_lidar.records import BodyState, PtuAngles, Truth, tabulate_truth
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation.stepping import POINTING
+from rso_lidar.simulation import POINTING
 
 
 def fly_open_loop(
@@ -92,13 +89,13 @@ def format_utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
     return np.array(orbit.Epochs(scenario.time.start_utc, time_s).skyfield_time().utc_iso(places=6))
 
 
-def find_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
+def find_mission_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
     """Return the plan of the follower's proximity operation about `target`; None for another motion."""
     follower = scenario.bodies[-1]
     if chief_of(follower.motion) != target:
         return None
     with scenario.locate_errors("follower.motion"):
-        return proximity.find_plan(follower, scenario.bodies, scenario.time.start_utc)
+        return find_plan(follower, scenario.bodies, scenario.time.start_utc)
 
 
 _BESIDE_S = 1e-3  # step before an impulse at which an ephemeris ends
@@ -138,7 +135,7 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
         chain.append(by_name[relative_to])
     breaks: set[float] = set()
     for body in chain:
-        breaks |= proximity.find_jumps_s(body, scenario.bodies, *scenario.span)
+        breaks |= find_jumps_s(body, scenario.bodies, *scenario.span)
     return breaks
 
 

@@ -10,12 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.detector import array_load, detection_probability
-from rso_lidar.detector.bench.trial import make_plate, run_trial
+from rso_lidar.detector import array_load, detection_probability, make_plate, run_trial
 from rso_lidar.records import Truth
-from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scenario.preview.returns import cast_target
-from rso_lidar.scenario.preview.whole_target import FLASHES_ALONE, find_probability
+from rso_lidar.scenario import FLASHES_ALONE, Lidar, Scenario, cast_target, find_probability
 
 _MOST_RAYS = 40_000_000  # in all casts together; beyond this the grid within a pixel becomes coarser
 _LEVELS, _DECADES = 145, (0.0, 6.0)  # levels of photons at which a detector is tried

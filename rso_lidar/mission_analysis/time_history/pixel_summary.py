@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.detector.ranging.pulse import Pulse
-from rso_lidar.picture.frames.part_colours import find_part_name
+from rso_lidar.detector import Pulse
+from rso_lidar.picture import find_part_name
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Lidar
 from rso_lidar.units import NS, RANGE_PER_DELAY_M_S

@@ -11,11 +11,10 @@ import numpy as np
 
 from rso_lidar import picture
 from rso_lidar.mission_analysis.budgets.range_budget import budget
-from rso_lidar.mission_analysis.time_history.open_loop import find_plan, fly_open_loop
+from rso_lidar.mission_analysis.time_history.open_loop import find_mission_plan, fly_open_loop
 from rso_lidar.mission_analysis.time_history.timeline import timeline
-from rso_lidar.motion.proximity import list_commands
-from rso_lidar.picture.style.figures import PAGE_DPI
-from rso_lidar.picture.style.palette import Scheme
+from rso_lidar.motion import list_commands
+from rso_lidar.picture import Scheme, figures
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
 
@@ -31,7 +30,7 @@ def draw_trajectory(scenario: Scenario, flown: Truth, target: str | None = None)
     flown : its truth at the instants drawn.
     target : a name (None: the first).
     """
-    plan = find_plan(scenario, target) if scenario.target else None
+    plan = find_mission_plan(scenario, target) if scenario.target else None
     if plan is None:
         return picture.orbit_figure(flown, target, title=scenario.name)
     commands = list_commands(scenario.bodies[-1], scenario.bodies, *scenario.span)
@@ -50,7 +49,7 @@ def _fly(scenario: Scenario) -> Any:
     return fly_open_loop(scenario, rows)[0]
 
 
-FIGURES: dict[str, Callable[[Scenario], Any]] = {
+SCENARIO_FIGURES: dict[str, Callable[[Scenario], Any]] = {
     "budget": lambda scenario: budget(scenario).figure(),
     "timeline": lambda scenario: timeline(scenario).figure(),
     "plan": lambda scenario: draw_trajectory(scenario, _fly(scenario)),
@@ -63,12 +62,12 @@ def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> bytes:
 
     Parameters
     ----------
-    name : one of `FIGURES`.
+    name : one of `SCENARIO_FIGURES`.
     scenario : to be drawn.
     scheme : `LIGHT` or `DARK`.
     """
     with _lock, io.BytesIO() as held:
-        figure = FIGURES[name](scenario)
+        figure = SCENARIO_FIGURES[name](scenario)
         picture.recolour(figure, scheme)
-        figure.savefig(held, format="png", dpi=PAGE_DPI)
+        figure.savefig(held, format="png", dpi=figures.PAGE_DPI)
         return held.getvalue()

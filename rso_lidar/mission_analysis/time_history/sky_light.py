@@ -8,10 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from rso_lidar import optics, scene
-from rso_lidar.motion.bodies.orbital_axes import find_moon_m
-from rso_lidar.optics.stray.glare import veil_on_axis
-from rso_lidar.optics.stray.sources import BODIES
-from rso_lidar.orbit.sky.geometry import angle_rad, earth_limb_angle_rad
+from rso_lidar.motion import find_moon_m
+from rso_lidar.optics import STRAY_BODIES, veil_on_axis
+from rso_lidar.orbit import angle_rad, earth_limb_angle_rad
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
@@ -42,7 +41,7 @@ def tabulate_sky(scenario: Scenario, truth: Truth, frames: np.ndarray) -> dict[s
 
     with ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="sky") as threads:
         light = np.array(list(threads.map(one, rows.tolist())))
-    names = [*(f"{body}_veil_photons_per_s" for body in BODIES), "sky_image_photons_per_s"]
+    names = [*(f"{body}_veil_photons_per_s" for body in STRAY_BODIES), "sky_image_photons_per_s"]
     known = dict(zip(names, light.T, strict=True))
     return table | {name: np.interp(np.arange(frames.size), rows, values) for name, values in known.items()}
 
@@ -63,7 +62,7 @@ def find_sky_light(scenario: Scenario, truth: Truth) -> np.ndarray:
     moon_m = scenario.moon_position_m(float(truth.time_s))
     sky = optics.see_sky(lidar.laser, lidar.receiver, truth, moon_m, has_earth=not scenario.is_local)
     if sky is None:
-        return np.zeros(len(BODIES) + 1)
+        return np.zeros(len(STRAY_BODIES) + 1)
     hidden = scene.find_hidden(sky.direction, scenario.surfaces, truth)
     return np.append(veil_on_axis(sky, lidar.receiver, hidden), sky.image_photons_per_s.max())
 

@@ -19,11 +19,9 @@ from rso_lidar.mission_analysis.time_history.open_loop import find_umbras, fly_o
 from rso_lidar.mission_analysis.time_history.opportunities import DetectionOpportunity, find_opportunities
 from rso_lidar.mission_analysis.time_history.sky_light import tabulate_sky
 from rso_lidar.mission_analysis.time_history.timeline_figure import timeline_figure
-from rso_lidar.picture.style.output import save_figure_or_table
-from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.pose import ROOT, cross, dot, rotate_vectors
-from rso_lidar.records import PtuAngles, Truth
-from rso_lidar.records.viewing_geometry import compute_viewing_geometry
+from rso_lidar.records import PtuAngles, Truth, compute_viewing_geometry
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.scene import Surface
 

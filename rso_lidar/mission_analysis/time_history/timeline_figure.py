@@ -7,21 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import (
-    LINE_PT,
-    SMALL_PT,
-    TEXT_PT,
-    THICK_PT,
-    THIN_PT,
-    WIDE_PT,
-    colour_axis,
-    format_thousands,
-    new_figure,
-    style_axes,
-    widen_short_axis,
-)
-from rso_lidar.picture.style.palette import ALARM_SHADE, BLUE, FALSE, GREEN, INK, ORANGE, PINK, QUIET, RED, SHADE
-from rso_lidar.records.viewing_geometry import find_shadow_spans_s
+from rso_lidar.picture import figures, palette
+from rso_lidar.records import find_shadow_spans_s
 from rso_lidar.units import DEG
 
 if TYPE_CHECKING:
@@ -91,16 +78,16 @@ def timeline_figure(
     cast = int(np.sum(table["cast"]))
     shades.append(f"light: rays cast at {cast:,} frames" + (", carried to the others" if cast < time_s.size else ""))
     height_in = 0.9 + 0.25 + _PANEL_IN * len(panels)
-    figure = new_figure(9.6, height_in, title or "Timeline", note, ("   ·   ".join(shades),))
+    figure = figures.new_figure(9.6, height_in, title or "Timeline", note, ("   ·   ".join(shades),))
     rows = figure.subplots(len(panels), 1, sharex=True)
     for axes, draw in zip(rows, panels, strict=True):
         for begins_s, ends_s in dark_s:
-            axes.axvspan(begins_s, ends_s, color=SHADE, lw=0, zorder=0)
+            axes.axvspan(begins_s, ends_s, color=palette.SHADE, lw=0, zorder=0)
         for begins_s, ends_s in (*part_s, *outside_s):  # targets wholly outside are shaded twice, so darker
-            axes.axvspan(begins_s, ends_s, color=ALARM_SHADE, lw=0, zorder=0, alpha=0.6)
+            axes.axvspan(begins_s, ends_s, color=palette.ALARM_SHADE, lw=0, zorder=0, alpha=0.6)
         draw(axes)
-    rows[-1].set_xlabel("Time [s]", fontsize=TEXT_PT, color=QUIET)
-    format_thousands(rows[-1].xaxis)
+    rows[-1].set_xlabel("Time [s]", fontsize=figures.TEXT_PT, color=palette.QUIET)
+    figures.format_thousands(rows[-1].xaxis)
     rows[-1].set_xlim(first_s, last_s if time_s.size > 1 else first_s + 1.0)
     figure.align_ylabels(rows)
     return figure
@@ -114,44 +101,54 @@ def _format_start(table: Table) -> str:
 
 
 def _draw_range(axes: Axes, table: Table) -> None:
-    axes.plot(table["time_s"], table["range_m"], color=BLUE, lw=THICK_PT)
-    style_axes(axes, y="Range [m]")
-    colour_axis(axes, "left", BLUE)
+    axes.plot(table["time_s"], table["range_m"], color=palette.BLUE, lw=figures.THICK_PT)
+    figures.style_axes(axes, y="Range [m]")
+    figures.colour_axis(axes, "left", palette.BLUE)
     axes.set_ylim(0.0, 1.06 * float(table["range_m"].max()) or 1.0)
-    format_thousands(axes.yaxis)
-    rate = _add_right_axis(axes, "Range rate [m/s]", ORANGE)
-    rate.plot(table["time_s"], table["range_rate_m_s"], color=ORANGE, lw=LINE_PT)
-    widen_short_axis(rate, 0.01)
+    figures.format_thousands(axes.yaxis)
+    rate = _add_right_axis(axes, "Range rate [m/s]", palette.ORANGE)
+    rate.plot(table["time_s"], table["range_rate_m_s"], color=palette.ORANGE, lw=figures.LINE_PT)
+    figures.widen_short_axis(rate, 0.01)
 
 
 def _draw_rates(axes: Axes, table: Table) -> None:
     for name, word, colour, width in (
-        ("line_of_sight_rate_rad_s", "line of sight, inertial", QUIET, 2.6),
-        ("azimuth_rate_rad_s", "azimuth", BLUE, 1.2),
-        ("elevation_rate_rad_s", "elevation", GREEN, 1.2),
+        ("line_of_sight_rate_rad_s", "line of sight, inertial", palette.QUIET, 2.6),
+        ("azimuth_rate_rad_s", "azimuth", palette.BLUE, 1.2),
+        ("elevation_rate_rad_s", "elevation", palette.GREEN, 1.2),
     ):
         axes.plot(table["time_s"], table[name] / DEG, color=colour, lw=width, label=word)
-    style_axes(axes, y="Rates to the\ntarget [deg/s]")
-    widen_short_axis(axes, 1e-4)
+    figures.style_axes(axes, y="Rates to the\ntarget [deg/s]")
+    figures.widen_short_axis(axes, 1e-4)
     _draw_legend(axes)
 
 
 def _draw_sun(axes: Axes, table: Table) -> None:
-    axes.plot(table["time_s"], table["phase_rad"] / DEG, color=PINK, lw=LINE_PT, label="phase, Sun-target-lidar")
     axes.plot(
-        table["time_s"], table["sun_off_boresight_rad"] / DEG, color=ORANGE, lw=LINE_PT, label="Sun off the boresight"
+        table["time_s"],
+        table["phase_rad"] / DEG,
+        color=palette.PINK,
+        lw=figures.LINE_PT,
+        label="phase, Sun-target-lidar",
+    )
+    axes.plot(
+        table["time_s"],
+        table["sun_off_boresight_rad"] / DEG,
+        color=palette.ORANGE,
+        lw=figures.LINE_PT,
+        label="Sun off the boresight",
     )
     low_deg, label = 0.0, "Sun [deg]"
     if "sky_image_photons_per_s" in table:  # with stray light, the other bodies count too
         label = "Sun, Earth,\nMoon [deg]"
         for name, word, colour in (
-            ("earth_limb_off_boresight_rad", "Earth's limb", BLUE),
-            ("moon_off_boresight_rad", "Moon", QUIET),
+            ("earth_limb_off_boresight_rad", "Earth's limb", palette.BLUE),
+            ("moon_off_boresight_rad", "Moon", palette.QUIET),
         ):
             if name in table:
-                axes.plot(table["time_s"], table[name] / DEG, color=colour, lw=LINE_PT, label=word)
+                axes.plot(table["time_s"], table[name] / DEG, color=colour, lw=figures.LINE_PT, label=word)
                 low_deg = min(low_deg, float(np.nanmin(table[name], initial=0.0)) / DEG)
-    style_axes(axes, y=label)
+    figures.style_axes(axes, y=label)
     axes.set_ylim(low_deg - 7, 187)
     axes.set_yticks(range(0, 181, 60))
     _draw_legend(axes)
@@ -160,13 +157,13 @@ def _draw_sun(axes: Axes, table: Table) -> None:
 def _draw_sky_light(axes: Axes, table: Table) -> None:
     """Draw the stray light of Sun, Earth and Moon in a pixel."""
     for name, word, colour, width in (
-        ("sky_image_photons_per_s", "brightest pixel of their images", QUIET, 2.2),
-        ("sun_veil_photons_per_s", "veil of the Sun", ORANGE, 1.2),
-        ("earth_veil_photons_per_s", "of the Earth", BLUE, 1.2),
-        ("moon_veil_photons_per_s", "of the Moon", GREEN, 1.2),
+        ("sky_image_photons_per_s", "brightest pixel of their images", palette.QUIET, 2.2),
+        ("sun_veil_photons_per_s", "veil of the Sun", palette.ORANGE, 1.2),
+        ("earth_veil_photons_per_s", "of the Earth", palette.BLUE, 1.2),
+        ("moon_veil_photons_per_s", "of the Moon", palette.GREEN, 1.2),
     ):
         axes.plot(table["time_s"], _hide_zeros(table[name]), color=colour, lw=width, label=word)
-    style_axes(axes, y="Stray light\n[photons/s]")
+    figures.style_axes(axes, y="Stray light\n[photons/s]")
     _use_log_scale(axes, "no light of the sky")
     _draw_legend(axes)
 
@@ -180,13 +177,13 @@ def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, flo
     table : columns by name.
     travel_rad : limits of pan and of tilt [rad]; None without limits.
     """
-    for word, colour in (("pan", BLUE), ("tilt", GREEN)):
-        axes.plot(table["time_s"], table[f"{word}_demand_rad"] / DEG, color=colour, lw=WIDE_PT, alpha=0.3)
-        axes.plot(table["time_s"], table[f"{word}_actual_rad"] / DEG, color=colour, lw=LINE_PT, label=word)
+    for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
+        axes.plot(table["time_s"], table[f"{word}_demand_rad"] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3)
+        axes.plot(table["time_s"], table[f"{word}_actual_rad"] / DEG, color=colour, lw=figures.LINE_PT, label=word)
         _mark(axes, table, f"{word}_beyond_travel", f"{word}_demand_rad", f"{word} beyond its travel")
-    style_axes(axes, y="PTU [deg]\npale: demanded")
-    widen_short_axis(axes, 0.01)
-    for (low, high), colour in zip(travel_rad or (), (BLUE, GREEN), strict=False):
+    figures.style_axes(axes, y="PTU [deg]\npale: demanded")
+    figures.widen_short_axis(axes, 0.01)
+    for (low, high), colour in zip(travel_rad or (), (palette.BLUE, palette.GREEN), strict=False):
         _draw_limit(axes, low / DEG, colour)
         _draw_limit(axes, high / DEG, colour)
     _draw_legend(axes)
@@ -201,17 +198,21 @@ def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
     table : columns by name.
     max_rate_rad_s : limit of the rates [rad/s]; infinite without a limit.
     """
-    for word, colour in (("pan", BLUE), ("tilt", GREEN)):
-        axes.plot(table["time_s"], table[f"{word}_demand_rate_rad_s"] / DEG, color=colour, lw=WIDE_PT, alpha=0.3)
-        axes.plot(table["time_s"], table[f"{word}_rate_rad_s"] / DEG, color=colour, lw=LINE_PT, label=word)
+    for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
+        axes.plot(
+            table["time_s"], table[f"{word}_demand_rate_rad_s"] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3
+        )
+        axes.plot(table["time_s"], table[f"{word}_rate_rad_s"] / DEG, color=colour, lw=figures.LINE_PT, label=word)
         _mark(axes, table, f"{word}_at_greatest_rate", f"{word}_rate_rad_s", f"{word} at its greatest rate")
     most = max_rate_rad_s / DEG
-    style_axes(axes, y="PTU rates\n[deg/s]")
-    widen_short_axis(axes, 1e-3)
-    shown = [_draw_limit(axes, value, INK) for value in (-most, most)]
+    figures.style_axes(axes, y="PTU rates\n[deg/s]")
+    figures.widen_short_axis(axes, 1e-3)
+    shown = [_draw_limit(axes, value, palette.INK) for value in (-most, most)]
     if np.isfinite(most):
         beyond = "" if any(shown) else ", beyond the axis"
-        axes.plot([], [], color=INK, lw=THIN_PT, ls=_DASHED, label=f"greatest rate ±{most:g}°/s{beyond}")
+        axes.plot(
+            [], [], color=palette.INK, lw=figures.THIN_PT, ls=_DASHED, label=f"greatest rate ±{most:g}°/s{beyond}"
+        )
     _draw_legend(axes)
 
 
@@ -225,15 +226,17 @@ def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
     half_field_rad : half of the field of view [rad].
     """
     off_deg = table["off_boresight_rad"] / DEG
-    axes.plot(table["time_s"], off_deg, color=RED, lw=LINE_PT, label="target's origin")
+    axes.plot(table["time_s"], off_deg, color=palette.RED, lw=figures.LINE_PT, label="target's origin")
     greatest = float(np.nanmax(off_deg))
     if half_field_rad is not None:
-        axes.axhline(half_field_rad / DEG, color=QUIET, lw=THIN_PT, ls=_DASHED, label="half the field's side")
+        axes.axhline(
+            half_field_rad / DEG, color=palette.QUIET, lw=figures.THIN_PT, ls=_DASHED, label="half the field's side"
+        )
         greatest = max(greatest, half_field_rad / DEG)
-    style_axes(axes, y="Off boresight\n[deg]")
+    figures.style_axes(axes, y="Off boresight\n[deg]")
     axes.set_ylim(-0.04 * greatest, 1.08 * greatest or 1.0)
-    share = _add_right_axis(axes, "Of its bounds,\nin the field [%]", BLUE)
-    share.plot(table["time_s"], 100.0 * table["in_field_fraction"], color=BLUE, lw=LINE_PT)
+    share = _add_right_axis(axes, "Of its bounds,\nin the field [%]", palette.BLUE)
+    share.plot(table["time_s"], 100.0 * table["in_field_fraction"], color=palette.BLUE, lw=figures.LINE_PT)
     share.set_ylim(-4, 108)
     share.set_yticks(range(0, 101, 25))
     _raise_top(share)
@@ -242,20 +245,32 @@ def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
 
 def _draw_pixels(axes: Axes, table: Table) -> None:
     for name, word, colour, width in (
-        ("width_pixels", "width of its bounds", QUIET, 2.2),
-        ("height_pixels", "height of its bounds", ORANGE, 1.0),
-        ("target_pixels", "pixels on the target", BLUE, 1.4),
+        ("width_pixels", "width of its bounds", palette.QUIET, 2.2),
+        ("height_pixels", "height of its bounds", palette.ORANGE, 1.0),
+        ("target_pixels", "pixels on the target", palette.BLUE, 1.4),
     ):
         axes.plot(table["time_s"], _hide_zeros(table[name]), color=colour, lw=width, label=word)
-    style_axes(axes, y="Pixels")
+    figures.style_axes(axes, y="Pixels")
     _use_log_scale(axes)
     _draw_legend(axes)
 
 
 def _draw_photons(axes: Axes, table: Table) -> None:
-    axes.plot(table["time_s"], _hide_zeros(table["brightest_photons"]), color=RED, lw=LINE_PT, label="brightest pixel")
-    axes.plot(table["time_s"], _hide_zeros(table["median_photons"]), color=BLUE, lw=LINE_PT, label="median pixel")
-    style_axes(axes, y="Expected photons\nin a pixel")
+    axes.plot(
+        table["time_s"],
+        _hide_zeros(table["brightest_photons"]),
+        color=palette.RED,
+        lw=figures.LINE_PT,
+        label="brightest pixel",
+    )
+    axes.plot(
+        table["time_s"],
+        _hide_zeros(table["median_photons"]),
+        color=palette.BLUE,
+        lw=figures.LINE_PT,
+        label="median pixel",
+    )
+    figures.style_axes(axes, y="Expected photons\nin a pixel")
     _use_log_scale(axes)
     _draw_legend(axes)
 
@@ -263,10 +278,22 @@ def _draw_photons(axes: Axes, table: Table) -> None:
 def _draw_detection(axes: Axes, table: Table) -> None:
     pixels = table["target_pixels"]
     share = np.where(pixels > 0.0, table["expected_returns"] / np.maximum(pixels, 1e-9), np.nan)
-    axes.plot(table["time_s"], table["detection_probability"], color=RED, lw=LINE_PT, label="of the best pixel")
-    axes.plot(table["time_s"], table["found_probability"], color=GREEN, lw=LINE_PT, label="of the whole target")
-    axes.plot(table["time_s"], share, color=BLUE, lw=LINE_PT, label="mean over the target's pixels")
-    style_axes(axes, y="Probability of\ndetection")
+    axes.plot(
+        table["time_s"],
+        table["detection_probability"],
+        color=palette.RED,
+        lw=figures.LINE_PT,
+        label="of the best pixel",
+    )
+    axes.plot(
+        table["time_s"],
+        table["found_probability"],
+        color=palette.GREEN,
+        lw=figures.LINE_PT,
+        label="of the whole target",
+    )
+    axes.plot(table["time_s"], share, color=palette.BLUE, lw=figures.LINE_PT, label="mean over the target's pixels")
+    figures.style_axes(axes, y="Probability of\ndetection")
     axes.set_ylim(-0.04, 1.06)
     axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
     _draw_legend(axes)
@@ -284,9 +311,9 @@ def _add_right_axis(axes: Axes, label: str, colour: str) -> Axes:
     label, colour : of the new axis.
     """
     twin = axes.twinx()
-    style_axes(twin, y=label)
+    figures.style_axes(twin, y=label)
     twin.grid(False)
-    colour_axis(twin, "right", colour)
+    figures.colour_axis(twin, "right", colour)
     return twin
 
 
@@ -302,7 +329,7 @@ def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
     """
     at = np.flatnonzero(table[where])
     if at.size:
-        axes.plot(table["time_s"][at], table[value][at] / DEG, ".", color=FALSE, ms=4, label=label, zorder=4)
+        axes.plot(table["time_s"][at], table[value][at] / DEG, ".", color=palette.FALSE, ms=4, label=label, zorder=4)
 
 
 def _draw_limit(axes: Axes, value: float, colour: str) -> bool:
@@ -318,7 +345,7 @@ def _draw_limit(axes: Axes, value: float, colour: str) -> bool:
     reach = 0.6 * (high - low)
     near = bool(np.isfinite(value) and low - reach <= value <= high + reach)
     if near:
-        axes.axhline(value, color=colour, lw=THIN_PT, ls=_DASHED)
+        axes.axhline(value, color=colour, lw=figures.THIN_PT, ls=_DASHED)
     return near
 
 
@@ -336,7 +363,7 @@ def _use_log_scale(axes: Axes, without: str = "nothing in the field") -> None:
         if high < 10.0 * low:
             axes.set_ylim(low / 2.5, high * 2.5)
     else:
-        axes.text(0.5, 0.5, without, transform=axes.transAxes, ha="center", va="center", fontsize=TEXT_PT)
+        axes.text(0.5, 0.5, without, transform=axes.transAxes, ha="center", va="center", fontsize=figures.TEXT_PT)
 
 
 def _raise_top(axes: Axes) -> None:
@@ -348,4 +375,6 @@ def _raise_top(axes: Axes) -> None:
 
 def _draw_legend(axes: Axes) -> None:
     _raise_top(axes)
-    axes.legend(fontsize=SMALL_PT, frameon=False, loc="upper left", labelcolor=QUIET, ncols=4, borderaxespad=0.2)
+    axes.legend(
+        fontsize=figures.SMALL_PT, frameon=False, loc="upper left", labelcolor=palette.QUIET, ncols=4, borderaxespad=0.2
+    )

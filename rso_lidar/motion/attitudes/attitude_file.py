@@ -18,21 +18,29 @@ import numpy as np
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.files import write_text
 from rso_lidar.motion.attitudes.attitude_hold import rtn_from_lvlh_ccsds
-from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, elapsed_from_ps, read_csv_table
-from rso_lidar.orbit.ccsds.ephemeris_arc import EDGE_S
-from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
-from rso_lidar.orbit.ccsds.message import (
-    Message,
-    Segment,
+from rso_lidar.orbit import (
+    EPHEMERIS_EDGE_S,
+    CcsdsMessage,
+    CcsdsSegment,
+    Epochs,
     check_increasing,
+    check_unit_quaternions,
+    elapsed_from_ps,
+    find_table,
+    format_epochs,
+    format_kvn,
+    gcrs_from_eme2000,
+    is_message,
+    make_header,
+    parse_epoch_ps,
+    parse_frame,
     parse_number,
+    read_csv_table,
+    read_message,
+    read_table_text,
     select_segments,
     usable_span_s,
 )
-from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
-from rso_lidar.orbit.ccsds.reference_frames import parse_frame
-from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
-from rso_lidar.orbit.epochs import Epochs, format_epochs, parse_epoch_ps
 from rso_lidar.pose import quaternion_xyzw
 
 if TYPE_CHECKING:
@@ -148,7 +156,7 @@ def _read_file(
         raise ScenarioError(f"{path}: has segments in inertial axes and in rtn axes: write all in the same axes")
     arcs.sort(key=lambda arc: arc.begin_s)
     for before, after in itertools.pairwise(arcs):
-        if after.begin_s < before.end_s - EDGE_S:
+        if after.begin_s < before.end_s - EPHEMERIS_EDGE_S:
             raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
     return tuple(arcs)
 
@@ -194,7 +202,7 @@ def _make_rotation(where: str, quaternion: np.ndarray, lines: list[int]) -> Rota
     return Rotation.from_quat(check_unit_quaternions(where, quaternion, lines))
 
 
-def _read_segment(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> AttitudeSegment:
+def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datetime.datetime | None) -> AttitudeSegment:
     """Read one segment of an AEM.
 
     Parameters
@@ -248,7 +256,7 @@ def _read_segment(message: Message, segment: Segment, start_utc: datetime.dateti
     return AttitudeSegment(at, start, *span, time_s, rotation, axes == "rtn")
 
 
-def _is_scalar_first(message: Message, segment: Segment) -> bool:
+def _is_scalar_first(message: CcsdsMessage, segment: CcsdsSegment) -> bool:
     """Return whether the scalar is the first number; from version 2.0 on it is the last by default."""
     entry = segment.meta.get("QUATERNION_TYPE")
     if entry is None:
@@ -262,7 +270,7 @@ def _is_scalar_first(message: Message, segment: Segment) -> bool:
     return entry.value.upper() == "FIRST"
 
 
-def _read_axes(message: Message, segment: Segment) -> tuple[str, bool]:
+def _read_axes(message: CcsdsMessage, segment: CcsdsSegment) -> tuple[str, bool]:
     """Read the reference axes, "gcrs", "eme2000" or "rtn", and whether the quaternion leads from the body to them."""
     ends = {key: message.require(segment, f"REF_FRAME_{key}") for key in "AB"}
     bodily = [key for key, end in ends.items() if end.value.upper().replace(" ", "_").startswith("SC_BODY")]

@@ -10,9 +10,7 @@ from pydantic import Field
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.attitudes.attitude_file import read_attitudes
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.orbit.ccsds.csv_table import elapsed_s
-from rso_lidar.orbit.ccsds.ephemeris_arc import EDGE_S
-from rso_lidar.orbit.epochs import format_utc
+from rso_lidar.orbit import EPHEMERIS_EDGE_S, elapsed_s, format_utc
 from rso_lidar.part import Part, Text
 
 
@@ -81,7 +79,7 @@ class AttitudeTable(Part):
         which = np.full(len(epochs), -1)
         for number, arc in enumerate(arcs):
             time_s = elapsed_s(epochs, arc.start_utc)
-            which[(time_s >= arc.begin_s - EDGE_S) & (time_s <= arc.end_s + EDGE_S)] = number
+            which[(time_s >= arc.begin_s - EPHEMERIS_EDGE_S) & (time_s <= arc.end_s + EPHEMERIS_EDGE_S)] = number
         bad = which < 0
         if bad.any():
             at = epochs.time_s[np.argmax(bad)]

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.dynamics.commands import CommandedFlight, CommandedModel
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, kind_of, read_member, show_value
 from rso_lidar.pose import Link, rotate_vectors
 

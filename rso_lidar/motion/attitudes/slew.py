@@ -19,7 +19,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.attitudes.law import AnyLaw
 from rso_lidar.motion.attitudes.situation import Orientation, Situation, laws_of, orient
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs
 from rso_lidar.part import Number, Part, Positive
 from rso_lidar.pose import rotate_vectors
 

@@ -11,8 +11,7 @@ from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.attitudes.attitude_hold import rtn_from_lvlh_ccsds
 from rso_lidar.motion.attitudes.look_at import PARALLEL_RAD, aim_axes
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.orbit.epochs import format_utc
-from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit import format_utc, sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector
 from rso_lidar.pose import euler_zyx, rotate_vectors
 

@@ -10,14 +10,21 @@ import numpy as np
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.motions.motion import chief_of
 from rso_lidar.motion.motions.placement import Place
-from rso_lidar.orbit.central_body import CentralBody, find_center, find_center_states, subtract_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.moon import moon_position_m
-from rso_lidar.orbit.trajectory import Trajectory, find_breaks_s, state_rates, two_body_rates
+from rso_lidar.orbit import (
+    CentralBody,
+    Epochs,
+    Trajectory,
+    find_breaks_s,
+    find_center,
+    find_center_states,
+    moon_position_m,
+    state_rates,
+    subtract_center,
+    two_body_rates,
+)
 from rso_lidar.pose import Link, cross, rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.relative_motion import RtnMotion
-from rso_lidar.rpo.relative.rtn import inertial_acceleration, rtn_matrix
+from rso_lidar.rpo import RtnMotion, inertial_acceleration, rtn_matrix
 
 
 def link_orbit(motion: Any, epochs: Epochs, place: Place, center: BodyState | None, *, turns: bool) -> Link:

@@ -7,9 +7,9 @@ from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion.attitudes.situation import laws_of, looks_at, needs_orbit
 from rso_lidar.motion.bodies.body import RESERVED, Body
 from rso_lidar.motion.motions.motion import chief_of, is_attached
-from rso_lidar.orbit.central_body import CentralBody, find_center
+from rso_lidar.orbit import CentralBody, find_center
 from rso_lidar.part import kind_of
-from rso_lidar.rpo.relative.relative_motion import RtnMotion
+from rso_lidar.rpo import RtnMotion
 
 
 def sort_bodies(bodies: Sequence[Body], *, local: bool) -> list[str]:

@@ -21,7 +21,7 @@ from rso_lidar.motion.dynamics.function import (
     wrap_dynamics,
 )
 from rso_lidar.motion.dynamics.short_steps import ShortSolution
-from rso_lidar.orbit.propagation.integrator import OdeSolution
+from rso_lidar.orbit import OdeSolution
 from rso_lidar.part import Number, Part, Positive
 
 _PANEL_S = 60.0

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rso_lidar.kernels import kernel, packed
-from rso_lidar.orbit.propagation.integrator import OdeSolution
+from rso_lidar.orbit import OdeSolution
 
 FIRST_STEP_S = 0.02  # two control cycles of 10 ms
 

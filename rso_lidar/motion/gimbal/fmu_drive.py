@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.fmi import FmuModel
-from rso_lidar.fmi.unit_table import find_conversion
+from rso_lidar.fmi import FmuModel, find_conversion
 from rso_lidar.motion.gimbal.drive import Pair, State, Travel
 from rso_lidar.part import Text
 

@@ -18,7 +18,7 @@ from rso_lidar.motion.dynamics.fmu_history import (
     interpolate_cubic,
 )
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs
 from rso_lidar.part import Name
 
 _ACCELERATION, _FORCE = "acceleration_m_s2", "specific_force_m_s2"

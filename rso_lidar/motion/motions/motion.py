@@ -14,8 +14,7 @@ from rso_lidar.motion.motions.fmu_motion import FmuMotion
 from rso_lidar.motion.motions.placement import PlacedMotion
 from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
-from rso_lidar.orbit import J2, Ephemeris, Kepler, LunarKepler, LunarState, Numerical, Omm, State, Tle
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import J2, Ephemeris, Epochs, Kepler, LunarKepler, LunarState, Numerical, Omm, State, Tle
 from rso_lidar.part import (
     Part,
     Seam,
@@ -66,7 +65,7 @@ class Motion(Protocol):
     - ``breaks_s(epochs)``: instants [s since `start_utc`] at which the state has a jump or a corner, or begins or ends.
       No finite difference reaches across one.
     - ``validity(epochs)``: a sentence for each limit of the model that is exceeded; it becomes a warning.
-    - ``summarize(start_utc)``: the motion in a few words, for the description of a scenario.
+    - ``summarize_motion(start_utc)``: the motion in a few words, for the description of a scenario.
 
     `examples/seams/own_motion.py` is an example.
     """
@@ -190,7 +189,7 @@ def list_exceeded_limits(motion: Any, *known: Any) -> list[str]:
     return check_lines(motion, "validity", call_member(motion, "validity", *known, default=[]))
 
 
-def summarize(motion: Any, start_utc: datetime.datetime) -> str:
+def summarize_motion(motion: Any, start_utc: datetime.datetime) -> str:
     """Describe a motion in a few words, such as ``hill relative to tdrs``.
 
     Parameters
@@ -202,11 +201,13 @@ def summarize(motion: Any, start_utc: datetime.datetime) -> str:
     -------
     a few words.
     """
-    text = check_text(motion, "summarize", call_member(motion, "summarize", start_utc, default=kind_of(motion)))
+    text = check_text(
+        motion, "summarize_motion", call_member(motion, "summarize_motion", start_utc, default=kind_of(motion))
+    )
     return text if chief_of(motion) is None else f"{text} relative to {chief_of(motion)}"
 
 
-def advise(part: Any, end_s: float) -> list[str]:
+def advise_on_motion(part: Any, end_s: float) -> list[str]:
     """Report what in a motion or an attitude is probably a mistake.
 
     Parameters
@@ -218,4 +219,4 @@ def advise(part: Any, end_s: float) -> list[str]:
     -------
     one line for each mistake.
     """
-    return check_lines(part, "advise", call_member(part, "advise", end_s, default=[]))
+    return check_lines(part, "advise_on_motion", call_member(part, "advise_on_motion", end_s, default=[]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.motion.dynamics.commands import CommandedFlight
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part
 
 

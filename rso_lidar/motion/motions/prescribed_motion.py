@@ -15,8 +15,7 @@ from rso_lidar.files import MOST_BYTES, explain_unreadable, read_text
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
-from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, read_csv_table
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs, check_unit_quaternions, read_csv_table
 from rso_lidar.part import Name, Text, Vector
 from rso_lidar.shipped import find
 

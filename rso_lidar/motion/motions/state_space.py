@@ -19,7 +19,7 @@ from rso_lidar.motion.dynamics.attitude_state import (
 from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs
 from rso_lidar.part import Name
 from rso_lidar.pose import rotate_vectors
 

@@ -15,7 +15,7 @@ from rso_lidar.optics.lens.surface_scatter import Glare
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import blur_steady_light
 from rso_lidar.optics.stray.ghosts import add_ghosts, copy_image
-from rso_lidar.optics.stray.sources import BODIES, EARTH, SkyBodies, locate_bodies
+from rso_lidar.optics.stray.sources import EARTH, STRAY_BODIES, SkyBodies, locate_bodies
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.records import Hits, Photons, Sky, Truth
 
@@ -48,7 +48,7 @@ def see_sky(
         return None
     bodies = locate_bodies(truth, moon_m, glare.earth_albedo, has_earth=has_earth)
     per_m2 = band_photons_per_s_m2(laser, receiver)
-    wanted = tuple(BODIES.index(name) for name in sorted(set(glare.sources), key=BODIES.index))
+    wanted = tuple(STRAY_BODIES.index(name) for name in sorted(set(glare.sources), key=STRAY_BODIES.index))
     made = [bodies.elements(body, _half_field_rad(receiver), _knee_rad(glare)) for body in wanted]
     directions, light, radius = (np.concatenate(columns) for columns in zip(*made, strict=True))
     number = np.repeat(wanted, [len(one[1]) for one in made])
@@ -152,7 +152,7 @@ def veil_on_axis(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None)
     if hidden is not None:
         light = np.where(hidden, 0.0, light)
     gathered = receiver.pixel_tangent**2 * receiver.transmission
-    return np.bincount(sky.body, gathered * light, len(BODIES))
+    return np.bincount(sky.body, gathered * light, len(STRAY_BODIES))
 
 
 def lens_light(sky: Sky, receiver: Receiver) -> np.ndarray:

@@ -20,7 +20,7 @@ from rso_lidar.pose import ROOT
 from rso_lidar.records import Truth
 
 SUN, EARTH, MOON = range(3)
-BODIES = ("sun", "earth", "moon")
+STRAY_BODIES = ("sun", "earth", "moon")
 # Allen, Astrophysical Quantities, 3rd ed. (1973), sec. 66: V magnitudes of the Sun and, at phase 0, of the mean Moon.
 _SUN_MAGNITUDE, _FULL_MOON_MAGNITUDE, _MEAN_MOON_M = -26.74, -12.73, 384_401e3
 _SUN_POINTS, _MOON_POINTS, _SMALL_EARTH_POINTS = 64, 32, 400

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from rso_lidar.errors import PropagationError, warn_of_input
 from rso_lidar.orbit.ccsds.csv_table import elapsed_s
-from rso_lidar.orbit.ccsds.ephemeris_arc import EDGE_S, EphemerisArc, read_arcs
+from rso_lidar.orbit.ccsds.ephemeris_arc import EPHEMERIS_EDGE_S, EphemerisArc, read_arcs
 from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE
 from rso_lidar.orbit.ccsds.interpolation_error import check_row_spacing
 from rso_lidar.orbit.ccsds.reader import find_table
@@ -91,7 +91,7 @@ class Ephemeris(Part):
         which = np.full(len(epochs), -1)
         for number, arc in enumerate(arcs):
             time_s = elapsed_s(epochs, arc.start_utc)
-            which[(time_s >= arc.begin_s - EDGE_S) & (time_s <= arc.end_s + EDGE_S)] = number
+            which[(time_s >= arc.begin_s - EPHEMERIS_EDGE_S) & (time_s <= arc.end_s + EPHEMERIS_EDGE_S)] = number
         bad = which < 0
         if bad.any():
             first, last = self.span_utc(epochs.start_utc)
@@ -140,8 +140,12 @@ class Ephemeris(Part):
         arcs, start = self._arcs(), epochs.at(slice(0, 1))
         begin_s = [arc.begin_s - float(elapsed_s(start, arc.start_utc)[0]) + float(start.time_s[0]) for arc in arcs]
         ends_s = [begin + arc.end_s - arc.begin_s for begin, arc in zip(begin_s, arcs, strict=True)]
-        open_ = [end + 2.0 * EDGE_S for end, after in zip(ends_s, [*begin_s[1:], math.inf], strict=True) if end < after]
-        return np.array([begin - 2.0 * EDGE_S for begin in begin_s[:1]] + begin_s[1:] + open_)
+        open_ = [
+            end + 2.0 * EPHEMERIS_EDGE_S
+            for end, after in zip(ends_s, [*begin_s[1:], math.inf], strict=True)
+            if end < after
+        ]
+        return np.array([begin - 2.0 * EPHEMERIS_EDGE_S for begin in begin_s[:1]] + begin_s[1:] + open_)
 
     def _orientation(self) -> EarthOrientation | None:
         file = self.earth_orientation_file

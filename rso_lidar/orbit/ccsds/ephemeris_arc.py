@@ -16,8 +16,8 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, read_csv_table
 from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE, interpolate_hermite, interpolate_lagrange
 from rso_lidar.orbit.ccsds.message import (
-    Message,
-    Segment,
+    CcsdsMessage,
+    CcsdsSegment,
     check_center,
     check_increasing,
     list_objects,
@@ -33,7 +33,7 @@ from rso_lidar.orbit.epochs import parse_epoch_ps
 from rso_lidar.pose import length
 
 DEGREE = 7
-EDGE_S = 1e-8  # an epoch this close outside an edge counts as on it, because dates are rounded
+EPHEMERIS_EDGE_S = 1e-8  # an epoch this close outside an edge counts as on it, because dates are rounded
 PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
 SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
 _LOWEST = 0.5  # Earth radii; a table whose rows are all below is of another unit
@@ -150,7 +150,7 @@ def read_arcs(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> 
         _check_distance(arc)
     arcs.sort(key=lambda arc: arc.begin_s)
     for before, after in itertools.pairwise(arcs):
-        if after.begin_s < before.end_s - EDGE_S:
+        if after.begin_s < before.end_s - EPHEMERIS_EDGE_S:
             raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
     return tuple(arcs)
 
@@ -178,14 +178,14 @@ def _read_csv(text: str, where: str) -> EphemerisArc:
     return EphemerisArc(where, table.start_utc, time_s[0], time_s[-1], time_s, position, velocity)
 
 
-def _read_message(message: Message, wanted: str | None) -> list[EphemerisArc]:
+def _read_message(message: CcsdsMessage, wanted: str | None) -> list[EphemerisArc]:
     arcs: list[EphemerisArc] = []
     for segment in select_segments(message, wanted):
         arcs.append(_read_segment(message, segment, arcs[0].start_utc if arcs else None))
     return arcs
 
 
-def _read_segment(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> EphemerisArc:
+def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datetime.datetime | None) -> EphemerisArc:
     """Read one segment of an OEM.
 
     Parameters

@@ -7,13 +7,13 @@ import re
 from collections.abc import Iterable, Sequence
 
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.orbit.ccsds.message import Entry, Message, Segment
+from rso_lidar.orbit.ccsds.message import CcsdsMessage, CcsdsSegment, Entry
 
 _KEYWORD = re.compile(r"([A-Z][A-Z0-9_]*)\s*=\s*(.*)", re.ASCII)
 Piece = tuple[dict[str, str], Iterable[str]]  # the metadata of a segment, and its lines
 
 
-def read_kvn(text: str, kind: str, where: str) -> Message:
+def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
     """Read a message in keyword = value notation.
 
     Parameters
@@ -31,7 +31,7 @@ def read_kvn(text: str, kind: str, where: str) -> Message:
     ScenarioError
         if the text does not follow the format; the message names the line
     """
-    message = Message(where, "", {}, [])
+    message = CcsdsMessage(where, "", {}, [])
     inside = ""  # the block that is open: META, COVARIANCE or DATA
     begun = 0
     number = 0
@@ -55,7 +55,7 @@ def read_kvn(text: str, kind: str, where: str) -> Message:
                 open_one = f"{inside}_START of line {begun}" if inside else "no block"
                 raise ScenarioError(f"{where}: line {number}: {line} while {open_one} is open: pair START and STOP")
             if name == "META" and edge == "START":
-                message.segments.append(Segment(number))
+                message.segments.append(CcsdsSegment(number))
             elif not message.segments:
                 raise ScenarioError(f"{where}: line {number}: {line} before any META_START: put metadata first")
             inside, begun = (name, number) if edge == "START" else ("", 0)

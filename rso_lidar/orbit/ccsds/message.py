@@ -22,7 +22,7 @@ class Entry:
 
 
 @dataclass
-class Segment:
+class CcsdsSegment:
     """One metadata block and the data rows under it: (line, cells)."""
 
     line: int
@@ -31,15 +31,15 @@ class Segment:
 
 
 @dataclass
-class Message:
+class CcsdsMessage:
     """A message as read: its source, the version of its format, its header and its segments."""
 
     where: str
     version: str
     header: dict[str, Entry]
-    segments: list[Segment]
+    segments: list[CcsdsSegment]
 
-    def require(self, segment: Segment, key: str) -> Entry:
+    def require(self, segment: CcsdsSegment, key: str) -> Entry:
         """Return a mandatory entry of a segment's metadata.
 
         Raises
@@ -57,7 +57,7 @@ class Message:
         """Parse the instant of an entry [ps of TAI since the start of 2000]."""
         return parse_epoch_ps(entry.value, system, f"{self.where}: line {entry.line}")
 
-    def time_system(self, segment: Segment) -> str:
+    def time_system(self, segment: CcsdsSegment) -> str:
         """Return the time system of a segment; `ScenarioError` if it is not one of `TIME_SYSTEMS`."""
         return read_time_system(self.require(segment, "TIME_SYSTEM"), self.where)
 
@@ -85,12 +85,12 @@ def check_center(key: str, entry: Entry, where: str) -> None:
         raise ScenarioError(f"{where}: line {entry.line}: {key} {entry.value}: only EARTH is supported")
 
 
-def list_objects(message: Message) -> list[str]:
+def list_objects(message: CcsdsMessage) -> list[str]:
     """List the names of the objects of a message, in its order."""
     return list(dict.fromkeys(message.require(segment, "OBJECT_NAME").value for segment in message.segments))
 
 
-def select_segments(message: Message, wanted: str | None) -> list[Segment]:
+def select_segments(message: CcsdsMessage, wanted: str | None) -> list[CcsdsSegment]:
     """Select the segments of an object by name or id, or of the only object.
 
     Parameters
@@ -170,7 +170,7 @@ def check_increasing(where: str, stamps: Sequence[int], lines: Sequence[int]) ->
 
 
 def usable_span_s(
-    message: Message, segment: Segment, system: str, first_ps: int, time_s: np.ndarray
+    message: CcsdsMessage, segment: CcsdsSegment, system: str, first_ps: int, time_s: np.ndarray
 ) -> tuple[float, float]:
     """Return the usable span of a segment, within its rows.
 

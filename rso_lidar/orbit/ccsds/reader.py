@@ -10,7 +10,7 @@ from pathlib import Path
 from rso_lidar import files
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.ccsds.kvn import read_kvn
-from rso_lidar.orbit.ccsds.message import Message
+from rso_lidar.orbit.ccsds.message import CcsdsMessage
 from rso_lidar.orbit.ccsds.xml import read_xml
 from rso_lidar.shipped import find
 
@@ -98,7 +98,7 @@ def is_message(text: str) -> bool:
     return first.startswith(("<", "CCSDS_", "COMMENT")) or "," not in first
 
 
-def read_message(text: str, kind: str, where: str) -> Message:
+def read_message(text: str, kind: str, where: str) -> CcsdsMessage:
     """Read a message in either notation.
 
     Parameters
@@ -121,7 +121,7 @@ def read_message(text: str, kind: str, where: str) -> Message:
     return _check_message(read_kvn(text, kind, where), kind)
 
 
-def _check_message(message: Message, kind: str) -> Message:
+def _check_message(message: CcsdsMessage, kind: str) -> CcsdsMessage:
     if not re.fullmatch(r"[123]\.[0-9]+", message.version):
         raise ScenarioError(
             f"{message.where}: CCSDS_{kind}_VERS {message.version} is not supported: write 1.0, 2.0 or 3.0"

@@ -1,4 +1,4 @@
-"""CCSDS navigation messages in XML (505.0-B), read to the same `Message` as their keyword = value notation."""
+"""CCSDS navigation messages in XML (505.0-B), read to the same `CcsdsMessage` as their keyword = value notation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from xml.parsers import expat
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.ccsds.message import Entry, Message, Segment
+from rso_lidar.orbit.ccsds.message import CcsdsMessage, CcsdsSegment, Entry
 
 # Leaves of a data row that are read, in the order of the cells in keyword = value notation, and units they may state.
 _ROWS = {
@@ -124,7 +124,7 @@ class _Walker:
         self.depth = max(self.depth - 1, 0)
 
 
-def read_xml(text: str, kind: str, where: str) -> Message:
+def read_xml(text: str, kind: str, where: str) -> CcsdsMessage:
     """Read a message of rows in XML.
 
     Parameters
@@ -152,7 +152,7 @@ class _RowReceiver:
 
     def __init__(self, where: str) -> None:
         self.where = where
-        self.message = Message(where, "", {}, [])
+        self.message = CcsdsMessage(where, "", {}, [])
         self.path: list[str] = []
         self.row: dict[str, str] | None = None
         self.row_line = 0
@@ -161,7 +161,7 @@ class _RowReceiver:
     def begin(self, tag: str, line: int) -> None:
         self.path.append(tag)
         if tag == "segment":
-            self.message.segments.append(Segment(line))
+            self.message.segments.append(CcsdsSegment(line))
         elif tag in _ROWS and self.message.segments:
             self.row, self.row_line, self.row_tag = {}, line, tag
 

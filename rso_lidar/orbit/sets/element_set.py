@@ -260,19 +260,21 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
             return value
         found = _parse_number(value)
         if found is None:
-            wrong.append(f"{key} {quote(value)} is not a number")
+            wrong.append(f"{key} {quote_set(value)} is not a number")
         return math.nan if found is None else found
 
     def whole(key: str, most: int = 10**9) -> int:
         value = number(key, 0.0)
         if value != value or not 0 <= value < most or value != int(value):
-            wrong.append(f"{key} {quote(fields.get(key))} is not a whole number of at most {len(str(most - 1))} digits")
+            wrong.append(
+                f"{key} {quote_set(fields.get(key))} is not a whole number of at most {len(str(most - 1))} digits"
+            )
             return 0
         return int(value)
 
     for key, allowed in _ONLY.items():
         if key in fields and text(key) and text(key).upper() not in allowed:
-            wrong.append(f"{key} is {quote(fields[key])}, which SGP4 cannot propagate: it needs {allowed[0]}")
+            wrong.append(f"{key} is {quote_set(fields[key])}, which SGP4 cannot propagate: it needs {allowed[0]}")
     is_foreign = any(what.startswith("MEAN_ELEMENT_THEORY") for what in wrong)
     has_type = text("EPHEMERIS_TYPE") == str(SGP4_XP)
     if not is_foreign and (has_type or (text("BTERM") and not text("BSTAR"))):
@@ -358,7 +360,7 @@ def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
     """
     found = _EPOCH.fullmatch(text)
     if found is None:
-        raise ValueError(f"EPOCH {quote(text)} is not a UTC instant such as 2024-09-17T12:00:00.123456")
+        raise ValueError(f"EPOCH {quote_set(text)} is not a UTC instant such as 2024-09-17T12:00:00.123456")
     year, month, day, day_of_year, hour, minute, second, decimals, _ = found.groups()
     digits = (decimals or "").ljust(6, "0")
     try:
@@ -372,9 +374,9 @@ def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
         )
     except (ValueError, OverflowError):
         why = "is in a leap second or not a time of day" if int(second) >= 60 else "is not a calendar date"
-        raise ValueError(f"EPOCH {quote(text)} {why}") from None
+        raise ValueError(f"EPOCH {quote_set(text)} {why}") from None
     if not 1957 <= epoch.year <= 2200:
-        raise ValueError(f"EPOCH {quote(text)} is not between 1957 and 2200")
+        raise ValueError(f"EPOCH {quote_set(text)} is not between 1957 and 2200")
     return epoch, float(f"0.{digits[6:] or 0}") * 1e3
 
 
@@ -390,7 +392,7 @@ def _parse_number(value: Any) -> float | None:
     return found if math.isfinite(found) else None
 
 
-def quote(value: Any) -> str:
+def quote_set(value: Any) -> str:
     """Quote a value for a message, cut to 40 characters."""
     try:
         text = " ".join(str(value).split())

@@ -12,7 +12,7 @@ from typing import Any
 
 from rso_lidar.errors import CatalogError
 from rso_lidar.files import MOST_BYTES, explain_unreadable, read_bytes
-from rso_lidar.orbit.sets.element_set import ElementSet, make_printable, quote
+from rso_lidar.orbit.sets.element_set import ElementSet, make_printable, quote_set
 from rso_lidar.orbit.sets.omm_text import Found, KvnCollector, is_csv, read_csv, read_json, read_xml
 from rso_lidar.orbit.sets.selection import select_object
 from rso_lidar.orbit.sets.tle_text import decode_text, identify_element_line, read_set
@@ -23,7 +23,7 @@ _QUOTED_FROM, _MOST_QUOTED = 20_000, 120  # characters of a text without element
 def check_path(path: Any) -> str:
     """Check that a value is a path, and return it as text."""
     if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
-        raise CatalogError(f"catalogue: {quote(path)} is not a path: give the path of a file of element sets")
+        raise CatalogError(f"catalogue: {quote_set(path)} is not a path: give the path of a file of element sets")
     return os.fspath(path)
 
 

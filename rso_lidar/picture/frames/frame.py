@@ -62,7 +62,7 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
     Figure
     """
     window = crop(bounding_window(find_target_pixels(frame)))
-    figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summarise(frame), tuple(_describe_geometry(frame)))
+    figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summarize_frame(frame), tuple(_describe_geometry(frame)))
     panels = figure.subplots(2, 2, squeeze=True)
     draw_range(panels[0, 0], frame, window)
     draw_intensity(panels[0, 1], frame, window)
@@ -77,7 +77,7 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
     return figure
 
 
-def summarise(frame: Frame) -> str:
+def summarize_frame(frame: Frame) -> str:
     """Describe a frame in one line: number, instant, range, returns, photons."""
     words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {format_start(frame)}"]
     returned = on_target(frame)

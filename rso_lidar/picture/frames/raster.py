@@ -41,7 +41,7 @@ def load_font(size: int, bold: bool = False) -> FreeTypeFont:
     return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name, size)
 
 
-def write(
+def write_raster(
     draw: ImageDraw,
     x: float,
     y: float,
@@ -57,7 +57,7 @@ def write(
     ----------
     draw : the canvas.
     x, y : position [pixels].
-    text, size, colour, bold : what to write, and how.
+    text, size, colour, bold : what to write_raster, and how.
     anchor : Pillow's anchor of the position.
     """
     draw.text((x, y), text, fill=colour, font=load_font(size, bold), anchor=anchor)
@@ -161,7 +161,7 @@ def _draw_scale_bar(draw: ImageDraw, x: float, y: float, side: int, across_m: fl
     draw.rectangle((left - 2, top - 1, right + 2, y), fill=NO_LIGHT)  # saturated pixels are as white as the text
     draw.rectangle((x - 2, y - 2, x + long + 2, y + 4), fill=NO_LIGHT)
     draw.rectangle((x, y, x + long, y + 2), fill=IMAGE_WHITE)
-    write(draw, x, y - 3, text, size, IMAGE_WHITE, anchor="ld")
+    write_raster(draw, x, y - 3, text, size, IMAGE_WHITE, anchor="ld")
 
 
 def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Window) -> None:
@@ -224,9 +224,9 @@ def draw_legend(
     long = int(min(max(room // 2, 60), 200))
     here = x
     for (title, low, high), name in rows:
-        here = write(draw, here, y, title, size, scheme.ink) + 10
-        here = write(draw, here, y, low, size, scheme.quiet) + 6
+        here = write_raster(draw, here, y, title, size, scheme.ink) + 10
+        here = write_raster(draw, here, y, low, size, scheme.quiet) + 6
         _draw_bar(draw, here, y + 2, long, size - 1, name, scheme.rule)
-        here = write(draw, here + long + 6, y, high, size, scheme.quiet) + 24
+        here = write_raster(draw, here + long + 6, y, high, size, scheme.quiet) + 24
     draw.rectangle((here, y + 1, here + size, y + 1 + size), fill=NO_RETURN)
-    write(draw, here + size + 6, y, "no return", size, scheme.ink)
+    write_raster(draw, here + size + 6, y, "no return", size, scheme.ink)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, shorten, write
+from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, shorten, write_raster
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, on_target, pick
 from rso_lidar.picture.selection.window import Window, crop
@@ -28,7 +28,7 @@ FOOT = 30
 def contact_sheet(
     frames: Iterable[Frame], path: str | Path, columns: int = 4, rows: int = 4, scheme: Scheme = LIGHT
 ) -> Path:
-    """Draw a sheet of at most `columns` x `rows` frames, evenly chosen, and write it as PNG.
+    """Draw a sheet of at most `columns` x `rows` frames, evenly chosen, and write_raster it as PNG.
 
     A cell shows range and intensity of a square around the target's returns, or of the whole field without a target. A
     locator marks the square in the field. All cells share the scales below them. If the range changes much more over the
@@ -65,12 +65,12 @@ def contact_sheet(
     draw = ImageDraw.Draw(page)
     first, last = thumbnails[0], thumbnails[-1]
     inner = width - 2 * MARGIN
-    write(draw, MARGIN, 14, shorten(draw, first.title, 20, inner, bold=True), 20, scheme.ink, bold=True)
+    write_raster(draw, MARGIN, 14, shorten(draw, first.title, 20, inner, bold=True), 20, scheme.ink, bold=True)
     count = f"{len(thumbnails)} of {total} frames" if len(thumbnails) < total else f"{total} frame{'s' * (total != 1)}"
     span = (
         f"{count}, {first.time_s:,.1f} s to {last.time_s:,.1f} s after {first.start_utc}; left range, right intensity"
     )
-    write(draw, MARGIN, 40, shorten(draw, span, 12, inner), 12, scheme.quiet)
+    write_raster(draw, MARGIN, 40, shorten(draw, span, 12, inner), 12, scheme.quiet)
     for k, thumbnail in enumerate(thumbnails):
         x = MARGIN + (k % columns) * (cell_width + SPACE)
         y = HEAD + (k // columns) * (SIDE + CAPTION + SPACE // 2)
@@ -79,11 +79,11 @@ def contact_sheet(
         seen = thumbnail.median_m == thumbnail.median_m
         range_m = thumbnail.median_m if seen else thumbnail.true_range_m
         said = f"{range_m:,.1f} m" + ("" if seen else " (truth)") if math.isfinite(range_m) else "no target"
-        write(draw, x, y + SIDE + 5, said, 14, scheme.ink, bold=True)
-        write(draw, x + cell_width, y + SIDE + 6, f"{thumbnail.time_s:,.1f} s", 13, scheme.ink, anchor="ra")
-        write(draw, x, y + SIDE + 23, f"{thumbnail.returns:,} returns", 12, scheme.quiet)
+        write_raster(draw, x, y + SIDE + 5, said, 14, scheme.ink, bold=True)
+        write_raster(draw, x + cell_width, y + SIDE + 6, f"{thumbnail.time_s:,.1f} s", 13, scheme.ink, anchor="ra")
+        write_raster(draw, x, y + SIDE + 23, f"{thumbnail.returns:,} returns", 12, scheme.quiet)
         field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
-        write(draw, x + cell_width, y + SIDE + 23, field, 12, scheme.quiet, anchor="ra")
+        write_raster(draw, x + cell_width, y + SIDE + 23, field, 12, scheme.quiet, anchor="ra")
     draw_legend(draw, MARGIN, height - FOOT - 4, scale, inner, scheme=scheme)
     with write_atomically(place) as draft:
         page.save(draft, optimize=True)

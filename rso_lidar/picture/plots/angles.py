@@ -23,8 +23,10 @@ from rso_lidar.picture.style.figures import (
     widen_short_axis,
 )
 from rso_lidar.picture.style.palette import BLUE, GREEN, INK, ORANGE, PINK, QUIET, RED, RULE, SHADE
-from rso_lidar.records import Frame, PtuAngles, Truth
-from rso_lidar.records.viewing_geometry import (
+from rso_lidar.records import (
+    Frame,
+    PtuAngles,
+    Truth,
     ViewingGeometry,
     compute_viewing_geometry,
     find_shadow_spans_s,

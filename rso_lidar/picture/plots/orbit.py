@@ -35,8 +35,7 @@ from rso_lidar.picture.style.palette import (
     RED,
     split_rgb,
 )
-from rso_lidar.records import BodyState, Truth
-from rso_lidar.records.viewing_geometry import find_shadow_spans_s
+from rso_lidar.records import BodyState, Truth, find_shadow_spans_s
 from rso_lidar.units import DEG, EARTH_GM_M3_S2, EARTH_RADIUS_M, KM
 
 if TYPE_CHECKING:

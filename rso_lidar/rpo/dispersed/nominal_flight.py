@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit import Forces
 from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
 from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
 from rso_lidar.rpo.plans.plan import PlannedImpulse

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.numerical import IntegratedOrbit
+from rso_lidar.orbit import Epochs, Forces, IntegratedOrbit
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.flown.held_thrust import HeldThrust, HeldThrustErrors
 from rso_lidar.rpo.flown.thrusters import HELD_LEGS, MEASUREMENTS, Thrusters, make_generator

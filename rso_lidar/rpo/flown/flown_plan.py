@@ -11,11 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.central_body import find_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.numerical import ForceModel, Initial
-from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit import Epochs, ForceModel, Forces, Initial, Trajectory, find_center
 from rso_lidar.part import Part, Vector, Whole, name_object
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.flown.guidance import AnyGuidance, TwoImpulseGuidance

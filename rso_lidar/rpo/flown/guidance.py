@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit import Forces
 from rso_lidar.part import NotNegative, Part, Positive, Seam, make_answer_error, name_object, to_real_array
 from rso_lidar.rpo.limits import FASTEST_M_S, Wait
 from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse

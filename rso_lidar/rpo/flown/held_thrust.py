@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.propagation.maneuver import Axes3, rotate_to_inertial
+from rso_lidar.orbit import Axes3, rotate_to_inertial
 from rso_lidar.rpo.flown.thrusters import HELD_LEGS, Thrusters, make_generator
 from rso_lidar.rpo.navigation.filter_bank import apply_matrix
 from rso_lidar.rpo.plans.plan import Plan

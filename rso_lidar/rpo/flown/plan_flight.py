@@ -11,10 +11,7 @@ from threading import RLock
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
-from rso_lidar.orbit.propagation.numerical import IntegratedOrbit, Thrust
+from rso_lidar.orbit import Burn, Epochs, Forces, Impulse, IntegratedOrbit, Thrust
 from rso_lidar.part import make_answer_error, to_real_array
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.flown.filtered_flight import CarriedBurn, FilteredFlight, FilterEstimate

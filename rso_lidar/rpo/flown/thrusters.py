@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
+from rso_lidar.orbit import Burn, Impulse
 from rso_lidar.part import NotNegative, Number, Part, Positive, Vector
 
 IMPULSES, HELD_LEGS, NAVIGATION, MEASUREMENTS = 0, 1, 2, 3  # what a random number is for

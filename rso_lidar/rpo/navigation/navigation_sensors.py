@@ -12,10 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
-from rso_lidar.orbit.sky.geometry import angle_rad
-from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit import Epochs, angle_rad, sun_position_m, sunlit_fraction
 from rso_lidar.part import Flag, NotNegative, Part, Positive
 
 _LIT = 0.5  # fraction of the Sun's disc above which a target counts as lit

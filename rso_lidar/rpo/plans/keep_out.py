@@ -8,8 +8,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
-from rso_lidar.orbit.sky.geometry import angle_off_axis_rad
+from rso_lidar.orbit import angle_off_axis_rad, find_minimum, find_spans_below
 from rso_lidar.part import Vector
 from rso_lidar.rpo.plans.plan import Plan
 

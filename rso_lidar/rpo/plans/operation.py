@@ -12,9 +12,7 @@ from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit import EARTH, CentralBody, Epochs, Trajectory, find_center
 from rso_lidar.part import Direction, NotNegative, Positive
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.limits import FASTEST_M_S, LONGEST_S, format_years

@@ -14,12 +14,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, add_place
-from rso_lidar.orbit.central_body import find_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.orbit.two_body import kepler
-from rso_lidar.orbit.two_body.izzo import Branch
-from rso_lidar.orbit.two_body.lambert import Transfer, Way, solve_lambert
+from rso_lidar.orbit import Branch, Epochs, Trajectory, Transfer, Way, find_center, propagate_two_body, solve_lambert
 from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
@@ -311,7 +306,7 @@ def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[fl
         if no orbit fits
     """
     r0, v0 = np.array(chief_m), np.array(chief_m_s)
-    r1, v1 = kepler.propagate_two_body(r0, v0, np.array([part.duration_s]))
+    r1, v1 = propagate_two_body(r0, v0, np.array([part.duration_s]))
     chief, there = BodyState(r0, v0), BodyState(r1[0], v1[0])
     start = add_relative_state(chief, np.array(part.from_m), np.array(part.velocity_m_s))
     end = add_relative_state(there, np.array(part.to_m), np.zeros(3))
@@ -371,7 +366,7 @@ def _find_lowest_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> f
     duration_s : its duration [s]
     """
     once_s = min(duration_s, math.tau / max(_find_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
-    low_m = kepler.propagate_two_body(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
+    low_m = propagate_two_body(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
     return float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
 
 
@@ -384,7 +379,7 @@ def _difference_orbits(chief: BodyState, body: BodyState, time_s: np.ndarray) ->
     time_s : (time,) time since the start [s]
     """
     there, here = (
-        BodyState(*kepler.propagate_two_body(state.position_m, state.velocity_m_s, time_s)) for state in (chief, body)
+        BodyState(*propagate_two_body(state.position_m, state.velocity_m_s, time_s)) for state in (chief, body)
     )
     return find_relative_state(there, here)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit import Forces
 
 _PER_RADIAN = (
     120  # steps in which the reference turns by a radian: RK4 is then good to 1e-9 of a deviation each revolution

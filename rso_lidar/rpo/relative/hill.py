@@ -16,9 +16,7 @@ from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center, states_about_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit import EARTH, CentralBody, Epochs, Trajectory, find_center, states_about_center
 from rso_lidar.part import Flag, Vector
 from rso_lidar.pose import dot
 from rso_lidar.rpo.relative import curvilinear

@@ -9,13 +9,19 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.maneuver import Impulse, describe_late
-from rso_lidar.orbit.propagation.numerical import Maneuver, integrate_orbit
-from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.orbit.two_body.kepler import propagate_two_body
+from rso_lidar.orbit import (
+    EARTH,
+    CentralBody,
+    Epochs,
+    Forces,
+    Impulse,
+    Maneuver,
+    Trajectory,
+    describe_late,
+    find_center,
+    integrate_orbit,
+    propagate_two_body,
+)
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import describe_flattening, find_start_state
 from rso_lidar.rpo.relative.reference_orbit import ReferenceOrbit

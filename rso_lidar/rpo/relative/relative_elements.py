@@ -23,18 +23,19 @@ from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.central_body import find_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.j2 import (
+from rso_lidar.orbit import (
+    Epochs,
+    Trajectory,
+    equator_axes,
+    find_center,
     mean_from_osculating,
     osculating_from_mean,
     propagate_j2_secular,
+    propagate_two_body,
     quasi_nonsingular_from_state,
     state_from_quasi_nonsingular,
+    state_rates,
 )
-from rso_lidar.orbit.sky.precession import equator_axes
-from rso_lidar.orbit.trajectory import Trajectory, state_rates
-from rso_lidar.orbit.two_body.kepler import propagate_two_body
 from rso_lidar.part import Flag, Number
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState

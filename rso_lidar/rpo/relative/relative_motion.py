@@ -9,9 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.central_body import EARTH, CentralBody
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit import EARTH, CentralBody, Epochs, Trajectory
 from rso_lidar.part import Name, Part, Vector, kind_of
 from rso_lidar.rpo.limits import Velocity
 

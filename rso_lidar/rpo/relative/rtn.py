@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.two_body.orbit_axes import rtn_axes, rtn_matrix
+from rso_lidar.orbit import rtn_axes, rtn_matrix
 from rso_lidar.pose import cross, dot, rotate_vectors
 from rso_lidar.records import BodyState
 

@@ -14,10 +14,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.central_body import EARTH, find_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.orbit.two_body.anomaly import start_eccentric_anomaly
+from rso_lidar.orbit import EARTH, Epochs, Trajectory, find_center, start_eccentric_anomaly
 from rso_lidar.part import Vector
 from rso_lidar.rpo.relative.hill import FAR_M, GM, describe_flattening, find_eccentricity, find_start_state
 from rso_lidar.rpo.relative.relative_motion import RelativeState

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rso_lidar.errors import ScenarioError, add_place
-from rso_lidar.orbit.two_body.kepler import propagate_two_body
+from rso_lidar.orbit import propagate_two_body
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, SafetyEllipse
 from rso_lidar.rpo.plans.keep_out import KeepOutSphere

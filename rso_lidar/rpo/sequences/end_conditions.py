@@ -11,8 +11,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.sky.event_search import find_spans_below
-from rso_lidar.orbit.sky.geometry import angle_rad
+from rso_lidar.orbit import angle_rad, find_spans_below
 from rso_lidar.part import Flag, Number, Part, Positive
 from rso_lidar.rpo.limits import Duration, Wait
 from rso_lidar.rpo.plans.plan import SAFE_REVOLUTIONS

@@ -9,11 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.j2 import mean_from_osculating, osculating_from_mean, propagate_j2_secular
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
-from rso_lidar.orbit.sky.precession import equator_axes
-from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit import (
+    Epochs,
+    equator_axes,
+    mean_from_osculating,
+    osculating_from_mean,
+    propagate_j2_secular,
+    sun_position_m,
+    sunlit_fraction,
+)
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.plans.plan import Path

@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.sky.geometry import angle_rad
+from rso_lidar.orbit import angle_rad
 from rso_lidar.rpo.limits import LONGEST_S, format_years
 from rso_lidar.rpo.plans.plan import Plan
 

@@ -10,8 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit import Epochs, Trajectory
 from rso_lidar.part import Positive, Vector
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.limits import MOST_PIECES, Velocity

@@ -8,9 +8,8 @@ import numpy as np
 
 from rso_lidar import detector, units
 from rso_lidar.detector import DetectorTraits
-from rso_lidar.motion.motions import motion
-from rso_lidar.motion.proximity import find_plan
-from rso_lidar.optics.sunlight import sun_photons_per_s_m2
+from rso_lidar.motion import advise_on_motion, find_plan
+from rso_lidar.optics import sun_photons_per_s_m2
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.scenario.assessment.compliance import list_violations
 from rso_lidar.scenario.assessment.environment import advise_on_environment
@@ -100,7 +99,7 @@ def _advise_on_plans(mission: Mission) -> list[str]:
                 f"keep-out sphere of {keep_out_m:g} m; choose another path, or fly it slower"
             )
         for place in ("attitude", "motion"):
-            lines += [f"{body.name}.{place}: {line}" for line in motion.advise(getattr(body, place), end_s)]
+            lines += [f"{body.name}.{place}: {line}" for line in advise_on_motion(getattr(body, place), end_s)]
     return lines
 
 

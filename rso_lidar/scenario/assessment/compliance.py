@@ -6,8 +6,7 @@ import numpy as np
 
 from rso_lidar import motion, units
 from rso_lidar.errors import suppress_warnings
-from rso_lidar.orbit import Epochs
-from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
+from rso_lidar.orbit import Epochs, find_minimum, find_spans_below
 from rso_lidar.pose import PoseTree
 from rso_lidar.scenario.assessment.environment import describe_share
 from rso_lidar.scenario.mission.mission import Mission

@@ -8,14 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from rso_lidar import detector, units
-from rso_lidar.detector.bench.trial import Trial
-from rso_lidar.motion.motions.motion import summarize
-from rso_lidar.motion.proximity import find_flight, find_plan
-from rso_lidar.motion.truth import Chief
+from rso_lidar.detector import Trial
+from rso_lidar.motion import Chief, find_flight, find_plan, summarize_motion
 from rso_lidar.optics import Receiver
-from rso_lidar.orbit import format_utc
-from rso_lidar.orbit.central_body import EARTH
-from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
+from rso_lidar.orbit import EARTH, elements_from_state, format_utc
 from rso_lidar.part import kind_of
 from rso_lidar.scenario.assessment.advice import advise
 from rso_lidar.scenario.assessment.environment import describe_environment
@@ -100,7 +96,7 @@ def _describe_motion(mission: Mission, number: int, preview: Preview) -> str:
     mission, number, preview : the mission, the index of the body, and the geometry of the mission.
     """
     body = mission.bodies[number]
-    text = summarize(body.motion, mission.time.start_utc)
+    text = summarize_motion(body.motion, mission.time.start_utc)
     attitude = kind_of(body.attitude) if body.attitude else "as its motion"
     if body.orbits:
         state, center = about_center(mission, preview, body.name), Chief(mission.bodies, body.name).central_body

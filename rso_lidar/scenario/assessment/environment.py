@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.motion import Body
-from rso_lidar.motion.truth import Chief
-from rso_lidar.orbit import Epochs
-from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses
-from rso_lidar.orbit.sky.geometry import earth_angular_radius_rad
+from rso_lidar.motion import Body, Chief
+from rso_lidar.orbit import Eclipse, Epochs, earth_angular_radius_rad, find_eclipses
 from rso_lidar.scenario.assessment.stray_light import advise_on_glare
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies

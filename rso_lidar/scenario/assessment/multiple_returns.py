@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rso_lidar.detector import describe_storage
-from rso_lidar.detector.bench.range_resolution import OVER, simulate_separations
+from rso_lidar.detector import SIGNAL_OVER_THRESHOLD, describe_storage, simulate_separations
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 
@@ -21,7 +20,9 @@ def describe_separations(mission: Mission) -> list[str]:
     traits = mission.lidar.detector.traits
     if traits.max_returns == 1:
         return []
-    listed = [(over, _find_listed_interval_m(mission, over)) for over in (OVER, _BRIGHT_OVER_THRESHOLD)]
+    listed = [
+        (over, _find_listed_interval_m(mission, over)) for over in (SIGNAL_OVER_THRESHOLD, _BRIGHT_OVER_THRESHOLD)
+    ]
     words = [
         f"{_format_interval(one)} with {over * traits.threshold_photons:,.0f} photons each" if one else ""
         for over, one in listed
@@ -44,7 +45,7 @@ def advise_on_separations(mission: Mission, preview: Preview) -> list[str]:
     words = describe_storage(mission.lidar.detector)
     if traits.max_returns == 1:
         return words
-    listed = _find_listed_interval_m(mission, OVER)
+    listed = _find_listed_interval_m(mission, SIGNAL_OVER_THRESHOLD)
     if listed is None:
         return ["; ".join([*words, "two returns of a pixel are never both listed; shorten lidar.laser.pulse_fwhm_ns"])]
     apart = f"two returns of a pixel are both listed {_format_interval(listed)} apart in depth"

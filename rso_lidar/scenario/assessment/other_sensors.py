@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import motion, sensors
-from rso_lidar.orbit.sky.geometry import earth_angular_radius_rad
+from rso_lidar.orbit import earth_angular_radius_rad
 from rso_lidar.pose import ROOT, length, quaternion_xyzw
 from rso_lidar.records import BodyMotion
 from rso_lidar.scenario.assessment.environment import describe_share
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 from rso_lidar.scenario.preview.sky import compute_sky_geometry
-from rso_lidar.sensors.choice import BEFORE_ALL_S
+from rso_lidar.sensors import BEFORE_ALL_S
 
 
 def describe_sensors(mission: Mission) -> list[str]:

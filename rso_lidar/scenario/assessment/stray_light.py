@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import detector, optics
-from rso_lidar.optics.stray.glare import veil_on_axis
-from rso_lidar.optics.stray.sources import BODIES
+from rso_lidar.optics import STRAY_BODIES, veil_on_axis
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 from rso_lidar.scenario.preview.sky import SkyGeometry
@@ -40,7 +39,7 @@ def advise_on_glare(mission: Mission, preview: Preview, around: SkyGeometry) -> 
     nearest = [around.sun_angle_rad, around.earth_limb_angle_rad, around.moon_angle_rad]
     rows = [find_first_least(angle) for angle in nearest if angle is not None and np.all(np.isfinite(angle))]
     rows += np.linspace(0, len(preview.time_s) - 1, _EPOCHS).round().astype(int).tolist()
-    light = np.zeros((len(rows), len(BODIES)))
+    light = np.zeros((len(rows), len(STRAY_BODIES)))
     image = np.zeros(len(rows))
     for number, row in enumerate(rows):
         truth = preview.truth.at(int(row))
@@ -54,7 +53,7 @@ def advise_on_glare(mission: Mission, preview: Preview, around: SkyGeometry) -> 
     louder = detector.noise_growth(mission.instrument.detector, total)
     if louder < _LOUDER:
         return []
-    body = BODIES[find_first_greatest(light[worst])]
+    body = STRAY_BODIES[find_first_greatest(light[worst])]
     what = (
         "light of the sky in the field"
         if image[worst] > light[worst].sum()

@@ -12,7 +12,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.motion import Aim, Course
-from rso_lidar.optics.returns.pulse_average import assign_pulses
+from rso_lidar.optics import assign_pulses
 from rso_lidar.pose import PoseTree, cross, dot, length, rotate_vectors
 from rso_lidar.records import Truth
 from rso_lidar.scenario.tables.lidar import Lidar

@@ -13,9 +13,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.files import convert_path
-from rso_lidar.motion import Body, Ptu
-from rso_lidar.motion.bodies.orbital_axes import find_moon_m
-from rso_lidar.motion.bodies.order import sort_bodies
+from rso_lidar.motion import Body, Ptu, find_moon_m, sort_bodies
 from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.exposure import Exposure

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rso_lidar.motion import Body
-from rso_lidar.motion.bodies.order import find_center_of_body
-from rso_lidar.orbit.central_body import EARTH
+from rso_lidar.motion import Body, find_center_of_body
+from rso_lidar.orbit import EARTH
 from rso_lidar.scenario.tables.dispersion import Dispersion
 from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scenario.tables.world import World

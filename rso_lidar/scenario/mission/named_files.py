@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from rso_lidar.fmi import FmuModel
-from rso_lidar.motion.dynamics.function import find_dynamics_file
+from rso_lidar.motion import find_dynamics_file
 from rso_lidar.part import Part
-from rso_lidar.scene.library.model_index import is_mesh_path
+from rso_lidar.scene import is_mesh_path
 
 
 def find_named_files(part: Any, file: Callable[[str], Any]) -> Any:

@@ -13,7 +13,7 @@ from typing import Any
 from rso_lidar.errors import ScenarioError, warn
 from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.kernels import compiler_version
-from rso_lidar.motion.dynamics.function import name_function
+from rso_lidar.motion import name_function
 from rso_lidar.orbit import format_utc
 from rso_lidar.part import Part, dump_part
 from rso_lidar.records import Source, TargetEntry
@@ -22,9 +22,7 @@ from rso_lidar.scenario.mission.named_files import list_named_files
 from rso_lidar.scenario.mission.target_surfaces import find_part_classes, find_taxonomy, place_mesh
 from rso_lidar.scenario.tables.library_model import describe_library_model
 from rso_lidar.scenario.tables.target import Target
-from rso_lidar.scene import Lambertian, Material, Named, Surface
-from rso_lidar.scene.embree.engine import engine
-from rso_lidar.scene.library.model_index import model
+from rso_lidar.scene import Lambertian, Material, Named, Surface, engine, model
 
 _LIBRARIES = ("numpy", "scipy", "skyfield", "sgp4", "trimesh", "embreex", "h5py")
 

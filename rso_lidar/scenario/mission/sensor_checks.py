@@ -8,7 +8,7 @@ from typing import Any
 
 from rso_lidar.errors import add_place, did_you_mean
 from rso_lidar.motion import Body, count_dynamics
-from rso_lidar.part.model import NAME_PATTERN
+from rso_lidar.part import NAME_PATTERN
 from rso_lidar.sensors import RelativeGnss, ThrusterTelemetry, WheelTelemetry, read_schedule
 
 

@@ -10,9 +10,7 @@ import numpy as np
 
 from rso_lidar.errors import warn_of_input
 from rso_lidar.part import Part, Vector
-from rso_lidar.records.part_classes import OTHER, PartClass
-from rso_lidar.records.symmetry import Symmetry
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records import OTHER, PartClass, Symmetry, Taxonomy
 from rso_lidar.scenario.tables.facet_materials import apply_color_materials, apply_facet_materials
 from rso_lidar.scenario.tables.fragment import PART, build_fragment
 from rso_lidar.scenario.tables.target import Target
@@ -22,16 +20,17 @@ from rso_lidar.scene import (
     Lambertian,
     Material,
     Mesh,
+    ModelEntry,
     Named,
     Surface,
+    body_from_mesh,
     build_surface,
     load_mesh,
+    model,
     split_at_hinges,
     warn_of_repairs,
     warn_of_size,
 )
-from rso_lidar.scene.library.model_index import ModelEntry, model
-from rso_lidar.scene.meshes.mesh import body_from_mesh
 
 
 def build_surfaces(

@@ -8,8 +8,7 @@ from pydantic import PrivateAttr, ValidationError
 
 from rso_lidar.errors import FieldError, ScenarioError, SettingError
 from rso_lidar.files import convert_path, read_text
-from rso_lidar.part import Part, explain
-from rso_lidar.part.toml_text import DEEPEST, MOST_BYTES, parse_toml
+from rso_lidar.part import DEEPEST_TOML, MOST_TOML_BYTES, Part, explain, parse_toml
 from rso_lidar.shipped import find
 
 AnyPart = TypeVar("AnyPart", bound=Part)
@@ -77,7 +76,7 @@ class FilePart(Part):
 
 def read_toml(path: Path) -> str:
     """Read the text of a scenario file, which may be a shipped one, or raise `ScenarioError`."""
-    return read_text(find(path) or path, MOST_BYTES, ScenarioError, "scenario file (.toml)")
+    return read_text(find(path) or path, MOST_TOML_BYTES, ScenarioError, "scenario file (.toml)")
 
 
 def validate_toml(
@@ -164,8 +163,8 @@ def set_field(tree: dict[str, Any], place: str, value: Any, where: str) -> None:
     steps = _split_place(place)
     if not all(steps):
         raise SettingError(f"{where:.90}: is not place=value; write for example lidar.laser.energy_mj=20")
-    if len(steps) > DEEPEST:
-        raise SettingError(f"{where:.90}: has over {DEEPEST} steps; no table lies so deep")
+    if len(steps) > DEEPEST_TOML:
+        raise SettingError(f"{where:.90}: has over {DEEPEST_TOML} steps; no table lies so deep")
     here: Any = tree
     for step in steps[:-1]:
         here = _descend_to(here, step, where)

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar import motion
 from rso_lidar.errors import collect_warnings
-from rso_lidar.motion.aim import simulate_drive
+from rso_lidar.motion import simulate_drive
 from rso_lidar.optics import Laser
 from rso_lidar.orbit import Epochs
 from rso_lidar.pose import PoseTree

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import array_load
-from rso_lidar.detector.bench.trial import Surroundings, Trial, run_trial
+from rso_lidar.detector import Surroundings, Trial, array_load, run_trial
 from rso_lidar.records import Photons
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.returns import TargetReturns

@@ -11,10 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.motion.bodies.orbital_axes import find_moon_m
-from rso_lidar.motion.truth import Chief
-from rso_lidar.orbit.central_body import subtract_center
-from rso_lidar.orbit.sky.geometry import (
+from rso_lidar.motion import Chief, find_moon_m
+from rso_lidar.orbit import (
     angle_outside_field_rad,
     angle_rad,
     beta_angle_rad,
@@ -23,8 +21,9 @@ from rso_lidar.orbit.sky.geometry import (
     is_earth_lit,
     line_altitude_m,
     phase_angle_rad,
+    subtract_center,
+    sun_position_m,
 )
-from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.scenario.mission.mission import Mission

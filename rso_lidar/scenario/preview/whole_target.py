@@ -17,9 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from rso_lidar import optics, units
-from rso_lidar.detector import detect, report_probability
-from rso_lidar.detector.analysis.finding import at_least, estimate_k_of_n, k_of_n
-from rso_lidar.detector.analysis.reported_light import mark_reports
+from rso_lidar.detector import at_least, detect, estimate_k_of_n, k_of_n, mark_reports, report_probability
 from rso_lidar.pose import Link
 from rso_lidar.records import Truth
 from rso_lidar.scenario.mission.mission import Mission

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.motion import Body
-from rso_lidar.orbit.sky.geometry import angle_off_axis_rad
+from rso_lidar.orbit import angle_off_axis_rad
 from rso_lidar.part import GREATEST, Direction, NotNegative, Part, Positive, Text
 
 Exclusion = Annotated[Positive, Field(lt=180)]

@@ -9,8 +9,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar.errors import warn
 from rso_lidar.part import NotNegative, Number, Part, Positive, Text, Vector, Whole
-from rso_lidar.rpo import Thrusters
-from rso_lidar.rpo.flown.flown_plan import AnyNavigation
+from rso_lidar.rpo import AnyNavigation, Thrusters
 
 Row = tuple[Number, Number, Number, Number, Number, Number]
 _ROUNDING = 1e-9  # relative, to which a covariance may be asymmetric or negative

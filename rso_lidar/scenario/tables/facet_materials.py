@@ -13,8 +13,16 @@ from pydantic import Field
 from rso_lidar.errors import MeshError, ScenarioError, add_place, did_you_mean
 from rso_lidar.files import MOST_BYTES, read_array, read_text
 from rso_lidar.part import Part, Text
-from rso_lidar.scene import AnyMaterial, Material, Named, Surface, complete, library
-from rso_lidar.scene.meshes.mesh import format_colours, read_facet_colours
+from rso_lidar.scene import (
+    AnyMaterial,
+    Material,
+    Named,
+    Surface,
+    complete,
+    format_colours,
+    load_materials,
+    read_facet_colours,
+)
 
 _DIGITS = 12  # of a facet's number at most, far more than any mesh needs
 
@@ -105,7 +113,7 @@ def _find_material(word: str, facet_materials: FacetMaterials, path: Path) -> Ma
     """
     if word in facet_materials.materials:
         return facet_materials.materials[word]
-    known = [*facet_materials.materials, *library.materials()]
+    known = [*facet_materials.materials, *load_materials()]
     if word not in known:
         cure = f"{did_you_mean(word, known) or ';'} define it in facet_materials.materials"
         raise ScenarioError(f"{path.name}: no material '{word}'{cure}")

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.part import Part, Positive, Whole
-from rso_lidar.records.taxonomy import FRAGMENT_LENGTHS_M, FragmentKind, Taxonomy
-from rso_lidar.scene.meshes.mesh import Mesh
+from rso_lidar.records import FRAGMENT_LENGTHS_M, FragmentKind, Taxonomy
+from rso_lidar.scene import Mesh
 
 PART = "fragment"  # name of the only part, and its common part class
 
@@ -51,7 +51,7 @@ class BuiltFragment(NamedTuple):
 @lru_cache(maxsize=16)
 def build_fragment(fragment: Fragment) -> BuiltFragment:
     """Build a fragment; the last few are kept."""
-    from rso_lidar.shapes.breakup import breakup_fragment, hash_solid  # the builders take 0.2 s to import
+    from rso_lidar.shapes import breakup_fragment, hash_solid  # the builders take 0.2 s to import
 
     model = breakup_fragment(fragment.kind, fragment.seed, fragment.characteristic_length_m)
     solid = model.parts[PART]

@@ -11,10 +11,10 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError, add_place
-from rso_lidar.motion.bodies.hinge import Angle, HingeAxes
+from rso_lidar.motion import Angle, HingeAxes
 from rso_lidar.part import Direction, Name, Part, Text, Vector
-from rso_lidar.records.taxonomy import Hinge
-from rso_lidar.scene.meshes.mesh import body_from_mesh
+from rso_lidar.records import Hinge
+from rso_lidar.scene import body_from_mesh
 
 
 class Joint(Part):

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from rso_lidar.errors import MeshError
 from rso_lidar.part import Part, Positive, Text, Whole
-from rso_lidar.scene.library.model_index import ModelEntry
+from rso_lidar.scene import ModelEntry
 
 
 class LibraryModel(Part):

@@ -7,20 +7,15 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.errors import MeshError, ScenarioError
-from rso_lidar.motion import Body
-from rso_lidar.motion.bodies.body import RESERVED
-from rso_lidar.motion.bodies.hinge import HingeAxes
+from rso_lidar.motion import RESERVED, Body, HingeAxes
 from rso_lidar.part import Positive, Text, Vector
-from rso_lidar.records.part_classes import PartClass
-from rso_lidar.records.symmetry import Symmetry
-from rso_lidar.records.taxonomy import Taxonomy
+from rso_lidar.records import PartClass, Symmetry, Taxonomy
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.fragment import Fragment, name_fragment
 from rso_lidar.scenario.tables.joints import Joint, ModelPlacement, complete_joint
 from rso_lidar.scenario.tables.library_model import LibraryModel
 from rso_lidar.scenario.tables.terrain import Terrain, name_terrain
-from rso_lidar.scene import AnyMaterial
-from rso_lidar.scene.library.model_index import is_mesh_path, model
+from rso_lidar.scene import AnyMaterial, is_mesh_path, model
 
 Colour = Annotated[str, Strict(), Field(pattern=r"^#[0-9A-Fa-f]{6}$")]
 

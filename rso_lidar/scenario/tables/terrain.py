@@ -11,9 +11,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from rso_lidar.part import Fraction, Number, Part, Positive, Text, Whole
-from rso_lidar.records.taxonomy import Taxonomy
-from rso_lidar.scene.meshes.height_field import MOST_CELLS, build_height_field, load_height_field
-from rso_lidar.scene.meshes.mesh import Mesh
+from rso_lidar.records import Taxonomy
+from rso_lidar.scene import MOST_HEIGHT_CELLS, Mesh, build_height_field, load_height_field
 
 _LARGEST_CRATER = 0.25  # default over the side
 _SMALLEST_CRATER = 4.0  # cells
@@ -75,9 +74,10 @@ class CratersAndBoulders(Part):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         cells = self.size_m / self.cell_m
-        if not 1.0 <= cells <= MOST_CELLS**0.5:
+        if not 1.0 <= cells <= MOST_HEIGHT_CELLS**0.5:
             raise ValueError(
-                f"size_m / cell_m is {cells:.4g} cells along a side, and 1 to {int(MOST_CELLS**0.5):,} can be; change one"
+                f"size_m / cell_m is {cells:.4g} cells along a side, and 1 to {int(MOST_HEIGHT_CELLS**0.5):,} can be; "
+                "change one"
             )
         smallest_m, largest_m = self.craters_m
         if not smallest_m < largest_m:
@@ -107,14 +107,11 @@ def build_terrain_mesh(terrain: HeightField | CratersAndBoulders, file: Callable
 
 @lru_cache(maxsize=8)
 def _build_made_ground(terrain: CratersAndBoulders) -> Mesh:
-    from rso_lidar.shapes.terrain import (
-        Abundance,
-        made_ground,
-    )  # the builders take 0.2 s to import, and few scenarios need them
+    from rso_lidar.shapes import Abundance, build_ground
 
     craters = Abundance(*terrain.craters_m, terrain.crater_fraction)
     rocks = Abundance(terrain.boulder_min_m, terrain.boulder_max_m, terrain.rock_fraction)
-    ground = made_ground(terrain.seed, terrain.size_m, terrain.cell_m, craters, rocks)
+    ground = build_ground(terrain.seed, terrain.size_m, terrain.cell_m, craters, rocks)
     digest = hashlib.sha256(ground.heights_m.tobytes())
     if ground.boulders is not None:
         digest.update(ground.boulders.vertices.tobytes())

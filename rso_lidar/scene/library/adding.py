@@ -16,14 +16,13 @@ import numpy as np
 
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.files import hold_lock, write_atomically
-from rso_lidar.records.part_classes import OTHER, PART_CLASSES
-from rso_lidar.records.taxonomy import Taxonomy, classify_size
+from rso_lidar.records import OTHER, PART_CLASSES, Taxonomy, classify_size
 from rso_lidar.scene.library.group_materials import materials_of
 from rso_lidar.scene.library.mesh_units import guess_scale, known_meshes
 from rso_lidar.scene.library.model_index import (
     ModelEntry,
     guess_part_classes,
-    materials,
+    load_materials,
     model,
     models,
     own_entry,
@@ -313,9 +312,9 @@ def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) ->
         If a material or a part is unknown.
     """
     for name in (*([given.material] if given.material else []), *given.part_materials.values()):
-        if name not in materials():
-            guess = did_you_mean(name, materials())
-            raise MeshError(f"material '{name}': is not in the catalogue{guess} (known: {', '.join(materials())})")
+        if name not in load_materials():
+            guess = did_you_mean(name, load_materials())
+            raise MeshError(f"material '{name}': is not in the catalogue{guess} (known: {', '.join(load_materials())})")
     _check_parts(given.part_materials, parts)
     by_name = {} if given.material else materials_of(parts)
     default = given.material or _DEFAULT

@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from rso_lidar.errors import MeshError, did_you_mean
-from rso_lidar.scene.library.model_index import materials, own_folder, read_table
+from rso_lidar.scene.library.model_index import load_materials, own_folder, read_table
 from rso_lidar.shipped import shipped
 
 TABLE = "material_names.toml"
@@ -19,7 +19,7 @@ def materials_of(groups: Iterable[str]) -> dict[str, str]:
     >>> materials_of(["foil_gold.001", "tex_01", "osr"])
     {'foil_gold.001': 'mli_gold', 'osr': 'osr'}
     """
-    known = {name: name for name in materials()}
+    known = {name: name for name in load_materials()}
     lines = [*_read(own_folder() / TABLE).items(), *known.items(), *_read(shipped("models") / TABLE).items()]
     found = {}
     for group in groups:
@@ -33,7 +33,7 @@ def _read(path: Path) -> dict[str, str]:
     if not path.exists():
         return {}
     table = read_table(path, "correct it")
-    known = materials()
+    known = load_materials()
     for pattern, material in table.items():
         if not isinstance(material, str) or material not in known:
             guess = did_you_mean(str(material), known)

@@ -14,11 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, mode
 
 from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, has_warnings_enabled, warn
 from rso_lidar.files import read_text
-from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole, explain
-from rso_lidar.part.toml_text import MOST_BYTES, parse_toml
-from rso_lidar.records.part_classes import OTHER, PART_CLASSES, PartClass
-from rso_lidar.records.symmetry import Symmetry
-from rso_lidar.records.taxonomy import Hinge, Taxonomy
+from rso_lidar.part import MOST_TOML_BYTES, Count, NotNegative, Positive, Text, Vector, Whole, explain, parse_toml
+from rso_lidar.records import OTHER, PART_CLASSES, Hinge, PartClass, Symmetry, Taxonomy
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
 
@@ -221,7 +218,7 @@ def read_own_index(path: Path) -> list[dict[str, Any]]:
     return tables
 
 
-def materials() -> dict[str, dict[str, Any]]:
+def load_materials() -> dict[str, dict[str, Any]]:
     """Return every material of the catalogue by name: the fields of its BRDF, their source, and a display colour."""
     return {name: dict(table) for name, table in _shipped_materials().items()}
 
@@ -260,7 +257,7 @@ def read_table(
 ) -> dict[str, Any]:
     """Read a TOML file of a catalogue, or raise `MeshError` with the cure."""
     try:
-        return parse_toml(read_text(path, MOST_BYTES, MeshError, "index (.toml)"), f"{path}", MeshError)
+        return parse_toml(read_text(path, MOST_TOML_BYTES, MeshError, "index (.toml)"), f"{path}", MeshError)
     except MeshError as error:
         reason = str(error).removeprefix(f"{path}: ").partition(";")[0]
         raise MeshError(f"{path}: cannot be read ({reason}): {cure}") from None

@@ -90,7 +90,7 @@ class Named(MaterialPart):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        known = model_index.materials()
+        known = model_index.load_materials()
         if self.name not in known:
             guess = did_you_mean(self.name, known)
             raise ValueError(f"unknown material '{self.name}'{guess or ';'} (known: {', '.join(known)})")
@@ -137,7 +137,7 @@ def find_material(name: str, wavelength_m: float) -> Scatterer:
     ------
     MeshError : the catalogue has no material of that name, or its entry is wrong.
     """
-    fields = model_index.materials().get(name)
+    fields = model_index.load_materials().get(name)
     if fields is None:
         raise MeshError(
             f"models/materials.toml: unknown material '{name}'; add it, or give another in models/index.toml"

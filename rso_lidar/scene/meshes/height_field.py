@@ -14,7 +14,7 @@ from rso_lidar.files import read_array, read_arrays
 from rso_lidar.scene.meshes.mesh import Mesh
 
 SUFFIXES = (".npy", ".npz", ".png")
-MOST_CELLS = 4_000_000  # two facets each; the acceleration structure takes some 2 GB
+MOST_HEIGHT_CELLS = 4_000_000  # two facets each; the acceleration structure takes some 2 GB
 _CURE = "crop or thin it"
 
 
@@ -69,7 +69,7 @@ def _load_cached(path: Path, cell_m: float, height_scale_m: float, _stamp: tuple
 
 def _array(path: Path) -> np.ndarray:
     """Read the numbers (row, col) of a .npy, or of a .npz that holds one array."""
-    limit = 16 * MOST_CELLS  # bytes, of the widest numbers
+    limit = 16 * MOST_HEIGHT_CELLS  # bytes, of the widest numbers
     if path.suffix.lower() == ".npz":
         arrays = list(read_arrays(path, MeshError, most_bytes=limit).values())
         if len(arrays) != 1:
@@ -104,8 +104,8 @@ def _image(path: Path) -> np.ndarray:
 def _check_shape(path: Path, shape: tuple[int, ...]) -> None:
     if len(shape) != 2 or min(shape) < 2:
         raise MeshError(f"{path.name}: is of shape {shape}; heights need rows and columns, two of each at least")
-    if shape[0] * shape[1] > MOST_CELLS:
-        raise MeshError(f"{path.name}: {shape[0]} x {shape[1]} is more than {MOST_CELLS:,} cells; {_CURE}")
+    if shape[0] * shape[1] > MOST_HEIGHT_CELLS:
+        raise MeshError(f"{path.name}: {shape[0]} x {shape[1]} is more than {MOST_HEIGHT_CELLS:,} cells; {_CURE}")
 
 
 def build_height_field(

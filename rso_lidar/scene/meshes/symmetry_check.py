@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.records.symmetry import Symmetry
+from rso_lidar.records import Symmetry
 from rso_lidar.scene.meshes.mesh import Mesh
 
 PRECISION_M = 0.05  # of one range of the sensor of Fuller et al., sec. 5

@@ -92,7 +92,9 @@ class Examination:
             f"stray       {_at(piece)}, far from the rest: not a part of the craft?" for piece in self.strays[:_LISTED]
         ]
         if len(self.strays) > _LISTED:
-            text.append(f"stray       and {len(self.strays) - _LISTED:,} more, each a line in `examine(mesh).strays`")
+            text.append(
+                f"stray       and {len(self.strays) - _LISTED:,} more, each a line in `examine_mesh(mesh).strays`"
+            )
         if self.cube:
             text.append(
                 f"cube        {_at(self.cube)}: a helper cube of the drawing, most likely; in NASA's models it is 1 m"
@@ -117,7 +119,7 @@ class Examination:
         return f"{over}; watertight" if not self.boundary_edges and not self.nonmanifold_edges else over
 
 
-def examine(mesh: Mesh) -> Examination:
+def examine_mesh(mesh: Mesh) -> Examination:
     """Examine a mesh, which should be in metres."""
     surface = build_surface("mesh", mesh)  # first, because it raises an error for coordinates that are too large
     facets = merge_vertices(mesh)

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.files import MOST_BYTES, read_bytes
-from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
-from rso_lidar.orbit.sets.formats import read_element_sets
+from rso_lidar.orbit import list_ephemeris_objects, read_element_sets
 from rso_lidar.scene import load_mesh
 from rso_lidar.studio.model.mesh_sizes import summarize_mesh
 

@@ -12,8 +12,7 @@ from rso_lidar.orbit import format_utc
 from rso_lidar.picture import even_indices
 from rso_lidar.records import Frame, Truth
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation.flash import flash
-from rso_lidar.simulation.stepping import DETECTION, Simulation
+from rso_lidar.simulation import DETECTION, Simulation, flash
 
 _MOST_FRAMES, _MOST_FLIGHTS = 400, 4
 _flights: OrderedDict[str, PreviewFlight] = OrderedDict()

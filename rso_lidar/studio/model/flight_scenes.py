@@ -7,9 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rso_lidar.picture import LIGHT
-from rso_lidar.picture.plots.orbit import is_about_earth, osculating_orbit_m
-from rso_lidar.picture.style.palette import DAY, OTHER_PART, Scheme
+from rso_lidar.picture import LIGHT, Scheme, is_about_earth, osculating_orbit_m, palette
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.studio.model.flight import PreviewFlight
 from rso_lidar.studio.model.space_scene import SpaceScene
@@ -27,7 +25,7 @@ def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
     """
     scene, truth = SpaceScene("orbit", scheme), flight.truth(row)
     radius = EARTH_RADIUS_M * _MM
-    scene.header["items"].append({"kind": "sphere", "radius": radius, "colour": DAY})
+    scene.header["items"].append({"kind": "sphere", "radius": radius, "colour": palette.DAY})
     scene.header["sun"], scene.header["ambient"] = np.nan_to_num(truth.sun_direction).tolist(), 0.15
     turn = np.linspace(0.0, 2.0 * np.pi, 97)
     for angle in np.arange(-60.0, 61.0, 30.0) * DEG:
@@ -156,7 +154,12 @@ def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.
     for surface in flight.scenario.surfaces:
         pose = flight.matrix(row, surface.name)
         pose[:3, 3] -= origin
-        item = {"kind": "model", "content": surface.content, "matrix": pose.T.ravel().tolist(), "colour": OTHER_PART}
+        item = {
+            "kind": "model",
+            "content": surface.content,
+            "matrix": pose.T.ravel().tolist(),
+            "colour": palette.OTHER_PART,
+        }
         scene.header["items"].append(item)
         if "." in surface.name:
             scene.label(surface.name, pose[:3, 3])

@@ -14,13 +14,8 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.mission_analysis.mission_parameters.parameter_list import drop_units, find_unit
-from rso_lidar.mission_analysis.mission_parameters.parameter_table import format_value
-from rso_lidar.part import Part
-from rso_lidar.part.field_types import describe_type
-from rso_lidar.part.model import Seam
-from rso_lidar.part.toml_text import parse_toml
-from rso_lidar.part.validation_messages import part_classes
+from rso_lidar.mission_analysis import drop_units, find_unit, format_parameter
+from rso_lidar.part import Part, Seam, describe_type, parse_toml, part_classes
 
 SCALARS = ("number", "whole", "flag", "text", "instant", "choice", "value")
 TABLES = ("table", "variant", "entries")
@@ -193,7 +188,7 @@ def show_value(value: Any) -> str:
         return "{ " + ", ".join(f"{keys[key]} = {_quote(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_quote(inner) for inner in value) + "]"
-    return format_value(value)
+    return format_parameter(value)
 
 
 def find_value_in_force(scenario: Any, place: str) -> Any:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.evaluation.recorded_runs.frame_comparison import compare_frames, find_frame, locate_centers
-from rso_lidar.export.reader.recording import Recording
-from rso_lidar.picture.style.palette import IMAGE_MARK, OKABE_ITO, Scheme
+from rso_lidar.evaluation import compare_frames, find_frame, locate_centers
+from rso_lidar.export import Recording
+from rso_lidar.picture import Scheme, palette
 from rso_lidar.studio.model.frame_image import choose_window, draw_difference, draw_image, mark_pixel
 
 
@@ -46,7 +46,7 @@ def draw_recorded_frame(
             window, images = choose_window(frame), {"A": draw_image(frame, scheme)}
         if marked:
             for number, (name, (row, col)) in enumerate(locate_centers(frame).items()):
-                colour, dash = ((IMAGE_MARK, ""), (OKABE_ITO[4], "6 4"))[name.startswith("centroid")]
+                colour, dash = ((palette.IMAGE_MARK, ""), (palette.OKABE_ITO[4], "6 4"))[name.startswith("centroid")]
                 lines.append(f"{name.capitalize()}: row {row}, column {col} ({'dashed, blue' if dash else 'orange'}).")
                 for x, y, side in mark_pixel(window, row, col):
                     x, y, r = x + side / 2, y + side / 2, 12 + 4 * number

@@ -9,21 +9,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.frames.panels import range_limits_m
-from rso_lidar.picture.frames.raster import draw_panel, write
-from rso_lidar.picture.selection.scale import Scale, count_limits, nice_down, nice_up
-from rso_lidar.picture.selection.sequence import Thumbnail, find_shown_returns, find_target_pixels
-from rso_lidar.picture.selection.window import Window, bounding_window, crop
-from rso_lidar.picture.style.colour_maps import ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
-from rso_lidar.picture.style.palette import (
-    IMAGE_BLACK,
-    IMAGE_MARK,
-    IMAGE_WHITE,
+from rso_lidar.picture import (
     LIGHT,
-    NO_LIGHT,
-    NO_RETURN,
+    Scale,
     Scheme,
-    split_rgb,
+    Thumbnail,
+    Window,
+    bounding_window,
+    colour_maps,
+    count_limits,
+    crop,
+    draw_panel,
+    find_shown_returns,
+    find_target_pixels,
+    nice_down,
+    nice_up,
+    palette,
+    range_limits_m,
+    write_raster,
 )
 from rso_lidar.records import Frame
 
@@ -70,8 +73,15 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, bes
     ranges, counts = scale.range_rgb(frame.range_m, 0.0), scale.intensity_rgb(frame.intensity_counts)
     ends_m = (f"{scale.low_m:,.2f}", f"{scale.high_m:,.2f} m")
     panels = (
-        _Panel("Range", "dark: no return", RANGE_RAMP, ranges, NO_RETURN, ends_m),
-        _Panel(kind, f"{saturated:,} saturated" if saturated else "", INTENSITY_RAMP, counts, NO_LIGHT, (low, high)),
+        _Panel("Range", "dark: no return", colour_maps.RANGE_RAMP, ranges, palette.NO_RETURN, ends_m),
+        _Panel(
+            kind,
+            f"{saturated:,} saturated" if saturated else "",
+            colour_maps.INTENSITY_RAMP,
+            counts,
+            palette.NO_LIGHT,
+            (low, high),
+        ),
     )
     return _draw_panels(panels, window, Thumbnail.of(frame).pixel_m * max(window.width, window.height), scheme)
 
@@ -96,10 +106,17 @@ def draw_difference(one: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes:
         size = np.abs(known[both])
         limit = nice_up(float(np.percentile(size, 99))) if size.size and size.max() > 0.0 else 1.0
         step = np.clip(np.nan_to_num(known) / limit * 127.5 + 127.5, 0, 255).round().astype(int)
-        rgb = ramp(ERROR_RAMP)[step]
-        rgb[~both] = split_rgb(NO_RETURN)
+        rgb = colour_maps.ramp(colour_maps.ERROR_RAMP)[step]
+        rgb[~both] = palette.split_rgb(palette.NO_RETURN)
         panels.append(
-            _Panel(title, "dark: not in both", ERROR_RAMP, rgb, NO_RETURN, (f"−{limit:g}", f"{limit:g} {unit}"))
+            _Panel(
+                title,
+                "dark: not in both",
+                colour_maps.ERROR_RAMP,
+                rgb,
+                palette.NO_RETURN,
+                (f"−{limit:g}", f"{limit:g} {unit}"),
+            )
         )
     return _draw_panels(tuple(panels), window, math.nan, scheme)
 
@@ -132,13 +149,13 @@ def _draw_panels(panels: tuple[_Panel, ...], window: Window, across_m: float, sc
     for number, panel in enumerate(panels):
         left = _LEFT + number * (_SIDE + _GAP)
         image.paste(draw_panel(window.cut(panel.rgb), _SIDE, panel.empty), (left, _TOP))
-        write(draw, left, 6, panel.title, _TEXT, scheme.ink, bold=True)
-        write(draw, left + _SIDE, 6, panel.note, _TEXT - 2, scheme.quiet, "ra")
+        write_raster(draw, left, 6, panel.title, _TEXT, scheme.ink, bold=True)
+        write_raster(draw, left + _SIDE, 6, panel.note, _TEXT - 2, scheme.quiet, "ra")
         _draw_axes(draw, left, window, scheme)
-        bar = Image.fromarray(ramp(panel.ramp)[None]).resize((_SIDE // 2, 14))
+        bar = Image.fromarray(colour_maps.ramp(panel.ramp)[None]).resize((_SIDE // 2, 14))
         image.paste(bar, (left + _SIDE // 4, _TOP + _SIDE + 38))
-        write(draw, left + _SIDE // 4 - 8, _TOP + _SIDE + 36, panel.ends[0], _TEXT - 1, scheme.quiet, "ra")
-        write(draw, left + 3 * _SIDE // 4 + 8, _TOP + _SIDE + 36, panel.ends[1], _TEXT - 1, scheme.quiet)
+        write_raster(draw, left + _SIDE // 4 - 8, _TOP + _SIDE + 36, panel.ends[0], _TEXT - 1, scheme.quiet, "ra")
+        write_raster(draw, left + 3 * _SIDE // 4 + 8, _TOP + _SIDE + 36, panel.ends[1], _TEXT - 1, scheme.quiet)
     _draw_scale_bar(draw, across_m)
     with io.BytesIO() as held:
         image.save(held, "PNG", compress_level=1)
@@ -191,7 +208,7 @@ def outline_pixel(window: Window, row: int, col: int) -> str:
     row, col : the pixel.
     """
     return "".join(
-        f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="{IMAGE_MARK}" stroke-width="3"/>'
+        f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="{palette.IMAGE_MARK}" stroke-width="3"/>'
         for x, y, side in mark_pixel(window, row, col)
     )
 
@@ -208,13 +225,13 @@ def _draw_axes(draw: ImageDraw, left: int, window: Window, scheme: Scheme) -> No
     for k in sorted({0, window.width // 2, window.width - 1}):
         x = left + right + (k + 0.5) * step
         draw.line((x, _TOP + _SIDE, x, _TOP + _SIDE + 4), fill=scheme.rule)
-        write(draw, x, _TOP + _SIDE + 6, str(window.left + k), _TEXT - 2, scheme.quiet, "ma")
+        write_raster(draw, x, _TOP + _SIDE + 6, str(window.left + k), _TEXT - 2, scheme.quiet, "ma")
     for k in sorted({0, window.height // 2, window.height - 1}):
         y = _TOP + down + (k + 0.5) * step
         draw.line((left - 4, y, left, y), fill=scheme.rule)
-        write(draw, left - 6, y, str(window.top + k), _TEXT - 2, scheme.quiet, "rm")
-    write(draw, left + _SIDE // 4, _TOP + _SIDE + 6, "col", _TEXT - 2, scheme.quiet, "ma")
-    write(draw, left - 6, _TOP + _SIDE // 4, "row", _TEXT - 2, scheme.quiet, "rm")
+        write_raster(draw, left - 6, y, str(window.top + k), _TEXT - 2, scheme.quiet, "rm")
+    write_raster(draw, left + _SIDE // 4, _TOP + _SIDE + 6, "col", _TEXT - 2, scheme.quiet, "ma")
+    write_raster(draw, left - 6, _TOP + _SIDE // 4, "row", _TEXT - 2, scheme.quiet, "rm")
 
 
 def _draw_scale_bar(draw: ImageDraw, across_m: float) -> None:
@@ -223,6 +240,6 @@ def _draw_scale_bar(draw: ImageDraw, across_m: float) -> None:
         return
     length_m = nice_down(0.3 * across_m)
     x, y, long = _LEFT + _SIDE + _GAP + 12, _TOP + _SIDE - 12, _SIDE * length_m / across_m
-    draw.rectangle((x - 3, y - 25, x + max(long, 10 * len(f"{length_m:g} m")) + 3, y + 5), fill=IMAGE_BLACK)
-    draw.rectangle((x, y - 1, x + long, y + 2), fill=IMAGE_WHITE)
-    write(draw, x, y - 3, f"{length_m:g} m", _TEXT, IMAGE_WHITE, anchor="ld")
+    draw.rectangle((x - 3, y - 25, x + max(long, 10 * len(f"{length_m:g} m")) + 3, y + 5), fill=palette.IMAGE_BLACK)
+    draw.rectangle((x, y - 1, x + long, y + 2), fill=palette.IMAGE_WHITE)
+    write_raster(draw, x, y - 3, f"{length_m:g} m", _TEXT, palette.IMAGE_WHITE, anchor="ld")

@@ -6,10 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene import Mesh, load_mesh
-from rso_lidar.scene.library.mesh_units import list_units
-from rso_lidar.scene.library.model_index import is_mesh_path
-from rso_lidar.scene.meshes.components import format_count
+from rso_lidar.scene import Mesh, format_count, is_mesh_path, list_units, load_mesh
 from rso_lidar.studio.model.root_folder import Folder
 from rso_lidar.studio.model.text_assessment import check_file
 

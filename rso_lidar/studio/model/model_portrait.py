@@ -8,10 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from rso_lidar.motion import Fixed
-from rso_lidar.scenario import Target
-from rso_lidar.scenario.mission.target_surfaces import build_whole_surface
-from rso_lidar.scene.library.model_index import materials, model
-from rso_lidar.scene.surfaces.portrait import render_portrait
+from rso_lidar.scenario import Target, build_whole_surface
+from rso_lidar.scene import load_materials, model, render_portrait
 from rso_lidar.shipped import shipped
 
 _TOWARD, _UP = (1.0, 0.8, 0.7), (0.0, 0.0, 1.0)
@@ -32,7 +30,7 @@ def draw_portrait(name: str) -> bytes:
     target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
     surface = build_whole_surface(target, shipped, 1064e-9)
     seen = render_portrait(surface, _TOWARD, _UP, cells=_CELLS * _FINER)
-    of_part, known = model(name).parts, materials()
+    of_part, known = model(name).parts, load_materials()
     rgb = np.array([_find_colour(known.get(of_part.get(part, ""), {})) for part in surface.mesh.part_names])
     part = surface.part[np.maximum(seen.facet, 0)]
     image = np.zeros((*seen.facet.shape, 4))

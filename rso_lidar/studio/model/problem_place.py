@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part.toml_text import find_line, parse_toml
+from rso_lidar.part import find_line, parse_toml
 
 _PLACE = re.compile(r"([A-Za-z_][\w-]*(?:\[\d+\]|\.[\w-]+)*): ")
 

@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import RecordingError, RsoLidarError, ScenarioError
-from rso_lidar.export.reader.outside_data import check_self_contained
-from rso_lidar.export.reader.recording import Recording
-from rso_lidar.export.reader.status import RecordingStatus, read_status
+from rso_lidar.export import Recording, RecordingStatus, check_self_contained, read_status
 from rso_lidar.studio.model.root_folder import Folder
 
 RECORDINGS = (".h5", ".nc")

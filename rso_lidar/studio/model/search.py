@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.formats import parse_text, read_element_sets
-from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
+from rso_lidar.orbit import ElementSet, Omm, Tle, parse_text, read_element_sets
 
 _PASTED = "the pasted text"
 

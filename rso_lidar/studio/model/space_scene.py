@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.picture.frames.part_colours import choose_part_colours, count_parts, find_part_name
-from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, INTENSITY_RAMP, RANGE_RAMP, apply_ramp, ramp
-from rso_lidar.picture.style.palette import LIGHT, NO_RETURN, OTHER_PART, PARTS, Scheme, split_rgb
+from rso_lidar.picture import LIGHT, Scheme, choose_part_colours, colour_maps, count_parts, find_part_name, palette
 from rso_lidar.records import Frame
 from rso_lidar.studio.model.frame_image import choose_scale
 
@@ -141,18 +139,18 @@ def _colour_points(frame: Frame, colour: str) -> tuple[np.ndarray, dict[str, Any
         chosen = np.full(valid.shape, -1)
         indices = choose_part_colours(frame, kinds, np.argsort(-counts, kind="stable"), ())
         chosen[frame.labels.target >= 0] = indices[places.reshape(-1)] if len(kinds) else []
-        palette = [*PARTS, OTHER_PART, NO_RETURN]
-        words = {palette[c]: find_part_name(frame, *kind) for c, kind in zip(indices, kinds, strict=True)}
-        words |= {OTHER_PART: "more parts"} if OTHER_PART in words else {}
-        rgb = np.array([split_rgb(one) for one in palette])[chosen[valid]]
-        return rgb, {"title": "Part", "entries": [*words.items(), (NO_RETURN, "no target")]}
+        colours = [*palette.PARTS, palette.OTHER_PART, palette.NO_RETURN]
+        words = {colours[c]: find_part_name(frame, *kind) for c, kind in zip(indices, kinds, strict=True)}
+        words |= {palette.OTHER_PART: "more parts"} if palette.OTHER_PART in words else {}
+        rgb = np.array([palette.split_rgb(colour) for colour in colours])[chosen[valid]]
+        return rgb, {"title": "Part", "entries": [*words.items(), (palette.NO_RETURN, "no target")]}
     if colour == "probability" and prediction is not None:
-        title, low, high, name = "Probability of detection", "0", "1", AMOUNT_RAMP
-        rgb = apply_ramp(prediction.detection_probability[valid].astype(float), name, NO_RETURN)
+        title, low, high, name = "Probability of detection", "0", "1", colour_maps.AMOUNT_RAMP
+        rgb = colour_maps.apply_ramp(prediction.detection_probability[valid].astype(float), name, palette.NO_RETURN)
     elif colour == "intensity":
-        (title, low, high), name = scale.intensity_words, INTENSITY_RAMP
+        (title, low, high), name = scale.intensity_words, colour_maps.INTENSITY_RAMP
         rgb = scale.intensity_rgb(frame.intensity_counts[valid])
     else:
-        (title, low, high), name = scale.range_words, RANGE_RAMP
+        (title, low, high), name = scale.range_words, colour_maps.RANGE_RAMP
         rgb = scale.range_rgb(frame.range_m[valid], 0.0)
-    return rgb, {"title": title, "low": low, "high": high, "ramp": ramp(name)[::15].tolist()}
+    return rgb, {"title": title, "low": low, "high": high, "ramp": colour_maps.ramp(name)[::15].tolist()}

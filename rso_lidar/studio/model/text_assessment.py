@@ -8,13 +8,9 @@ from pathlib import Path
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, collect_warnings, suppress_warnings
 from rso_lidar.files import explain_unreadable
-from rso_lidar.part.toml_text import parse_toml
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.examples import iterate_texts
-from rso_lidar.scenario.mission.named_files import iterate_named_files, list_named_code
-from rso_lidar.scenario.tables.world import parse_frames
-from rso_lidar.scene.library.model_index import model
-from rso_lidar.scene.meshes.components import format_count
+from rso_lidar.part import parse_toml
+from rso_lidar.scenario import Scenario, iterate_named_files, iterate_texts, list_named_code, parse_frames
+from rso_lidar.scene import format_count, model
 from rso_lidar.shipped import find, is_shipped
 from rso_lidar.studio.model.problem_place import locate_problem
 from rso_lidar.studio.model.root_folder import Folder

@@ -8,7 +8,7 @@ import tomllib
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part.toml_text import parse_toml, split_place
+from rso_lidar.part import parse_toml, split_place
 
 _Steps = tuple[str | int, ...]
 

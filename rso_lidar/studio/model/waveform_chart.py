@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.picture.style.palette import Scheme
+from rso_lidar.picture import Scheme
 
 _LEGEND_PX, _ROW_PX = 42, 13  # heights of the legend's two rows, and of a row of labels
 

@@ -9,7 +9,7 @@ from typing import Any
 from nicegui import events, run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.part.toml_text import split_place
+from rso_lidar.part import split_place
 from rso_lidar.scenario import Scenario
 from rso_lidar.studio.model.form_fields import FieldForm, find_field, find_part, iterate_tables, list_fields
 from rso_lidar.studio.model.text_assessment import describe

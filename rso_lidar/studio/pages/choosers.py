@@ -10,13 +10,11 @@ from typing import Any
 import fastapi
 from nicegui import run, ui
 
-from rso_lidar.mission_analysis.models.material_list import list_materials
+from rso_lidar.mission_analysis import list_materials
 from rso_lidar.orbit import Omm, Tle
 from rso_lidar.part import Part
-from rso_lidar.scenario import Lidar, Target
-from rso_lidar.scenario.tables.presets import load_presets
-from rso_lidar.scene import Lambertian
-from rso_lidar.scene.library.model_index import models
+from rso_lidar.scenario import Lidar, Target, load_presets
+from rso_lidar.scene import Lambertian, models
 from rso_lidar.shipped import shipped
 from rso_lidar.studio.model.mesh_sizes import list_mesh_sizes, list_mesh_targets
 from rso_lidar.studio.model.model_portrait import draw_portrait

@@ -7,8 +7,8 @@ from typing import Any
 
 from nicegui import run, ui
 
-from rso_lidar.export.reader.recording import Recording
-from rso_lidar.picture.style.palette import DARK, LIGHT, Scheme
+from rso_lidar.export import Recording
+from rso_lidar.picture import DARK, LIGHT, Scheme
 from rso_lidar.studio.model.frame_drawing import DrawnFrame, draw_recorded_frame
 from rso_lidar.studio.model.frame_image import IMAGE_SIZE
 from rso_lidar.studio.model.recording_list import open_recording

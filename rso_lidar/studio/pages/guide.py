@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from rso_lidar.scenario.examples import find_examples
+from rso_lidar.scenario import find_examples
 from rso_lidar.studio.pages.elements import draw_button, mark, tell_errors
 from rso_lidar.studio.state import BrowserTab
 

@@ -9,7 +9,7 @@ from typing import Any
 from nicegui import run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.scenario.examples import SHORTEST, find_companions, find_examples, summarize_example
+from rso_lidar.scenario import SHORTEST_EXAMPLE, find_companions, find_examples, summarize_example
 from rso_lidar.studio.document import EditConflictError, list_documents
 from rso_lidar.studio.model.file_summary import KINDS, MESHES
 from rso_lidar.studio.pages.choosers import choose_unit
@@ -97,7 +97,11 @@ def _open_templates(tab: BrowserTab) -> None:
 
     texts = {name: (path.read_text(encoding="utf-8"), path) for name, path in find_examples().items()}
     rows = [(name, summarize_example(text), partial(take, text, path)) for name, (text, path) in texts.items()]
-    empty = ("empty", "The keys that a scenario must have, and a plate 300 m away.", partial(take, SHORTEST, None))
+    empty = (
+        "empty",
+        "The keys that a scenario must have, and a plate 300 m away.",
+        partial(take, SHORTEST_EXAMPLE, None),
+    )
     with open_dialog("New scenario from an example", "w-[720px]") as dialog:
         draw_list([empty, *rows], "template")
 

@@ -14,7 +14,7 @@ import fastapi
 from nicegui import run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.export.registry import FORMATS
+from rso_lidar.export import FORMATS
 from rso_lidar.studio.job_queue import KINDS, Job, JobRequest
 from rso_lidar.studio.model.recording_list import RECORDINGS
 from rso_lidar.studio.model.text_assessment import estimate_run

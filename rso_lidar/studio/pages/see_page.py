@@ -13,8 +13,7 @@ import fastapi
 from nicegui import events, run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.mission_analysis.time_history.pixel_summary import report_pixel
-from rso_lidar.mission_analysis.time_history.scenario_figures import FIGURES, draw_figure
+from rso_lidar.mission_analysis import SCENARIO_FIGURES, draw_figure, report_pixel
 from rso_lidar.picture import DARK, LIGHT
 from rso_lidar.records import Frame
 from rso_lidar.studio.model.flight import PreviewFlight
@@ -112,7 +111,12 @@ class SeePage:
         self.spinner.set_visibility(False)
 
     def _draw_right(self) -> None:
-        names = {"image": "Image", "cloud": "Point cloud", **{k: k.capitalize() for k in FIGURES}, "text": "Text"}
+        names = {
+            "image": "Image",
+            "cloud": "Point cloud",
+            **{k: k.capitalize() for k in SCENARIO_FIGURES},
+            "text": "Text",
+        }
         with ui.tabs(on_change=self.request).props("dense no-caps align=left inline-label") as self.tabs:
             for name, label in names.items():
                 mark(ui.tab(name, label=label), f"show-{name}")
@@ -126,7 +130,7 @@ class SeePage:
                     self.colour = ui.select(colours, value="range", label="Colour", on_change=ask).props("dense")
                     self.cloud_axes = ui.select(["lidar"], value="lidar", label="Axes", on_change=ask).props("dense")
                 self.cloud = SpaceView("Point cloud", f"/studio/see/{self.key}/").classes("w-full studio-cloud")
-            for name in FIGURES:
+            for name in SCENARIO_FIGURES:
                 with ui.tab_panel(name):
                     self.pictures[name] = ui.image().props(f'alt="{name} of the scenario" fit=contain no-transition')
                     self.pictures[name].tooltip("A click opens it alone").on("click", js_handler=_OPEN_PICTURE)
@@ -273,7 +277,7 @@ class SeePage:
         scene = await self._work(lambda: VIEWS[view](flight, row, scheme).pack())
         self.space.show(self._put("space", scene, "application/octet-stream"))
         self.when.text = flight.describe_moment(row)
-        if shown in FIGURES:
+        if shown in SCENARIO_FIGURES:
             if (shown, scheme) not in self.drawn:
                 self.note.text = "Drawing."
                 self.drawn.add((shown, scheme))

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar.rpo.dispersed.nominal_flight import NominalFlight
-from rso_lidar.rpo.flown.held_thrust import HeldThrustErrors
-from rso_lidar.rpo.flown.thrusters import NavigationErrors
-from rso_lidar.rpo.navigation.filter_bank import ORBIT, THRUST, FilterBank, apply_matrix
-from rso_lidar.rpo.relative.deviation_flow import DeviationFlow
+from rso_lidar.rpo import (
+    ORBIT,
+    THRUST,
+    DeviationFlow,
+    FilterBank,
+    HeldThrustErrors,
+    NavigationErrors,
+    NominalFlight,
+    apply_matrix,
+)
 from rso_lidar.study.dispersions.filter_nodes import FilterNodes
 
 _WEAK = 1e-3  # share of the strongest direction below which a component of the aim cannot be commanded

@@ -14,13 +14,12 @@ import numpy as np
 
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.motion.motions.motion import chief_of, has_orbit
-from rso_lidar.picture.style.output import save_figure_or_table
-from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.motion import chief_of, has_orbit
+from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.study.dispersions.dispersion_figure import dispersion_figure
-from rso_lidar.study.dispersions.kept_runs import identify, read_blocks, write_blocks
+from rso_lidar.study.dispersions.kept_runs import identify_runs, read_blocks, write_blocks
 from rso_lidar.study.dispersions.linear_dispersion import SOURCES, TARGET
 from rso_lidar.study.dispersions.mission_disperser import BLOCK, Block, MissionDisperser
 
@@ -224,7 +223,7 @@ def disperse(
     executor : in the manner of `concurrent.futures`, which flies blocks of runs in place of `workers`: a pool of threads or
         processes, or ``client.get_executor()`` of dask. It changes no result.
     working : file in which finished runs are kept; an interrupted study, or one of fewer runs, continues from it. Its name
-        is extended by eight hex digits that identify the scenario.
+        is extended by eight hex digits that identify_runs the scenario.
     on_runs : called with the number of finished runs and that of all, at the start and after each block
 
     Returns
@@ -247,7 +246,7 @@ def disperse(
             "executor: needs an Executor of concurrent.futures, or client.get_executor() of dask, and no workers"
         )
     made = MissionDisperser(scenario, _find_target(scenario, target))
-    kept = None if working is None else Path(f"{working}.{identify(scenario, made.target)}.npz")
+    kept = None if working is None else Path(f"{working}.{identify_runs(scenario, made.target)}.npz")
     blocks = read_blocks(kept) if kept is not None else {}
     tell = on_runs or (lambda done, count: None)
     wanted = list(range(0, runs, BLOCK))

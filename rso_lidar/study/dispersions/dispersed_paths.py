@@ -9,9 +9,7 @@ from functools import partial
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.rpo.flown.thrusters import NavigationErrors
-from rso_lidar.rpo.navigation.filter_bank import FilterBank, apply_matrix, find_nees
-from rso_lidar.rpo.relative.deviation_flow import Push
+from rso_lidar.rpo import FilterBank, NavigationErrors, Push, apply_matrix, find_nees
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.filter_nodes import find_burn_covariance
 from rso_lidar.study.dispersions.linear_dispersion import LinearDispersion, find_linear_dispersion, list_sources

@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import (
-    LINE_PT,
-    TEXT_PT,
-    THICK_PT,
-    THIN_PT,
-    format_thousands,
-    new_figure,
-    style_axes,
-)
-from rso_lidar.picture.style.palette import BLUE, GREEN, INK, ORANGE, QUIET, RED, SHADE
+from rso_lidar.picture import figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,34 +36,40 @@ def dispersion_figure(
     note = f"{count:,} runs about {target}   ·   shaded: 95 % of the runs   ·   dashed: 95 % by linear covariance"
     note += "   ·   orange: 95 % of the filter's errors" if "nees" in tubes else ""
     has_filter = "nees" in tubes
-    figure = new_figure(9.6, 12.0 if has_filter else 9.2, title or "Dispersions", note)
+    figure = figures.new_figure(9.6, 12.0 if has_filter else 9.2, title or "Dispersions", note)
     plots = figure.subplots(4 if has_filter else 3, 2)
     unit, word = (3600.0, "h") if tubes["time_s"][-1] > 20_000.0 else (1.0, "s")
     time = tubes["time_s"] / unit
     for axes, (axis, name) in zip(plots.flat, _NAMES.items(), strict=False):
         middle = tubes[f"{axis}_m"]
         low, high = (tubes[f"{axis}_p{level}_m"] - middle for level in ("2.5", "97.5"))
-        axes.fill_between(time, low, high, color=BLUE, alpha=0.25, lw=0)
+        axes.fill_between(time, low, high, color=palette.BLUE, alpha=0.25, lw=0)
         for sign in (-1.0, 1.0):
-            axes.plot(time, sign * _TWO_SIGMA * tubes[f"{axis}_linear_sigma_m"], color=INK, lw=THIN_PT, ls=(0, (4, 3)))
+            axes.plot(
+                time,
+                sign * _TWO_SIGMA * tubes[f"{axis}_linear_sigma_m"],
+                color=palette.INK,
+                lw=figures.THIN_PT,
+                ls=(0, (4, 3)),
+            )
         _draw_knowledge(axes, time, tubes, axis)
         _spread_scale(axes, tubes[f"{axis}_linear_sigma_m"])
-        style_axes(axes, x=f"Time [{word}]", y=f"{name} deviation [m]")
+        figures.style_axes(axes, x=f"Time [{word}]", y=f"{name} deviation [m]")
     axes = plots.flat[3]
-    axes.fill_between(time, tubes["range_p2.5_m"], tubes["range_p97.5_m"], color=BLUE, alpha=0.25, lw=0)
-    axes.plot(time, tubes["range_p50_m"], color=BLUE, lw=LINE_PT)
+    axes.fill_between(time, tubes["range_p2.5_m"], tubes["range_p97.5_m"], color=palette.BLUE, alpha=0.25, lw=0)
+    axes.plot(time, tubes["range_p50_m"], color=palette.BLUE, lw=figures.LINE_PT)
     axes.set_yscale("log")
-    style_axes(axes, x=f"Time [{word}]", y="Range [m]")
+    figures.style_axes(axes, x=f"Time [{word}]", y="Range [m]")
     _draw_nearest(plots.flat[4], table, keep_out_m, hard_body_radius_m)
     axes = plots.flat[5]
-    axes.plot(time, tubes["detected_probability"], color=GREEN, lw=THICK_PT)
+    axes.plot(time, tubes["detected_probability"], color=palette.GREEN, lw=figures.THICK_PT)
     axes.set_ylim(-0.03, 1.03)
-    style_axes(axes, x=f"Time [{word}]", y="P(detected by then)")
+    figures.style_axes(axes, x=f"Time [{word}]", y="P(detected by then)")
     if has_filter:
         _draw_filter(plots.flat[6], time, tubes, word)
         _draw_nees(plots.flat[7], time, tubes, word)
     for axes in plots.flat:
-        format_thousands(axes.xaxis)
+        figures.format_thousands(axes.xaxis)
     figure.align_ylabels(plots)
     return figure
 
@@ -90,9 +87,11 @@ def _draw_knowledge(axes: Axes, time: np.ndarray, tubes: Table, axis: str) -> No
     if "nees" not in tubes:
         return
     for sign in (-1.0, 1.0):
-        axes.plot(time, sign * _TWO_SIGMA * tubes[f"{axis}_knowledge_sigma_m"], color=ORANGE, lw=LINE_PT)
+        axes.plot(
+            time, sign * _TWO_SIGMA * tubes[f"{axis}_knowledge_sigma_m"], color=palette.ORANGE, lw=figures.LINE_PT
+        )
         stated = sign * _TWO_SIGMA * tubes[f"{axis}_filter_sigma_m"]
-        axes.plot(time, stated, color=ORANGE, lw=THIN_PT, ls=(0, (1, 2)))
+        axes.plot(time, stated, color=palette.ORANGE, lw=figures.THIN_PT, ls=(0, (1, 2)))
 
 
 def _draw_filter(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
@@ -105,12 +104,12 @@ def _draw_filter(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
     tubes : columns over time
     word : unit of time
     """
-    for (axis, name), colour in zip(_NAMES.items(), (BLUE, ORANGE, GREEN), strict=True):
-        axes.plot(time, tubes[f"{axis}_knowledge_sigma_m"], color=colour, lw=LINE_PT, label=name)
-        axes.plot(time, tubes[f"{axis}_filter_sigma_m"], color=colour, lw=THIN_PT, ls=(0, (1, 2)))
+    for (axis, name), colour in zip(_NAMES.items(), (palette.BLUE, palette.ORANGE, palette.GREEN), strict=True):
+        axes.plot(time, tubes[f"{axis}_knowledge_sigma_m"], color=colour, lw=figures.LINE_PT, label=name)
+        axes.plot(time, tubes[f"{axis}_filter_sigma_m"], color=colour, lw=figures.THIN_PT, ls=(0, (1, 2)))
     axes.set_yscale("log")
-    axes.legend(fontsize=TEXT_PT, frameon=False, labelcolor=QUIET, loc="upper right")
-    style_axes(axes, x=f"Time [{word}]", y="Filter's error, one sigma [m]")
+    axes.legend(fontsize=figures.TEXT_PT, frameon=False, labelcolor=palette.QUIET, loc="upper right")
+    figures.style_axes(axes, x=f"Time [{word}]", y="Filter's error, one sigma [m]")
 
 
 def _draw_nees(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
@@ -123,10 +122,10 @@ def _draw_nees(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
     tubes : columns over time
     word : unit of time
     """
-    axes.axhline(_STATES, color=INK, lw=THIN_PT, ls=(0, (4, 3)))
-    axes.plot(time, tubes["nees"], color=BLUE, lw=LINE_PT)
+    axes.axhline(_STATES, color=palette.INK, lw=figures.THIN_PT, ls=(0, (4, 3)))
+    axes.plot(time, tubes["nees"], color=palette.BLUE, lw=figures.LINE_PT)
     axes.set_ylim(0.0, max(2.0 * _STATES, 1.1 * float(tubes["nees"].max())))
-    style_axes(axes, x=f"Time [{word}]", y="Mean NEES of the filters")
+    figures.style_axes(axes, x=f"Time [{word}]", y="Mean NEES of the filters")
 
 
 def _spread_scale(axes: Axes, sigma_m: np.ndarray) -> None:
@@ -147,14 +146,19 @@ def _draw_nearest(axes: Axes, table: Table, keep_out_m: float, hard_body_radius_
     """
     nearest = np.sort(table["nearest_m"])
     share = (np.arange(len(nearest)) + 1.0) / len(nearest)
-    axes.step(nearest, share, where="post", color=BLUE, lw=THICK_PT)
-    for limit_m, colour, word in ((hard_body_radius_m, RED, "collision"), (keep_out_m, ORANGE, "keep-out")):
+    axes.step(nearest, share, where="post", color=palette.BLUE, lw=figures.THICK_PT)
+    for limit_m, colour, word in (
+        (hard_body_radius_m, palette.RED, "collision"),
+        (keep_out_m, palette.ORANGE, "keep-out"),
+    ):
         if limit_m > 0.0:
-            axes.axvline(limit_m, color=colour, lw=LINE_PT)
-            axes.text(limit_m, 0.97, f" {word}", color=colour, fontsize=TEXT_PT, va="top", rotation=90, ha="right")
+            axes.axvline(limit_m, color=colour, lw=figures.LINE_PT)
+            axes.text(
+                limit_m, 0.97, f" {word}", color=colour, fontsize=figures.TEXT_PT, va="top", rotation=90, ha="right"
+            )
     axes.set_xlim(left=0.0)
     axes.set_ylim(-0.03, 1.03)
     axes.set_facecolor("none")
-    axes.grid(color=SHADE)
-    style_axes(axes, x="Nearest approach [m]", y="Share of the runs")
-    axes.tick_params(colors=QUIET)
+    axes.grid(color=palette.SHADE)
+    figures.style_axes(axes, x="Nearest approach [m]", y="Share of the runs")
+    axes.tick_params(colors=palette.QUIET)

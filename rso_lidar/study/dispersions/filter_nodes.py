@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.rpo.dispersed.nominal_flight import NominalFlight
-from rso_lidar.rpo.flown.thrusters import Thrusters
-from rso_lidar.rpo.navigation.filter_bank import FilterBank, ScalarUpdate
-from rso_lidar.rpo.navigation.navigation_sensors import find_clear_views
-from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
+from rso_lidar.orbit import Epochs
+from rso_lidar.rpo import FilterBank, NominalFlight, RelativeFilter, ScalarUpdate, Thrusters, find_clear_views
 
 PER_SENSOR = 3  # standard normal numbers of a measurement
 _TIE_S = 1e-6

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.rpo.flown.thrusters import NavigationErrors
-from rso_lidar.rpo.navigation.filter_bank import ORBIT, THRUST, FilterBank
+from rso_lidar.rpo import ORBIT, THRUST, FilterBank, NavigationErrors
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 
 SOURCES = ("start", "burns", "navigation")

@@ -11,11 +11,9 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import suppress_warnings
-from rso_lidar.motion import proximity
-from rso_lidar.motion.truth import Chief, truth
+from rso_lidar.motion import Chief, find_nominal_flight, truth
 from rso_lidar.orbit import Epochs
-from rso_lidar.rpo import NavigationErrors
-from rso_lidar.rpo.plans.keep_out import KeepOutSphere
+from rso_lidar.rpo import KeepOutSphere, NavigationErrors
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.dispersed_paths import DispersedPaths, Disperser
@@ -64,7 +62,7 @@ class MissionDisperser:
         """The flight that is dispersed."""
         bodies, start_utc = self.scenario.bodies, self.scenario.time.start_utc
         with self.scenario.locate_errors(), suppress_warnings():
-            found = proximity.find_nominal_flight(bodies[-1], bodies, start_utc, self.target, float(self.sample_s[-1]))
+            found = find_nominal_flight(bodies[-1], bodies, start_utc, self.target, float(self.sample_s[-1]))
             found = replace(
                 found,
                 thrusters=self.dispersion.thrusters or found.thrusters,

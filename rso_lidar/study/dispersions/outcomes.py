@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rso_lidar.mission_analysis.budgets.range_budget import budget
-from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scenario.preview.geometry import is_in_field, place_hull, preview_mission
+from rso_lidar.mission_analysis import budget
+from rso_lidar.scenario import Lidar, Scenario, is_in_field, place_hull, preview_mission
 
 _RANGES = 160  # of a link budget, between which detection is interpolated
 _MOST_LENSES = 24  # budgets for lenses of a schedule; the nearest in time serves between

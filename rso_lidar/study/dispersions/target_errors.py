@@ -6,10 +6,9 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import add_place, suppress_warnings
-from rso_lidar.mission_analysis.passes.set_errors import estimate_set_errors
-from rso_lidar.motion.truth import Chief
-from rso_lidar.orbit import Catalog, Epochs
-from rso_lidar.orbit.sets.selection import select_object
+from rso_lidar.mission_analysis import estimate_set_errors
+from rso_lidar.motion import Chief
+from rso_lidar.orbit import Catalog, Epochs, select_object
 from rso_lidar.pose import skew
 from rso_lidar.rpo import rtn_matrix
 from rso_lidar.scenario import Dispersion, ElementSetErrors, Scenario, StateErrors, TargetErrors

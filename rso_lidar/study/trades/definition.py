@@ -15,8 +15,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.files import expand_user
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.validation import FilePart
+from rso_lidar.scenario import FilePart, Scenario
 from rso_lidar.study.trades.merits import MERITS, list_evaluated
 
 MOST_ROWS = 100_000  # of a table; its report holds them all

@@ -17,12 +17,12 @@ import numpy as np
 
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.files import advise_on_write, hold_lock
-from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture import LIGHT, Scheme
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
-from rso_lidar.scene.library.model_index import own_models
+from rso_lidar.scene import own_models
 from rso_lidar.study.trades.definition import Axis, Study, write_toml_value
-from rso_lidar.study.trades.plan import Row, TradePlan, make_plan
+from rso_lidar.study.trades.plan import Row, TradePlan, make_trade_plan
 from rso_lidar.study.trades.report import save_trade
 from rso_lidar.study.trades.results import TradeTable
 
@@ -204,7 +204,7 @@ def trade(
         raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
     asked = study if isinstance(study, Study) else Study.load(study)
     threads = 1 if workers is not None and workers > 1 else None
-    plan, base = make_plan(asked, threads, trust_code=trust_code, trust_fmu=trust_fmu)
+    plan, base = make_trade_plan(asked, threads, trust_code=trust_code, trust_fmu=trust_fmu)
     tell = on_row or (lambda done, count: None)
     known: dict[int, Row] = {}
     if working is None:

@@ -12,15 +12,11 @@ from typing import Any, Literal
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.evaluation.track_quality.evaluation import tracking
-from rso_lidar.mission_analysis.time_history.open_loop import fly_open_loop
-from rso_lidar.mission_analysis.time_history.timeline import in_field_fraction
-from rso_lidar.records import Frame
-from rso_lidar.records.viewing_geometry import compute_viewing_geometry
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.preview.returns import cast_target
-from rso_lidar.scenario.preview.whole_target import find_probability
-from rso_lidar.simulation.run import simulate
+from rso_lidar.evaluation import tracking
+from rso_lidar.mission_analysis import fly_open_loop, in_field_fraction
+from rso_lidar.records import Frame, compute_viewing_geometry
+from rso_lidar.scenario import Scenario, cast_target, find_probability
+from rso_lidar.simulation import simulate
 from rso_lidar.study.trades.run_sums import RunSums
 
 _ONE_SIGMA = math.erf(math.sqrt(0.5))  # share of a normal distribution within one standard deviation

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import FieldError, RsoLidarError, RunError, ScenarioError, SettingError, suppress_warnings
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.validation import read_toml
+from rso_lidar.scenario import Scenario, read_toml
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.merits import evaluate
 from rso_lidar.study.trades.sampling import list_points, list_settings
@@ -68,7 +67,7 @@ class TradePlan:
         return {"row": number, "seed": seed, "merits": merits, "error": why}
 
 
-def make_plan(
+def make_trade_plan(
     study: Study, threads: int | None = None, *, trust_code: bool = False, trust_fmu: bool = False
 ) -> tuple[TradePlan, Scenario]:
     """Make the plan of a study and load its scenario, after a check of every field that changes.

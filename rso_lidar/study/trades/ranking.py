@@ -70,7 +70,7 @@ def choose_pictured(trade: TradeTable) -> list[tuple[int, str]]:
     return [(int(points[place]), f"{name}: {why}") for place, why in zip(places, ranks, strict=False)]
 
 
-def summarize(trade: TradeTable) -> list[str]:
+def summarize_trade(trade: TradeTable) -> list[str]:
     """Summarize a trade study in a few lines: the number of runs, and the best point by each figure of merit."""
     study = trade.study
     failed = int(np.sum(trade.table["error"] != ""))

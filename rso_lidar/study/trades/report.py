@@ -12,14 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, suppress_warnings
-from rso_lidar.export.formats.parquet import check_parquet, write_parquet
+from rso_lidar.export import check_parquet, write_parquet
 from rso_lidar.files import write_atomically, write_columns
-from rso_lidar.picture.frames.frame import frame_figure
-from rso_lidar.picture.frames.part_colours import parts_in_order
-from rso_lidar.picture.style.html_page import embed_figure, write_page, write_table
-from rso_lidar.picture.style.palette import LIGHT, Scheme
+from rso_lidar.picture import LIGHT, Scheme, embed_figure, frame_figure, parts_in_order, write_page, write_table
 from rso_lidar.records import Frame
-from rso_lidar.simulation.run import simulate
+from rso_lidar.simulation import simulate
 from rso_lidar.study.trades.definition import Axis, Grid, write_toml_value
 from rso_lidar.study.trades.merits import DETECTION, MERITS
 from rso_lidar.study.trades.ranking import (
@@ -37,7 +34,7 @@ from rso_lidar.study.trades.ranking import (
 from rso_lidar.study.trades.results import TradeTable
 from rso_lidar.study.trades.trade_figures import Quantity, against_figure, effects_figure, format_value, maps_figure
 
-SUFFIXES = (".csv", ".parquet", ".html")
+TRADE_SUFFIXES = (".csv", ".parquet", ".html")
 _LISTED = 12  # greatest number of rows in a table of points
 _MOST_ERRORS = 10
 _DECADES = 30.0  # greatest over least value from which the scale of a figure of merit is logarithmic
@@ -64,11 +61,13 @@ def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
         with write_atomically(place) as draft:
             draft.write_text(text, encoding="utf-8")
         return place
-    guess = did_you_mean(suffix, SUFFIXES)
-    raise ScenarioError(f"{place}: a trade is not written as '{place.suffix}'{guess} (known: {', '.join(SUFFIXES)})")
+    guess = did_you_mean(suffix, TRADE_SUFFIXES)
+    raise ScenarioError(
+        f"{place}: a trade is not written as '{place.suffix}'{guess} (known: {', '.join(TRADE_SUFFIXES)})"
+    )
 
 
-def check_formats(places: Sequence[Path]) -> None:
+def check_trade_formats(places: Sequence[Path]) -> None:
     """Raise an error for paths whose format requires a library that is not installed."""
     for place in places:
         if place.suffix.lower() == ".parquet":

@@ -11,19 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP
-from rso_lidar.picture.style.figures import (
-    HAIR_PT,
-    SMALL_PT,
-    TEXT_PT,
-    THICK_PT,
-    new_figure,
-    shorten,
-    style_axes,
-    style_bar,
-    use_minus_sign,
-)
-from rso_lidar.picture.style.palette import BLUE, INK, NO_RETURN, QUIET, SKY, choose_ink
+from rso_lidar.picture import colour_maps, figures, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +23,7 @@ _BINS = 8  # most bins of an axis with many values
 _OF_A_BIN, _FEWEST_BINS = 5, 3  # fewest values in a bin, and fewest bins, for a line
 _MOST_LEVELS = 24  # most distinct values of an axis that are treated as levels
 _HEAD_IN = 0.75
-_HOLLOW: dict[str, Any] = {"mfc": "none", "mec": QUIET, "ms": 4.0, "mew": 0.7}
+_HOLLOW: dict[str, Any] = {"mfc": "none", "mec": palette.QUIET, "ms": 4.0, "mew": 0.7}
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,14 +80,14 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
         "   ·   hollow: too little detected to be ranked" if np.any(np.isfinite(merit.values) & ~merit.ranked) else ""
     )
     note = f"{better} is better   ·   one dot per run{line}; the spread comes from the other axes{held}"
-    figure = new_figure(_width_in(columns), _HEAD_IN + 2.9 * rows, merit.name, note)
+    figure = figures.new_figure(_width_in(columns), _HEAD_IN + 2.9 * rows, merit.name, note)
     panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
     for axes, axis, points in zip(panels.flat, along, lines, strict=False):
         _draw_effect(axes, axis, merit, points)
     for axes in panels.flat[len(along) :]:
         axes.set_axis_off()
     for row in panels:
-        row[0].set_ylabel(merit.name, fontsize=TEXT_PT, color=QUIET)
+        row[0].set_ylabel(merit.name, fontsize=figures.TEXT_PT, color=palette.QUIET)
     return figure
 
 
@@ -118,10 +106,10 @@ def _draw_effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray
     place = axis.values if axis.numeric else which.astype(float)
     if held.any():
         axes.plot(place[held], merit.values[held], "o", **_HOLLOW)
-    axes.plot(place[known], merit.values[known], "o", color=SKY, ms=4.5, alpha=0.6, mew=0)
+    axes.plot(place[known], merit.values[known], "o", color=palette.SKY, ms=4.5, alpha=0.6, mew=0)
     if len(points):
-        axes.plot(*points.T, "o-", color=BLUE, lw=THICK_PT, ms=4)
-    style_axes(axes, x=_wrap(axis.name))
+        axes.plot(*points.T, "o-", color=palette.BLUE, lw=figures.THICK_PT, ms=4)
+    figures.style_axes(axes, x=_wrap(axis.name))
     _scale_axis(axes, axis, levels)
     if np.isfinite(merit.values).any():
         _set_limits(axes, merit)
@@ -220,7 +208,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     columns = _columns(len(pairs))
     rows = math.ceil(len(pairs) / columns)
     note = f"{better} is better   ·   the mean of the ranked runs that share both values   ·   dark: none"
-    figure = new_figure(
+    figure = figures.new_figure(
         _width_in(columns),
         _HEAD_IN + 3.2 * rows,
         merit.name,
@@ -230,11 +218,13 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     norm: Any = (
         LogNorm(low, high) if merit.log and high > low > 0.0 else Normalize(low, high if high > low else low + 1.0)
     )
-    colours = matplotlib.colormaps[AMOUNT_RAMP if better == "more" else f"{AMOUNT_RAMP}_r"].with_extremes(bad=NO_RETURN)
+    colours = matplotlib.colormaps[
+        colour_maps.AMOUNT_RAMP if better == "more" else f"{colour_maps.AMOUNT_RAMP}_r"
+    ].with_extremes(bad=palette.NO_RETURN)
     drawn: Any = None
     for axes, (one, other), table in zip(panels.flat, pairs, tables, strict=False):
         drawn = axes.imshow(np.ma.masked_invalid(table), origin="lower", aspect="auto", norm=norm, cmap=colours)
-        style_axes(axes, x=_wrap(other.name), y=_wrap(one.name, 30))
+        figures.style_axes(axes, x=_wrap(other.name), y=_wrap(one.name, 30))
         axes.grid(False)
         for put, axis in ((axes.set_xticks, other), (axes.set_yticks, one)):
             levels = axis.levels()[0]
@@ -244,7 +234,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     for axes in panels.flat[len(pairs) :]:
         axes.set_axis_off()
     bar = figure.colorbar(drawn, ax=panels, shrink=0.85, aspect=30, pad=0.015)
-    style_bar(bar)
+    figures.style_bar(bar)
     return figure
 
 
@@ -276,8 +266,8 @@ def _mark_cells(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
     """
     for (row, col), value in np.ndenumerate(table):
         if np.isfinite(value):
-            ink = choose_ink(colours(norm(value))[:3])
-            axes.text(col, row, format_value(value, 3), ha="center", va="center", fontsize=SMALL_PT, color=ink)
+            ink = palette.choose_ink(colours(norm(value))[:3])
+            axes.text(col, row, format_value(value, 3), ha="center", va="center", fontsize=figures.SMALL_PT, color=ink)
 
 
 def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quantity, best: np.ndarray) -> Figure | None:
@@ -299,7 +289,7 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
     rows = math.ceil(len(others) / columns)
     hollow = any(np.any(np.isfinite(one.values) & ~one.ranked) for one in merits)
     held = "   ·   hollow: not ranked" if hollow else ""
-    figure = new_figure(
+    figure = figures.new_figure(
         _width_in(columns),
         _HEAD_IN + 2.9 * rows,
         f"What {merits[0].name[0].lower()}{merits[0].name[1:]} costs",
@@ -318,15 +308,15 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
             merits[0].values[ranked],
             other.values[ranked],
             c=shade[ranked],
-            cmap=AMOUNT_RAMP,
+            cmap=colour_maps.AMOUNT_RAMP,
             s=20,
-            lw=HAIR_PT,
-            edgecolors=QUIET,
+            lw=figures.HAIR_PT,
+            edgecolors=palette.QUIET,
             vmin=shade.min(),
             vmax=shade.max(),
         )
-        axes.plot(merits[0].values[best], other.values[best], "o", mfc="none", mec=INK, ms=8, mew=0.9)
-        style_axes(axes, x=f"{merits[0].name} ({better[0]} is better)", y=f"{other.name}\n({word} is better)")
+        axes.plot(merits[0].values[best], other.values[best], "o", mfc="none", mec=palette.INK, ms=8, mew=0.9)
+        figures.style_axes(axes, x=f"{merits[0].name} ({better[0]} is better)", y=f"{other.name}\n({word} is better)")
         if np.isfinite(other.values).any():
             _set_limits(axes, other)
         if merits[0].log:
@@ -341,7 +331,7 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
         bar.set_ticklabels([format_value(x) if by.numeric else _label_level(str(x)) for x in levels])
     elif by.log:
         bar.ax.yaxis.set_major_formatter(lambda value, _: format_value(10.0**value))
-    style_bar(bar)
+    figures.style_bar(bar)
     return figure
 
 
@@ -354,7 +344,7 @@ def format_value(value: float, digits: int = 4) -> str:
     if not math.isfinite(value):
         return "–"
     rounded = float(f"{value:.{digits}g}")
-    return use_minus_sign(f"{rounded:,.{digits}g}" if abs(rounded) < 10**digits else f"{rounded:,.0f}")
+    return figures.use_minus_sign(f"{rounded:,.{digits}g}" if abs(rounded) < 10**digits else f"{rounded:,.0f}")
 
 
 def _width_in(columns: int) -> float:
@@ -371,7 +361,7 @@ def _label_level(text: str) -> str:
     """Make a tick label of a level; of a table only the values are kept."""
     if text.startswith("{"):
         text = re.sub(r"[\w-]+ = ", "", text).strip("{ }").replace('"', "").replace(",", "")
-    return shorten(text, 18)
+    return figures.shorten(text, 18)
 
 
 def _wrap(name: str, width: int = 38) -> str:

@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import ScenarioError, did_you_mean, suppress_warnings
-from rso_lidar.mission_analysis.budgets.finding_range import find_range
-from rso_lidar.mission_analysis.budgets.range_budget import Budget, budget
-from rso_lidar.mission_analysis.mission_parameters.parameter_table import ParameterTable, list_parameters
-from rso_lidar.mission_analysis.time_history.timeline import Timeline, timeline
+from rso_lidar.mission_analysis import Budget, ParameterTable, Timeline, budget, find_range, list_parameters, timeline
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.trades.merits import evaluate
 from rso_lidar.study.verification.quantities import STATISTICS

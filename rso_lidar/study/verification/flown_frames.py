@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
-from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
-from rso_lidar.evaluation.track_quality.evaluation import tracking
-from rso_lidar.mission_analysis.time_history.open_loop import fly_open_loop
-from rso_lidar.records import Frame
-from rso_lidar.records.viewing_geometry import compute_viewing_geometry
+from rso_lidar.evaluation import load_scenario, tracking
+from rso_lidar.mission_analysis import fly_open_loop
+from rso_lidar.records import Frame, compute_viewing_geometry
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation.run import simulate
+from rso_lidar.simulation import simulate
 from rso_lidar.study.trades.merits import CountedFrames, bounding_diagonal_m
 from rso_lidar.study.trades.run_sums import FrameSums, sum_frame
 from rso_lidar.study.verification.requirements_file import Requirement

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from rso_lidar.files import check_writable, write_text
 from rso_lidar.study.verification.requirements_file import Requirement
 
-SUFFIXES = (".csv", ".json")
+VERIFICATION_SUFFIXES = (".csv", ".json")
 Verdict = Literal["met", "not met", "not shown"]
 _COLUMNS = (
     "id", "quantity", "unit", "at_least", "at_most", "value", "confidence", "low", "high", "margin", "verdict", "sample",
@@ -141,7 +141,7 @@ class VerificationMatrix:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        place = check_writable(path, SUFFIXES, overwrite=overwrite)
+        place = check_writable(path, VERIFICATION_SUFFIXES, overwrite=overwrite)
         text = self.json_text() if place.suffix.lower() == ".json" else self.csv_text()
         return write_text(place, text, overwrite=overwrite)
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from rso_lidar.errors import did_you_mean
-from rso_lidar.mission_analysis.budgets.range_budget import COLUMNS as BUDGET_COLUMNS
+from rso_lidar.mission_analysis import BUDGET_COLUMNS
 from rso_lidar.study.trades.merits import MERITS
 
 Kind = Literal["merit", "budget", "reach", "finding", "timeline", "tracking", "parameter"]

@@ -11,8 +11,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from rso_lidar.part import Count, Name, Number, Part, Positive, Text
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.validation import FilePart
+from rso_lidar.scenario import FilePart, Scenario
 from rso_lidar.study.trades.definition import check_frames, choose_frames
 from rso_lidar.study.trades.merits import MERITS
 from rso_lidar.study.verification.quantities import EXTREMES, STATISTICS, BoundedQuantity, find_quantity

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from rso_lidar.mission_analysis.mission_parameters.parameter_table import ParameterTable
-from rso_lidar.mission_analysis.mission_parameters.sysml_text import MISSION, quote_name, write_comment, write_value
-from rso_lidar.mission_analysis.mission_parameters.sysml_units import find_notation
+from rso_lidar.mission_analysis import (
+    SYSML_MISSION,
+    ParameterTable,
+    find_notation,
+    quote_name,
+    write_comment,
+    write_value,
+)
 from rso_lidar.study.verification.matrix import describe_conditions
 from rso_lidar.study.verification.requirements_file import Requirement, Requirements
 
@@ -64,7 +69,7 @@ def _write_requirement(one: Requirement, parameters: ParameterTable) -> list[str
         f"requirement <{quote_name(one.id)}> {quote_name(f'{one.id} {one.quantity}')} {{",
         f"    {write_comment(one.text)}",
         *(f"    comment /* {' '.join(text.split()).replace('*/', '* /')} */" for text in reasons),
-        f"    subject lidar_mission :> {MISSION};",
+        f"    subject lidar_mission :> {SYSML_MISSION};",
         *(f"    {line}" for line in (*declared, *limits)),
         f"    require constraint {{ {' and '.join(checks)} }}",
         "}",
@@ -76,7 +81,7 @@ def _write_verification(one: Requirement) -> list[str]:
     return [
         f"verification {quote_name(f'verify {one.id}')} {{",
         f"    @VerificationMethod {{ kind = VerificationMethodKind::{_METHODS[one.verification]}; }}",
-        f"    subject lidar_mission :> {MISSION};",
+        f"    subject lidar_mission :> {SYSML_MISSION};",
         f"    objective {{ verify {quote_name(f'{one.id} {one.quantity}')}; }}",
         "}",
     ]

@@ -7,10 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.numerical import integrate_orbit
-from rso_lidar.orbit.two_body.kepler import propagate_two_body
+from rso_lidar.orbit import Epochs, Forces, integrate_orbit, propagate_two_body
 from rso_lidar.records import BodyState
 
 # Steps of central differences [m], [m/s]. Curvature of a low orbit changes a derivative by (step / radius)^2, 1e-11.

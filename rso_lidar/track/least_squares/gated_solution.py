@@ -15,7 +15,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
 
-GATE = 0.9999  # probability that a measurement without fault is kept
+MEASUREMENT_GATE = 0.9999  # probability that a measurement without fault is kept
 SHARE = 0.95  # probability of the bounds that a description states
 _MOST_PASSES = 20
 _SINGULAR = 1e-12  # ratio of singular values, of columns of length 1, at which the parameters cannot be told apart
@@ -101,7 +101,7 @@ def solve_gated(
     *,
     prior_sigma: np.ndarray | None = None,
     whitening: Whitening | None = None,
-    gate: float = GATE,
+    gate: float = MEASUREMENT_GATE,
     name: str = "fit",
 ) -> GatedSolution:
     """Fit parameters to measurements by least squares, without outliers.
@@ -136,7 +136,7 @@ def solve_gated(
 
     if not 0.5 <= gate < 1.0:
         raise ScenarioError(
-            f"{name}: gate {gate:g} is not a probability from 0.5 to below 1; give for example {GATE:g}"
+            f"{name}: gate {gate:g} is not a probability from 0.5 to below 1; give for example {MEASUREMENT_GATE:g}"
         )
     count, rows = covariance.shape[:2]
     try:

@@ -9,11 +9,10 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.two_body.kepler import propagate_two_body
+from rso_lidar.orbit import Forces, propagate_two_body
 from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit, find_transition, propagate_state
 from rso_lidar.track.least_squares.fit_statistics import FitStatistics
-from rso_lidar.track.least_squares.gated_solution import GATE, check_epoch, solve_gated
+from rso_lidar.track.least_squares.gated_solution import MEASUREMENT_GATE, check_epoch, solve_gated
 
 MOST_SOLUTIONS = 1000  # of more, an even selection: their covariance is a dense matrix
 _LEAST = (1e-3, 1e-6)  # assumed sigma of a receiver without stated errors [m], [m/s]: a floor that keeps weights finite
@@ -74,10 +73,10 @@ class OwnOrbitFit:
                 f"own orbit: {stats.n_used:,} of {len(stats.used):,} solutions of GNSS{selected}, "
                 f"{stats.n_rejected:,} outliers; {describe_forces(orbit.forces)}",
                 f"state at {orbit.epoch_s:g} s in GCRS axes, with 1 sigma",
-                format_row("position [km]", orbit.position_m / units.KM, "14.6f"),
-                format_row("     sigma [m]", sigma[:3], "14.4f"),
-                format_row("velocity [m/s]", orbit.velocity_m_s, "14.5f"),
-                format_row("   sigma [m/s]", sigma[3:], "14.6f"),
+                format_fit_row("position [km]", orbit.position_m / units.KM, "14.6f"),
+                format_fit_row("     sigma [m]", sigma[:3], "14.4f"),
+                format_fit_row("velocity [m/s]", orbit.velocity_m_s, "14.5f"),
+                format_fit_row("   sigma [m/s]", sigma[3:], "14.6f"),
                 stats.describe(),
             ]
         )
@@ -92,7 +91,7 @@ def fit_own_state(
     start_utc: datetime.datetime,
     epoch_s: float | None = None,
     forces: Forces | None = Forces(),  # noqa: B008 - frozen
-    gate: float = GATE,
+    gate: float = MEASUREMENT_GATE,
 ) -> OwnOrbitFit:
     """Fit an orbit to solutions of GNSS.
 
@@ -197,7 +196,7 @@ def describe_forces(forces: Forces | None) -> str:
     return "forces: " + ", ".join([*words, *others])
 
 
-def format_row(head: str, values: np.ndarray, form: str) -> str:
+def format_fit_row(head: str, values: np.ndarray, form: str) -> str:
     """Format a row of a table: a heading and numbers.
 
     Parameters

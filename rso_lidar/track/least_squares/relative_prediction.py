@@ -7,15 +7,18 @@ from typing import Literal
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire, mean_motion_of_state
-from rso_lidar.rpo.relative.reference_orbit import ReferenceOrbit
-from rso_lidar.rpo.relative.rtn import rtn_matrix
-from rso_lidar.rpo.relative.yamanaka_ankersen import propagate_yamanaka_ankersen
+from rso_lidar.orbit import Epochs
+from rso_lidar.rpo import (
+    ReferenceOrbit,
+    clohessy_wiltshire,
+    mean_motion_of_state,
+    propagate_yamanaka_ankersen,
+    rtn_matrix,
+)
 from rso_lidar.track.least_squares.estimated_orbit import STEPS, EstimatedOrbit, propagate_state
 
 RelativeModel = Literal["nonlinear", "yamanaka_ankersen", "hill"]
-MODELS: tuple[RelativeModel, ...] = ("nonlinear", "yamanaka_ankersen", "hill")
+RELATIVE_MODELS: tuple[RelativeModel, ...] = ("nonlinear", "yamanaka_ankersen", "hill")
 _MOST_PASSES, _CLOSE_M = 20, 1e-7  # each pass divides the error by the ratio of orbit radius and distance
 
 
@@ -33,8 +36,8 @@ class RelativePrediction:
     """
 
     def __init__(self, own: EstimatedOrbit, time_s: np.ndarray, motion: RelativeModel) -> None:
-        if motion not in MODELS:
-            raise ScenarioError(f"relative orbit: motion '{motion}' is none of {', '.join(MODELS)}")
+        if motion not in RELATIVE_MODELS:
+            raise ScenarioError(f"relative orbit: motion '{motion}' is none of {', '.join(RELATIVE_MODELS)}")
         self._own, self._motion, self._time_s = own, motion, time_s
         self._since_s, self._epochs = time_s - own.epoch_s, Epochs(own.start_utc, time_s)
         self._flown = own.states(self._epochs)

@@ -8,13 +8,12 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.orbit_axes import rtn_matrix
+from rso_lidar.orbit import Epochs, rtn_matrix
 from rso_lidar.records import BodyState
 from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit
 from rso_lidar.track.least_squares.fit_statistics import FitStatistics, normalize_error
-from rso_lidar.track.least_squares.gated_solution import GATE, check_epoch, solve_gated
-from rso_lidar.track.least_squares.own_state import describe_forces, format_row
+from rso_lidar.track.least_squares.gated_solution import MEASUREMENT_GATE, check_epoch, solve_gated
+from rso_lidar.track.least_squares.own_state import describe_forces, format_fit_row
 from rso_lidar.track.least_squares.relative_prediction import RelativeModel, RelativePrediction
 
 _STATE, _OFFSET, _TURN = slice(0, 6), slice(6, 9), slice(9, 12)
@@ -106,10 +105,10 @@ class RelativeOrbitFit:
             f"relative orbit: {stats.n_used:,} of {len(stats.used):,} measurements, {stats.n_rejected:,} outliers; "
             f"motion {self.motion}{forces}",
             f"follower relative to {target} at {self.epoch_s:g} s in its rtn axes (radial, along, cross), with 1 sigma",
-            format_row("position [m]", self.position_m, "12.4f"),
-            format_row("   sigma [m]", sigma[:3], "12.4f"),
-            format_row("velocity [m/s]", self.velocity_m_s, "12.6f"),
-            format_row("   sigma [m/s]", sigma[3:], "12.6f"),
+            format_fit_row("position [m]", self.position_m, "12.4f"),
+            format_fit_row("   sigma [m]", sigma[:3], "12.4f"),
+            format_fit_row("velocity [m/s]", self.velocity_m_s, "12.6f"),
+            format_fit_row("   sigma [m/s]", sigma[3:], "12.6f"),
         ]
         if self.offset_m.any() or self.offset_sigma_m.any():
             lines.append(
@@ -135,7 +134,7 @@ def fit_relative_state(
     motion: RelativeModel = "nonlinear",
     bias: SightBias = SightBias(),
     inertial_from_body: np.ndarray | None = None,
-    gate: float = GATE,
+    gate: float = MEASUREMENT_GATE,
 ) -> RelativeOrbitFit:
     """Fit a relative orbit to measured positions of a target: ranges and lines of sight in inertial directions.
 

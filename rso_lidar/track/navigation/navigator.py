@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.aim import lidar_from_ptu
-from rso_lidar.motion.gimbal.ptu import Ptu, ptu_link
-from rso_lidar.motion.mount import Mount
+from rso_lidar.motion import Mount, Ptu, lidar_from_ptu, ptu_link
 from rso_lidar.pose import matrix_from_quaternion
 from rso_lidar.records import (
     GnssSamples,

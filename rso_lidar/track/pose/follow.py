@@ -25,7 +25,7 @@ from rso_lidar.track.pose.sampled_mesh import SampledMesh
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
-FEWEST_POINTS = 50  # default of the fewest points for a pose; assumed
+FEWEST_POSE_POINTS = 50  # default of the fewest points for a pose; assumed
 # "Assumed": no record says how the value was chosen. docs/tracking.md has the errors at half and double of some.
 _LOST = 2.5  # misfit over the usual one, above which the track is lost; assumed, half and double were tried
 _NEW = 0.1  # weight of the newest cloud in the mean square of a hypothesis: a mean over about ten clouds; assumed
@@ -135,7 +135,7 @@ class PoseFollower:
         self,
         model: SampledMesh,
         *,
-        min_points: int = FEWEST_POINTS,
+        min_points: int = FEWEST_POSE_POINTS,
         most_points: int = 1500,
         patience: int = 10,
         hypotheses: int = 4,

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.dataset.annotation.frame_labels import find_box, label_frame, number_part_classes
+from rso_lidar.dataset import label_frame
+from rso_lidar.dataset.annotation.frame_labels import find_box, number_part_classes
 from rso_lidar.errors import RecordError
-from rso_lidar.records.part_classes import PART_CLASSES
+from rso_lidar.records import PART_CLASSES
 
 CLASSES = tuple(PART_CLASSES)
 BENCH = """

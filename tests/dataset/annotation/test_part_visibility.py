@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.dataset.annotation.part_visibility import mark_silhouettes, measure_part_visibility
-from rso_lidar.records.part_classes import PART_CLASSES
+from rso_lidar.records import PART_CLASSES
 from tests.dataset.annotation.test_frame_labels import CLASSES, fly
 from tests.reference.dataset import silhouettes
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.dataset.checking.folder_check import check_folder
+from rso_lidar.dataset import check_folder
 from tests.dataset.bench_for_tests import make_spec
 from tests.dataset.written_for_tests import make_dataset, make_frame
 

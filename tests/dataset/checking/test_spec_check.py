@@ -1,6 +1,6 @@
 """The check of a specification prints sizes, and finds a class that its range reveals."""
 
-from rso_lidar.dataset.checking.spec_check import check_spec
+from rso_lidar.dataset import check_spec
 from tests.dataset.bench_for_tests import make_spec
 
 

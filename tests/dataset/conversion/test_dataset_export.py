@@ -7,13 +7,15 @@ import re
 
 import pytest
 
+from rso_lidar.dataset import EXPORT_FORMATS
+from rso_lidar.dataset import export as export_dataset
+from rso_lidar.dataset import open as open_dataset
 from rso_lidar.dataset.conversion import dataset_export
-from rso_lidar.dataset.conversion.dataset_export import FORMATS, MARK, export_dataset
-from rso_lidar.dataset.reading.random_access import open_dataset
+from rso_lidar.dataset.conversion.dataset_export import MARK
 from rso_lidar.errors import DatasetError, RecordingError, RunError
 
 
-@pytest.mark.parametrize("to", FORMATS)
+@pytest.mark.parametrize("to", EXPORT_FORMATS)
 def test_an_export_says_what_it_holds_and_what_it_leaves_out(data, tmp_path, to):
     lines = export_dataset(data, tmp_path / "out", to)
     assert lines[0].startswith(f"written     {tmp_path / 'out'} ({to}, 10 frames); lost: ")

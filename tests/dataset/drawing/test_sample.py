@@ -8,7 +8,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
-from rso_lidar.simulation.run import simulate
+from rso_lidar.simulation import simulate
 from tests.dataset.bench_for_tests import SCENARIO, find_sample, make_spec
 
 

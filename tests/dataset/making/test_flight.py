@@ -8,8 +8,8 @@ from rso_lidar.dataset.drawing.plan import make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample
 from rso_lidar.dataset.making.flight import fly_sample, label, list_kept
 from rso_lidar.detector.bench import scatter_table
-from rso_lidar.records.schema import specs
-from rso_lidar.simulation.run import simulate
+from rso_lidar.records import specs
+from rso_lidar.simulation import simulate
 from tests.dataset.bench_for_tests import find_sample, make_spec
 
 GSFL = 'lidar.detector={type="gsfl"}'

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.dataset.checking.folder_check import check_folder
+from rso_lidar.dataset import check_folder
 from rso_lidar.dataset.drawing.plan import make_plan
 from rso_lidar.dataset.making.folder_setup import list_constants
 from rso_lidar.dataset.making.make import choose_shards

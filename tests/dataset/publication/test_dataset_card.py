@@ -2,12 +2,12 @@
 
 import pytest
 
+from rso_lidar.dataset import open as open_dataset
 from rso_lidar.dataset.publication.attribution import Attribution
 from rso_lidar.dataset.publication.card_tables import format_table
 from rso_lidar.dataset.publication.card_text import LIMITS
 from rso_lidar.dataset.publication.dataset_card import choose_size, write_card
 from rso_lidar.dataset.publication.frame_counts import count_frames
-from rso_lidar.dataset.reading.random_access import open_dataset
 
 
 @pytest.fixture

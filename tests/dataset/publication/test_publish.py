@@ -7,9 +7,10 @@ import sys
 import pytest
 from PIL import Image
 
+from rso_lidar.dataset import publish
 from rso_lidar.dataset.publication import publish as publish_module
 from rso_lidar.dataset.publication.frame_index import INDEX, has_parquet
-from rso_lidar.dataset.publication.publish import PICTURES, publish
+from rso_lidar.dataset.publication.publish import PICTURES
 from rso_lidar.errors import DatasetError
 
 

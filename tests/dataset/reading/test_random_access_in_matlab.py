@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rso_lidar.dataset.reading.random_access import open_dataset
+from rso_lidar.dataset import open as open_dataset
 from tests.dataset.written_for_tests import make_dataset
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "matlab"

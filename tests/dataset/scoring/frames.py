@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from rso_lidar.dataset import Scorecard
 from rso_lidar.dataset.scoring.ground_truth import FrameTruth
 from rso_lidar.dataset.scoring.prediction_table import check_predictions
-from rso_lidar.dataset.scoring.scorecard import Benchmark, Scorecard, score_run
+from rso_lidar.dataset.scoring.scorecard import Benchmark, score_run
 
 CLASSES = ("dawn", "juno", "tdrs")
 

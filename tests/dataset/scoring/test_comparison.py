@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rso_lidar.dataset.scoring.comparison import compare, correct_by_holm, find_exchange_probability
+from rso_lidar.dataset import compare
+from rso_lidar.dataset.scoring.comparison import correct_by_holm, find_exchange_probability
 from rso_lidar.errors import RsoLidarError
 from tests.dataset.scoring.frames import CLASSES, guess_classes, make_card, make_truth
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface, find_pose_errors
 from rso_lidar.records import Symmetry
-from rso_lidar.track.pose.sampled_mesh import SampledMesh, sample_mesh
+from rso_lidar.track import SampledMesh, sample_mesh
 from rso_lidar.units import DEG
 from tests.dataset.scoring.frames import by_name, make_card, make_truth
 

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from rso_lidar.dataset import Scorecard
 from rso_lidar.dataset.scoring.prediction_table import check_predictions
 from rso_lidar.dataset.scoring.presence import score_presence
-from rso_lidar.dataset.scoring.scorecard import Scorecard, score_run
+from rso_lidar.dataset.scoring.scorecard import score_run
 from tests.dataset.scoring.frames import by_name, columns_of, make_benchmark, make_card, make_truth
 
 

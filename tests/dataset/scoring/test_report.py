@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from rso_lidar.dataset.scoring.comparison import compare
+from rso_lidar.dataset import check_report_output, compare, format_comparison, format_table, save_report
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface
-from rso_lidar.dataset.scoring.report import check_output, format_comparison, format_table, save_report
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.track.pose.sampled_mesh import sample_mesh
+from rso_lidar.track import sample_mesh
 from tests.dataset.scoring.frames import make_card, make_truth
 
 
@@ -36,7 +35,7 @@ def cards():
 
 def test_json_holds_all_numbers(cards, tmp_path):
     good, bad = cards
-    save_report(good, check_output(tmp_path / "r.json", overwrite=False), compare(good, bad))
+    save_report(good, check_report_output(tmp_path / "r.json", overwrite=False), compare(good, bad))
     read = json.loads((tmp_path / "r.json").read_text())
     merits = {one["name"]: one for one in read["merits"]}
     assert merits["accuracy"]["value"] == pytest.approx(good.merits[0].value.value)
@@ -56,18 +55,18 @@ def test_json_holds_all_numbers(cards, tmp_path):
 
 def test_the_page_needs_nothing_else(cards, tmp_path):
     good, bad = cards
-    save_report(bad, check_output(tmp_path / "r.html", overwrite=False), compare(bad, good))
+    save_report(bad, check_report_output(tmp_path / "r.html", overwrite=False), compare(bad, good))
     text = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert not re.search(r"<script|<link|src=\"(?!data:)|href=", text)
     assert text.count("data:image/png") == 7 and "worse: " in text and "<code>adds_recall</code>" in text
 
 
 def test_pictures_go_to_a_folder(cards, tmp_path):
-    made = save_report(cards[0], check_output(tmp_path / "pictures", overwrite=False))
+    made = save_report(cards[0], check_report_output(tmp_path / "pictures", overwrite=False))
     stems = ["precision_recall", "recall", "pose_range", "pose_lit_pixels", "confusion", "presence"]
     assert [path.stem for path in made] == stems and all(path.stat().st_size > 10_000 for path in made)
     with pytest.raises(RsoLidarError, match="holds pictures"):
-        check_output(tmp_path / "pictures", overwrite=False)
+        check_report_output(tmp_path / "pictures", overwrite=False)
 
 
 def test_places_that_cannot_be_written_are_refused_before_the_work(tmp_path):
@@ -79,7 +78,7 @@ def test_places_that_cannot_be_written_are_refused_before_the_work(tmp_path):
         (tmp_path / "none" / "r.json", "there is no folder"),
     ):
         with pytest.raises(RsoLidarError) as caught:
-            check_output(place, overwrite=False)
+            check_report_output(place, overwrite=False)
         assert words in str(caught.value)
 
 

@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Crosstalk, Droop, Empirical, Gsfl, array_load
+from rso_lidar.detector import Crosstalk, Droop, Empirical, Gsfl, Surroundings, array_load, make_plate, run_trial
 from rso_lidar.detector.analysis.array_load import simulate_array_load
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.bench.trial import Surroundings, make_plate, run_trial
 from tests.detector.returns_for_tests import nothing, returns
 
 ELECTRON_C = 1.602_176_634e-19

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from rso_lidar.detector.analysis.finding import at_least, estimate_k_of_n, k_of_n
+from rso_lidar.detector import at_least, estimate_k_of_n, k_of_n
 
 
 @pytest.mark.parametrize("least", [1, 2, 3, 5, 6])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.detector import detect, report_probability
-from rso_lidar.detector.bench.trial import make_point_returns
+from rso_lidar.detector import detect, make_point_returns, report_probability
 
 PULSE = rl.Laser().pulse
 FWHM_S = 8e-9

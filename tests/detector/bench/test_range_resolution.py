@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Gsfl
+from rso_lidar.detector import Gsfl, simulate_separations
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.bench.range_resolution import Separations, simulate_pairs, simulate_separations
+from rso_lidar.detector.bench.range_resolution import Separations, simulate_pairs
 from rso_lidar.detector.chain.timing import shape_pulse
 from tests.detector.returns_for_tests import returns
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Empirical, Gsfl
+from rso_lidar.detector import Empirical, Gsfl, Trial, make_plate, run_trial
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.bench.trial import Trial, make_plate, run_trial
 
 C = 299_792_458.0
 

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Gsfl, detect
+from rso_lidar.detector import Droop, Gsfl, detect
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time
-from rso_lidar.detector.settings.focal_plane import Droop
 from rso_lidar.detector.stages.time_axis import place_rows
 from tests.detector.returns_for_tests import returns
 

@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Bloom, Gsfl, detect
-from rso_lidar.detector.bench.trial import make_point_returns
+from rso_lidar.detector import Bloom, Gsfl, detect, make_point_returns
 from rso_lidar.detector.chain.charge_spill import find_spill, spill_charge
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser

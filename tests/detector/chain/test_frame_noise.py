@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Defects, Gsfl, Maps
+from rso_lidar.detector import Apd, Defects, Gsfl, Maps
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import plan_time
-from rso_lidar.detector.settings.apd import Apd
 from rso_lidar.detector.stages.nonuniformity import make_camera
 from rso_lidar.detector.stages.time_axis import place_rows
 from tests.detector.returns_for_tests import nothing, returns

@@ -5,12 +5,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from rso_lidar.detector import detect
+from rso_lidar.detector import Gsfl, detect
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.ranging import location, report
-from rso_lidar.detector.settings.gsfl import Gsfl
 from tests.detector.returns_for_tests import nothing, returns
 from tests.reference.detector import fitting as fitting_reference
 from tests.reference.detector import report as report_reference

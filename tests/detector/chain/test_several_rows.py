@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Droop, Gsfl, detect
+from rso_lidar.detector import Droop, Gsfl, detect, make_plate, run_trial
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time

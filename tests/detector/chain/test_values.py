@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from rso_lidar.detector import Amplifier, Apd, Empirical, Gate, Gsfl, Maps, Readout, detect
+from rso_lidar.detector import Amplifier, Apd, Empirical, Gate, Gsfl, Maps, Pulse, Readout, detect
 from rso_lidar.detector.analysis.noise_effects import false_alarms_of_gsfl
 from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.chain.camera import build_camera, false_trigger_fraction, mean_false_alarms_per_s
@@ -15,7 +15,7 @@ from rso_lidar.detector.chain.measurement import measure
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
 from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.matched_filter import Matched
-from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
+from rso_lidar.detector.ranging.pulse import noise_covariance
 from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.stages import comparator
 from rso_lidar.detector.stages.comparator import Bridge

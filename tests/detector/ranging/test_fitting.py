@@ -5,12 +5,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from rso_lidar.detector import Pulse, Ranging
 from rso_lidar.detector.ranging import location
 from rso_lidar.detector.ranging.fitting import fit_all, fit_first
 from rso_lidar.detector.ranging.location import locate, locate_all
 from rso_lidar.detector.ranging.matched_filter import Matched
-from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
-from rso_lidar.detector.settings.algorithm import Ranging
+from rso_lidar.detector.ranging.pulse import noise_covariance
 from tests.reference.detector import fitting as reference
 
 SAMPLE_S, POLE_S, NOISE = 2.38e-9, 1.0243e-9, 10.0

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rso_lidar.detector import Amplifier, Apd, Defects, Gate, Gsfl, detect
+from rso_lidar.detector import Amplifier, Apd, Defects, Gate, Gsfl, Pulse, detect
 from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.matched_filter import Matched
-from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
+from rso_lidar.detector.ranging.pulse import noise_covariance
 from tests.detector.returns_for_tests import nothing
 
 GATE = Gate(delay_ns=19_990.0, width_ns=200.0, false_alarm_probability=1e-3)

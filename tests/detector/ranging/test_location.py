@@ -5,11 +5,11 @@ import pytest
 from scipy import stats
 
 from rso_lidar import units
+from rso_lidar.detector import Pulse, Ranging
 from rso_lidar.detector.ranging.location import locate, locate_all
 from rso_lidar.detector.ranging.matched_filter import Matched
-from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
+from rso_lidar.detector.ranging.pulse import crlb_s, noise_covariance
 from rso_lidar.detector.ranging.range_walk import correct_walk, tabulate_walk
-from rso_lidar.detector.settings.algorithm import Ranging
 from rso_lidar.errors import ScenarioError
 from tests.reference.detector import fitting
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import erfcx
 
-from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
+from rso_lidar.detector import Pulse
+from rso_lidar.detector.ranging.pulse import crlb_s, noise_covariance
 
 FWHM_S = 8e-9
 SIGMA_S = FWHM_S / (2 * math.sqrt(2 * math.log(2)))

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from scipy import fft
 
+from rso_lidar.detector import Amplifier, Gsfl
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
-from rso_lidar.detector.settings.amplifier import Amplifier
-from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.amplification import Filters
 from rso_lidar.detector.stages.time_axis import place_rows
 from tests.detector.returns_for_tests import returns

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rso_lidar.detector.settings.apd import Apd, cumulants
+from rso_lidar.detector import Apd
+from rso_lidar.detector.settings.apd import cumulants
 from rso_lidar.detector.stages.avalanche import compound_pmf, mcintyre_pmf
 from rso_lidar.errors import ScenarioError
 from tests.detector.row_noise_for_tests import multiply

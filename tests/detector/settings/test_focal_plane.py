@@ -6,13 +6,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Crosstalk, Defects, Droop, Gsfl, Maps, Saturation, Speckle, Timing, detect
+from rso_lidar.detector import (
+    Apd,
+    Crosstalk,
+    Defects,
+    Droop,
+    Gsfl,
+    Maps,
+    Saturation,
+    Speckle,
+    Timing,
+    detect,
+    make_plate,
+    run_trial,
+)
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.chain.analog import draw_speckle_factors, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
-from rso_lidar.detector.settings.apd import Apd
 from rso_lidar.detector.stages.array_effects import draw_shift_m, draw_speckle, latch_share, limit_amplitude, solve_gain
 from rso_lidar.detector.stages.nonuniformity import make_camera
 from rso_lidar.detector.stages.time_axis import place_rows

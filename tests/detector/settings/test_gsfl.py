@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 
 from rso_lidar import detector
-from rso_lidar.detector import Amplifier, Gsfl, Trigger, detect
-from rso_lidar.detector.bench.trial import make_plate, run_trial
+from rso_lidar.detector import DETECTOR_PRESETS, Amplifier, Gsfl, Trigger, detect, make_plate, run_trial
 from rso_lidar.detector.chain.timing import plan_time
-from rso_lidar.detector.settings.presets import PRESETS
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Command
-from rso_lidar.scenario.tables.lidar import Lidar
+from rso_lidar.scenario import Lidar
 from tests.detector.returns_for_tests import nothing, returns
 
 C = 299_792_458.0
-LIMITED, OFFSET = PRESETS["noise_limited"], PRESETS["offset_limited"]
+LIMITED, OFFSET = DETECTOR_PRESETS["noise_limited"], DETECTOR_PRESETS["offset_limited"]
 
 
 def constants(part):

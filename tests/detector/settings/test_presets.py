@@ -5,19 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Amplifier, Empirical, Gsfl, Trigger
+from rso_lidar.detector import DETECTOR_PRESETS, Amplifier, Empirical, Gsfl, Trigger
 from rso_lidar.detector.bench import calibration
-from rso_lidar.detector.settings.presets import PRESETS
 
-FITTED = PRESETS["empirical"]
+FITTED = DETECTOR_PRESETS["empirical"]
 
 
 def test_defaults_are_the_shipped_constants():
-    assert Amplifier().noise_electrons == PRESETS["noise_limited"]["noise_electrons"]
-    assert Trigger().threshold_electrons == PRESETS["noise_limited"]["threshold_electrons"]
+    assert Amplifier().noise_electrons == DETECTOR_PRESETS["noise_limited"]["noise_electrons"]
+    assert Trigger().threshold_electrons == DETECTOR_PRESETS["noise_limited"]["threshold_electrons"]
     part = Empirical()
     assert {name: getattr(part, name) for name in FITTED} == FITTED
-    assert set(PRESETS) == {"noise_limited", "offset_limited", "empirical"}
+    assert set(DETECTOR_PRESETS) == {"noise_limited", "offset_limited", "empirical"}
 
 
 def test_the_script_writes_what_is_shipped():
@@ -34,7 +33,7 @@ def test_solving_again_gives_the_shipped_threshold(preset, noise):
     """
     repeats = 2
     found, threshold = calibration.solve_preset(noise, repeats)
-    shipped = PRESETS[preset]
+    shipped = DETECTOR_PRESETS[preset]
     gsfl = Gsfl(preset=preset)
     peaks = calibration.simulate_peaks(gsfl, 1)
     low, high = np.quantile(peaks, [0.03, 0.07])

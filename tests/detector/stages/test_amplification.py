@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rso_lidar.detector.settings.amplifier import Amplifier
+from rso_lidar.detector import Amplifier
 from rso_lidar.detector.stages import amplification
 from rso_lidar.detector.stages.amplification import amplify_rows, build_filters
 from rso_lidar.detector.stages.row_noise import AMPLIFIER

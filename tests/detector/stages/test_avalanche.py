@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rso_lidar.detector.settings.apd import Apd, cumulants
+from rso_lidar.detector import Apd, multiply_rows
+from rso_lidar.detector.settings.apd import cumulants
 from rso_lidar.detector.stages import avalanche
 from rso_lidar.detector.stages.alias_tables import (
     NORMAL_PER_SIGMA,
@@ -13,7 +14,6 @@ from rso_lidar.detector.stages.alias_tables import (
     build_tables,
     draw_from_table,
 )
-from rso_lidar.detector.stages.avalanche import multiply_rows
 from rso_lidar.detector.stages.row_noise import AVALANCHE
 from tests.detector.row_noise_for_tests import multiply, row_noise
 from tests.reference import philox

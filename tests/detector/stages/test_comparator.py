@@ -6,9 +6,8 @@ import math
 import numpy as np
 import pytest
 
+from rso_lidar.detector import Gsfl, make_plate, run_trial
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.bench.trial import make_plate, run_trial
-from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.comparator import NEVER, Bridge, find_crossings_between, mark_watched
 from tests.reference.detector.comparator import first_crossing
 

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from rso_lidar.detector import detect
+from rso_lidar.detector import Gsfl, Readout, detect
 from rso_lidar.detector.chain import traces
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.chain.traces import arm_rows, latch_rows
-from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.stages.comparator import (
     NEAR,
     NEVER,

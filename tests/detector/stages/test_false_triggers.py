@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rso_lidar.detector import detect
+from rso_lidar.detector import Gsfl, detect
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera, mean_false_alarms_per_s
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.chain.traces import arm_comparators, arm_rows, latch_rows
-from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.false_triggers import (
     continue_noise,
     draw_crossings,

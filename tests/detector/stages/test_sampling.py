@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector import Readout
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.errors import ScenarioError
 

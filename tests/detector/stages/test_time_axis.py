@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import find_peaks
 
-from rso_lidar.detector import detect
+from rso_lidar.detector import Gsfl, detect
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
-from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.convolution import transform_pulse
 from rso_lidar.detector.stages.light import sharing_response, spread_light
 from rso_lidar.detector.stages.time_axis import place_rows

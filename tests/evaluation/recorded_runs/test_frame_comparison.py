@@ -5,7 +5,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RecordingError
-from rso_lidar.evaluation.recorded_runs.frame_comparison import locate_centers
+from rso_lidar.evaluation import locate_centers
 
 APPROACH = rl.Scenario.load("examples/tdrs_approach.toml")
 

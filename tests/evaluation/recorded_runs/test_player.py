@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.evaluation.recorded_runs.player import SIZE_IN, Player, save_view, window_backend
-from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.picture import Shape
 
 PLATE = Shape(
     "tdrs", np.array([[[-3, -3, 0], [3, -3, 0], [3, 3, 0]], [[-3, -3, 0], [3, 3, 0], [-3, 3, 0]]], dtype=float)

@@ -7,7 +7,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.evaluation.track_quality.burns import list_known_burns
-from rso_lidar.rpo.plans.plan import Plan
+from rso_lidar.rpo import Plan
 from rso_lidar.track import filter_positions
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

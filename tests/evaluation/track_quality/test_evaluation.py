@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.evaluation.track_quality.evaluation import tracking
+from rso_lidar.evaluation import tracking
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 

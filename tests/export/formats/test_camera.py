@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from frames_for_tests import line_of_sight
 
-from rso_lidar.export.formats.camera import fit_camera
+from rso_lidar.export import fit_camera
 from rso_lidar.optics import BrownConrady, Receiver
 
 

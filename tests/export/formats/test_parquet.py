@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.formats.parquet import write_parquet
+from rso_lidar.export import write_parquet
 
 TABLE = {"row": np.arange(3), "x_m": np.array([0.1, np.nan, -3.0]), "why": np.array(["", "a, b", "ü"])}
 

@@ -12,7 +12,8 @@ from frames_for_tests import SOURCE, leave_unfinished, make_frames
 from rso_lidar import export
 from rso_lidar.dataset.scoring.prediction_file import read_columns
 from rso_lidar.errors import DatasetError, RecordingError
-from rso_lidar.export.reader.hdf5_checks import check_heaps, check_size
+from rso_lidar.export import check_size
+from rso_lidar.export.reader.hdf5_checks import check_heaps
 
 RUN = "1a2b3c4d"
 LIMIT_S = 20.0

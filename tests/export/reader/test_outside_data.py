@@ -6,7 +6,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.reader.outside_data import check_self_contained
+from rso_lidar.export import check_self_contained
 
 
 def link_externally(file, secret):

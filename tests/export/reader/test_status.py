@@ -9,7 +9,7 @@ from frames_for_tests import SOURCE, leave_unfinished, make_frame, make_frames
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.reader.status import read_status
+from rso_lidar.export import read_status
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows renames no open file and has no SIGKILL")
 

@@ -11,8 +11,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.cli.fmu import fmu
 from rso_lidar.errors import ScenarioError
-from rso_lidar.loop.fmus.fmu_controller import FmuController
-from rso_lidar.loop.fmus.fmu_export import write_fmu
+from rso_lidar.loop import FmuController, write_fmu
 from rso_lidar.loop.fmus.instrument import MEASURED, Instrument, measure
 from tests.settings_for_tests import limit_pixels
 

@@ -7,7 +7,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.loop.live.frame_messages import stamp_of, write_ptu, write_stl
-from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.picture import Shape
 
 
 def test_meshes_are_binary_stl():

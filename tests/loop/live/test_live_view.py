@@ -11,9 +11,9 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.loop import LiveView
 from rso_lidar.loop.live import queued_view
 from rso_lidar.loop.live.frame_messages import WRITERS, stamp_of
-from rso_lidar.loop.live.live_view import LiveView
 
 pytest.importorskip("foxglove", reason="the extra live is not installed")
 client = pytest.importorskip("websockets.sync.client", reason="websockets is not installed")

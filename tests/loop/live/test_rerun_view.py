@@ -9,7 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.loop.live.rerun_view import RerunView
+from rso_lidar.loop import RerunView
 from rso_lidar.picture.viewers.rerun_scene import silence_analytics
 
 chunk = pytest.importorskip("rerun.chunk", reason="the extra view is not installed")

@@ -3,7 +3,8 @@
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.loop.service.endpoints import is_private, read_token
+from rso_lidar.loop import read_token
+from rso_lidar.loop.service.endpoints import is_private
 from tests.loop.service.serving import serving
 
 zmq = pytest.importorskip("zmq", reason="pyzmq is not installed: the extra 'loop'")

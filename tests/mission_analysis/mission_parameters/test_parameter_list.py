@@ -15,8 +15,8 @@ import rso_lidar
 import rso_lidar as rl
 from rso_lidar.detector import LaserPulse, detect, predict
 from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.mission_analysis import list_parameters
 from rso_lidar.mission_analysis.mission_parameters.parameter_list import _read_unit, iterate_parameters
-from rso_lidar.mission_analysis.mission_parameters.parameter_table import list_parameters
 from rso_lidar.mission_analysis.mission_parameters.sysml_units import UNITS
 from rso_lidar.part import Part
 from tests.detector.returns_for_tests import nothing

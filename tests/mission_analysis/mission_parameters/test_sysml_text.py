@@ -7,12 +7,10 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.mission_analysis.mission_parameters.parameter_list import MissionParameter
-from rso_lidar.mission_analysis.mission_parameters.parameter_table import list_parameters
-from rso_lidar.mission_analysis.mission_parameters.sysml_text import quote_name, write_model
+from rso_lidar.mission_analysis import MissionParameter, list_parameters, quote_name
+from rso_lidar.mission_analysis.mission_parameters.sysml_text import write_model
 from rso_lidar.mission_analysis.mission_parameters.sysml_units import UNITS, declare_units
-from rso_lidar.study.verification.requirements_file import Requirements
-from rso_lidar.study.verification.sysml_requirements import write_requirements
+from rso_lidar.study import Requirements, write_requirements
 
 REQUIREMENTS = "examples/requirements/tdrs_inspection.toml"
 

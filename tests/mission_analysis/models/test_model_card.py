@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.mission_analysis.models.model_card import SIDES, make_model_card
+from rso_lidar.mission_analysis import make_model_card
+from rso_lidar.mission_analysis.models.model_card import SIDES
 
 
 def test_a_plate_sends_back_what_the_budget_says():

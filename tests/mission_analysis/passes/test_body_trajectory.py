@@ -9,8 +9,7 @@ import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.mission_analysis.passes.body_trajectory import BodyTrajectory
-from rso_lidar.orbit import Epochs
-from rso_lidar.orbit.screening.conjunctions import screen
+from rso_lidar.orbit import Epochs, screen
 from rso_lidar.shipped import shipped
 
 

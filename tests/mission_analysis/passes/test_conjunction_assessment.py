@@ -7,8 +7,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import ConjunctionMessage, Epochs
 from rso_lidar.shipped import shipped
 from rso_lidar.study import assess_conjunction, conjunction_scenario_text
 

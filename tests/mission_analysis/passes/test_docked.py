@@ -9,8 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit import Catalog, ElementSet
 from rso_lidar.study import encounters, scenario_text
 
 EPOCH = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -7,8 +7,7 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight
-from rso_lidar.scenario import Finding, Lidar
-from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.scenario import Finding, Lidar, load_presets
 from rso_lidar.study import ViewedPlate, budget
 
 LIDAR = Lidar(preset="gsfl_1064")

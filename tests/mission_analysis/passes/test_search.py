@@ -14,15 +14,18 @@ import rso_lidar as rl
 from rso_lidar import motion, orbit
 from rso_lidar.detector import LaserPulse, predict
 from rso_lidar.errors import CatalogError, RecordingError, ScenarioError
+from rso_lidar.mission_analysis import encounter_figure
 from rso_lidar.mission_analysis.budgets.link_budget import filled_pixel_photons
-from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
+from rso_lidar.orbit import (
+    Catalog,
+    ElementSet,
+    angle_rad,
+    earth_limb_angle_rad,
+    moon_position_m,
+    sun_position_m,
+    sunlit_fraction,
+)
 from rso_lidar.orbit.sets import teme
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
-from rso_lidar.orbit.sky.geometry import angle_rad, earth_limb_angle_rad
-from rso_lidar.orbit.sky.moon import moon_position_m
-from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.scenario import Constraints, Corridor, Lidar
 from rso_lidar.shipped import shipped
 from rso_lidar.study import encounters, reach_m, scenario_text

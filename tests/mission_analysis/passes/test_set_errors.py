@@ -8,8 +8,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, ScenarioError
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit import Catalog, ElementSet
 from rso_lidar.study import estimate_set_errors
 
 EPOCH = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -5,16 +5,11 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import motion
-from rso_lidar.mission_analysis.time_history.open_loop import (
-    find_plan,
-    find_umbras,
-    fly_open_loop,
-    sample_between_impulses,
-    tabulate_run,
-)
+from rso_lidar.mission_analysis import find_umbras, fly_open_loop, sample_between_impulses, tabulate_run
+from rso_lidar.mission_analysis.time_history.open_loop import find_mission_plan
 from rso_lidar.orbit import write_oem
+from rso_lidar.scenario import preview_mission
 from rso_lidar.scenario.assessment.environment import describe_environment
-from rso_lidar.scenario.preview.geometry import preview_mission
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
@@ -74,8 +69,8 @@ def test_a_world_without_a_sun_has_no_columns_of_it(bench):
 
 
 def test_a_motion_without_a_plan_has_no_impulses(bench):
-    assert find_plan(bench, "plate") is None
-    assert find_plan(bench, None) is None
+    assert find_mission_plan(bench, "plate") is None
+    assert find_mission_plan(bench, None) is None
 
 
 def test_the_plan_of_a_run_is_that_of_its_motion():
@@ -83,7 +78,7 @@ def test_the_plan_of_a_run_is_that_of_its_motion():
     scenario = rl.Scenario.load(EXAMPLES / "closed_loop.toml")
     text = scenario.model_dump(exclude_unset=True)
     text["follower"]["motion"] = {**hop, "keep_out_m": 50.0}
-    plan = find_plan(rl.Scenario.model_validate(text), "stage")
+    plan = find_mission_plan(rl.Scenario.model_validate(text), "stage")
     assert [one.time_s for one in plan.impulses] == [0.0, 200.0]
 
 
@@ -96,7 +91,7 @@ def test_a_plan_about_what_moves_about_something_else():
     text["target"] = [host, {**stage, "motion": beside}]
     hop = {"type": "hop", "relative_to": "stage", "from_m": [0, -400, 0], "to_m": [0, -100, 0], "duration_s": 200.0}
     text["follower"]["motion"] = hop
-    assert len(find_plan(rl.Scenario.model_validate(text), "stage").impulses) == 2
+    assert len(find_mission_plan(rl.Scenario.model_validate(text), "stage").impulses) == 2
 
 
 def test_umbras_are_those_of_check():

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.mission_analysis.time_history.open_loop import fly_open_loop
+from rso_lidar.mission_analysis import fly_open_loop
 from rso_lidar.mission_analysis.time_history.sky_light import find_sky_light, tabulate_sky
 from rso_lidar.optics.stray.glare import veil
-from rso_lidar.scenario.preview.geometry import preview_mission
+from rso_lidar.scenario import preview_mission
 from rso_lidar.scenario.preview.sky import tabulate_environment
 
 LOOK = (

@@ -3,9 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
-from rso_lidar.motion.attitudes.look_at import LookAt, aim_axes
-from rso_lidar.motion.attitudes.spin import Spin, Tumble
+from rso_lidar.motion import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
+from rso_lidar.motion.attitudes.look_at import aim_axes
 from rso_lidar.units import DEG
 
 X, Y, Z = np.eye(3)

@@ -7,16 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
-from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
-from rso_lidar.motion.attitudes.attitude_hold import LvlhCcsds
-from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
-from rso_lidar.motion.attitudes.spin import Tumble
-from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.motions.prescribed_motion import Fixed
-from rso_lidar.motion.truth import truth
-from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import Kepler
+from rso_lidar.motion import AttitudeTable, Body, Fixed, LvlhCcsds, Tumble, truth, write_aem, write_attitude_csv
+from rso_lidar.orbit import Epochs, Kepler, gcrs_from_eme2000
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 ORBIT = Kepler(

@@ -7,16 +7,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, Rtn
-from rso_lidar.motion.attitudes.look_at import LookAt
-from rso_lidar.motion.attitudes.slew import Slew
-from rso_lidar.motion.attitudes.spin import Spin
-from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
-from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.motions.prescribed_motion import Fixed
-from rso_lidar.motion.truth import truth
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import Kepler
+from rso_lidar.motion import Body, Fixed, FixedAttitude, LookAt, Nadir, Rtn, Slew, Spin, SunPointing, truth
+from rso_lidar.orbit import Epochs, Kepler
 
 START = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
 ORBIT = Kepler(

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.motion import Body, Fixed, load_spin_presets, truth
-from rso_lidar.motion.attitudes.spin import Spin
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.motion import Body, Fixed, Spin, load_spin_presets, truth
+from rso_lidar.orbit import Epochs
 from tests.orbit.earth.earth_for_tests import LOW, START
 
 

@@ -7,13 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
-from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.motions.prescribed_motion import Fixed
-from rso_lidar.motion.truth import truth
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.sun import sun_position_m
-from rso_lidar.orbit.two_body.kepler import Kepler
+from rso_lidar.motion import Body, Fixed, Nadir, SunPointing, truth
+from rso_lidar.orbit import Epochs, Kepler, sun_position_m
 
 START = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
 ORBIT = Kepler(

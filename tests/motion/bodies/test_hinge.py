@@ -3,7 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle, find_sun_in_body
+from rso_lidar.motion import FixedAngle, FollowSun, HingeAxes, PlannedAngle
+from rso_lidar.motion.bodies.hinge import find_sun_in_body
 
 HINGE = {"name": "array", "parts": ("solar_array",), "position_m": (0.0, 1.0, 0.0), "axis": (0.0, 2.0, 0.0)}
 

@@ -6,7 +6,7 @@ import pytest
 from rso_lidar.errors import PropagationError
 from rso_lidar.motion.dynamics import short_steps
 from rso_lidar.motion.dynamics.short_steps import FIRST_STEP_S, ShortSolution
-from rso_lidar.orbit.propagation.integrator import OdeSolution
+from rso_lidar.orbit import OdeSolution
 from tests.reference.motion import short_steps as reference
 
 TOLERANCES = {"rtol": 1e-10, "atol": 1e-9}

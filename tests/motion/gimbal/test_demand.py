@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.gimbal.demand import DemandCurve, FixedPoint, ScanPoint, TrackPoint, find_pan_tilt
-from rso_lidar.motion.gimbal.ptu import Ptu
+from rso_lidar.motion import FixedPoint, Ptu, ScanPoint, TrackPoint
+from rso_lidar.motion.gimbal.demand import DemandCurve, find_pan_tilt
 from rso_lidar.units import DEG
 
 

@@ -3,10 +3,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.gimbal.demand import DemandCurve, FixedPoint, ScanPoint, find_pan_tilt
-from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder
-from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, ptu_link, sense, start, step
-from rso_lidar.motion.mount import Mount
+from rso_lidar.motion import (
+    FirstOrder,
+    FixedPoint,
+    Ideal,
+    Mount,
+    PointingErrors,
+    Ptu,
+    ScanPoint,
+    SecondOrder,
+    ptu_link,
+    sense,
+    start,
+    step,
+)
+from rso_lidar.motion.gimbal.demand import DemandCurve, find_pan_tilt
 from rso_lidar.records import Command
 from rso_lidar.units import DEG
 

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.motions.prescribed_motion import Fixed, Table, read_table
+from rso_lidar.motion import Fixed, Table
+from rso_lidar.motion.motions.prescribed_motion import read_table
 
 HEADER = "time_s,x_m,y_m,z_m"
 

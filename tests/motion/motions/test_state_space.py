@@ -8,12 +8,10 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar import motion, orbit, units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
+from rso_lidar.motion import Ptu, SecondOrder, StateSpace, StateSpaceAttitude, StateSpaceDrive, start, step
 from rso_lidar.motion.dynamics.flight import Flight
-from rso_lidar.motion.gimbal.drive import SecondOrder, StateSpaceDrive
-from rso_lidar.motion.gimbal.ptu import Ptu, start, step
-from rso_lidar.motion.motions.state_space import StateSpace
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire, find_mean_motion_rad_s
+from rso_lidar.rpo import clohessy_wiltshire
+from rso_lidar.rpo.relative.hill import find_mean_motion_rad_s
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 GM = units.EARTH_GM_M3_S2

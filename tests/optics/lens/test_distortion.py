@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics.lens.distortion import BrownConrady, ZemaxDistortion
+from rso_lidar.optics import BrownConrady, ZemaxDistortion
 
 HALF = 64 * 340.94e-6  # tangent of half the field of Fuller et al.: 64 pixels of 340.94 urad (2.5 degrees)
 PIXEL = 340.94e-6

@@ -4,18 +4,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.optics import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
 from rso_lidar.optics.lens.hat_weights import encircled_energy
-from rso_lidar.optics.lens.psf import (
-    AiryPsf,
-    FieldDependentPsf,
-    FieldPsf,
-    GaussianPsf,
-    GridPsf,
-    ZemaxPsf,
-    find_reach,
-    pixel_shares,
-    psf_files,
-)
+from rso_lidar.optics.lens.psf import find_reach, pixel_shares, psf_files
 
 SEED = {"pitch_m": 100e-6, "wavelength_m": 1064e-9, "f_number": 2.8}  # the lens of Fuller et al., sec. 5
 BLUR_M = 1064e-9 * 2.8

@@ -10,8 +10,7 @@ from rso_lidar import optics
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import AiryPsf, BrownConrady, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, Laser, Receiver
 from rso_lidar.optics.returns import blur
-from rso_lidar.scene import Lambertian
-from rso_lidar.scene.materials.retro import RetroReflector
+from rso_lidar.scene import Lambertian, RetroReflector
 from tests.optics.bench_for_tests import place, plate, see, surface, truth_of
 
 # Pixels of 100 um, 1 m wide at 1 km; 16 rays in each.

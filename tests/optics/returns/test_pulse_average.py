@@ -8,7 +8,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import optics
 from rso_lidar.errors import RecordError
-from rso_lidar.optics.returns.pulse_average import assign_pulses, average_pulses
+from rso_lidar.optics import assign_pulses, average_pulses
 from rso_lidar.records import Hits, Rays
 
 LASER = rl.Laser(divergence_deg=2.0)

@@ -10,8 +10,8 @@ from PIL import Image
 import rso_lidar as rl
 from rso_lidar.cli import main
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics import Laser
-from rso_lidar.optics.tables.laser_profiles import find_full_width_s, read_pattern, read_pulse
+from rso_lidar.optics import Laser, read_pattern
+from rso_lidar.optics.tables.laser_profiles import find_full_width_s, read_pulse
 
 # ------------------------------------------------------------------------------------------------------------ patterns
 

@@ -8,17 +8,21 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import PropagationError, RecordingError, RsoLidarWarning, ScenarioError, suppress_warnings
-from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
+from rso_lidar.orbit import (
+    EarthOrientation,
+    Ephemeris,
+    Epochs,
+    Kepler,
+    find_ground_track,
+    find_table,
+    gcrs_from_axes,
+    gcrs_from_eme2000,
+    gcrs_from_teme,
+    write_ephemeris_csv,
+    write_oem,
+)
 from rso_lidar.orbit.ccsds.ephemeris_arc import read_arcs
 from rso_lidar.orbit.ccsds.interpolation import interpolate_hermite, interpolate_lagrange
-from rso_lidar.orbit.ccsds.reader import find_table
-from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
-from rso_lidar.orbit.earth.axes import gcrs_from_axes, gcrs_from_eme2000
-from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
-from rso_lidar.orbit.earth.ground import find_ground_track
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.teme import gcrs_from_teme
-from rso_lidar.orbit.two_body.kepler import Kepler
 from rso_lidar.records import BodyState
 from tests.orbit.earth.earth_for_tests import finals
 

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit import Drag, Epochs, Forces, Kepler, Numerical, State, convert_states
 from rso_lidar.orbit.ccsds.ephemeris_arc import EphemerisArc
 from rso_lidar.orbit.ccsds.interpolation_error import check_row_spacing, estimate_errors
-from rso_lidar.orbit.earth.axes import convert_states
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Drag, Forces
-from rso_lidar.orbit.propagation.numerical import Numerical
-from rso_lidar.orbit.two_body.kepler import Kepler, State
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 

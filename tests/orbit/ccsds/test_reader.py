@@ -7,7 +7,7 @@ import pytest
 from rso_lidar import files
 from rso_lidar.errors import ScenarioError
 from rso_lidar.mission_analysis.passes.search_objects import collect_objects
-from rso_lidar.orbit.ccsds.reader import read_table_text
+from rso_lidar.orbit import read_table_text
 
 TEXT = "time_s,x_km,y_km,z_km\n0,7000,0,0\n1,7000,7.5,0\n"
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RsoLidarWarning, ScenarioError
-from rso_lidar.orbit.ccsds.state_message import read_opm
-from rso_lidar.orbit.earth.axes import gcrs_from_axes
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs, gcrs_from_axes, read_opm
 
 # 502.0-B-3, figure G-1, with the centre and frame of an orbit about the Earth
 HEAD = """CCSDS_OPM_VERS = 3.0

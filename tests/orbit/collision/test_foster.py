@@ -8,8 +8,8 @@ from scipy.integrate import dblquad
 from scipy.stats import ncx2
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.collision.foster import disc_probability, foster_probability
-from rso_lidar.orbit.collision.uncertain_state import UncertainState
+from rso_lidar.orbit import UncertainState, foster_probability
+from rso_lidar.orbit.collision.foster import disc_probability
 
 
 @pytest.mark.parametrize("radius", [0.01, 1.0, 30.0, 1000.0])

@@ -7,9 +7,8 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.orbit.collision.foster import foster_probability
-from rso_lidar.orbit.collision.monte_carlo import MOST_SAMPLES, SampledProbability, choose_samples, sample_collisions
-from rso_lidar.orbit.collision.uncertain_state import UncertainState
+from rso_lidar.orbit import SampledProbability, UncertainState, foster_probability, sample_collisions
+from rso_lidar.orbit.collision.monte_carlo import MOST_SAMPLES, choose_samples
 
 RADIUS = 7e6
 SPEED = math.sqrt(units.EARTH_GM_M3_S2 / RADIUS)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
+from rso_lidar.orbit import UncertainSeparation, UncertainState, check_radius
 
 PLACE, SPEED = np.array([7e6, 0.0, 0.0]), np.array([0.0, 7.5e3, 0.0])
 

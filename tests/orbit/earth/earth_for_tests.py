@@ -2,7 +2,7 @@
 
 import datetime
 
-from rso_lidar.orbit.two_body.kepler import Kepler
+from rso_lidar.orbit import Kepler
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 LOW = Kepler(

@@ -3,13 +3,17 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.earth.access import find_access
-from rso_lidar.orbit.earth.ground import GroundStation
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
-from rso_lidar.orbit.sky.geometry import angle_rad, line_altitude_m, phase_angle_rad
-from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit import (
+    Catalog,
+    Epochs,
+    GroundStation,
+    angle_rad,
+    find_access,
+    line_altitude_m,
+    phase_angle_rad,
+    sun_position_m,
+    sunlit_fraction,
+)
 from tests.orbit.earth.earth_for_tests import GEO, LOW, START
 from tests.orbit.sets.sets_for_tests import TERRASAR
 

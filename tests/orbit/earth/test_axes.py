@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.earth.axes import EARTH_AXES, ORBIT_AXES, convert_states, gcrs_from_axes
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.maneuver import rotate_to_inertial
+from rso_lidar.orbit import Epochs, convert_states, gcrs_from_axes, rotate_to_inertial
+from rso_lidar.orbit.earth.axes import EARTH_AXES, ORBIT_AXES
 from rso_lidar.orbit.two_body.orbit_axes import orbit_axes_matrix
 from rso_lidar.records import BodyState
 from tests.orbit.earth.earth_for_tests import GEO, LOW, START

@@ -5,10 +5,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.orbit.earth.axes import convert_states
-from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
-from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import EarthOrientation, Epochs, convert_states, itrs_from_gcrs
 from rso_lidar.records import BodyState
 from tests.orbit.earth.earth_for_tests import finals
 

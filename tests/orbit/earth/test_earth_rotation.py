@@ -3,8 +3,7 @@ import datetime
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs, itrs_from_gcrs
 
 UTC = datetime.UTC
 

@@ -1,7 +1,7 @@
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.earth.ellipsoid import Geodetic, geodetic_from_itrs, itrs_from_geodetic
+from rso_lidar.orbit import Geodetic, geodetic_from_itrs, itrs_from_geodetic
 
 
 def test_published_places():

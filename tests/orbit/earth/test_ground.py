@@ -5,8 +5,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.earth.ground import GroundStation, find_ground_track
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs, GroundStation, find_ground_track
 from tests.orbit.earth.earth_for_tests import GEO, LOW, START
 
 EPOCHS = Epochs(START, np.linspace(0.0, 7200.0, 61))

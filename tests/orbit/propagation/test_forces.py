@@ -9,11 +9,8 @@ from scipy.integrate import quad
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Drag, Epochs, Forces, RadiationPressure, sun_position_m
 from rso_lidar.orbit.propagation.forces import (
-    Drag,
-    Forces,
-    RadiationPressure,
     _drag_acceleration,
     _sunlight_acceleration,
     _third_body_acceleration,
@@ -21,7 +18,6 @@ from rso_lidar.orbit.propagation.forces import (
     air_density_kg_m3,
 )
 from rso_lidar.orbit.sky.precession import pole_direction
-from rso_lidar.orbit.sky.sun import sun_position_m
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

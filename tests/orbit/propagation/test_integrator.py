@@ -3,8 +3,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.propagation.integrator import OdeSolution
-from rso_lidar.orbit.two_body.kepler import propagate_two_body
+from rso_lidar.orbit import OdeSolution, propagate_two_body
 
 GM = units.EARTH_GM_M3_S2
 

@@ -8,19 +8,20 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.j2 import (
+from rso_lidar.orbit import (
     J2,
+    Epochs,
+    Forces,
+    Kepler,
+    Numerical,
+    State,
     mean_from_osculating,
     osculating_from_mean,
     propagate_j2_secular,
     quasi_nonsingular_from_state,
-    secular_rates,
     state_from_quasi_nonsingular,
 )
-from rso_lidar.orbit.propagation.numerical import Numerical
-from rso_lidar.orbit.two_body.kepler import Kepler, State
+from rso_lidar.orbit.propagation.j2 import secular_rates
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -76,7 +77,7 @@ def test_against_an_integration_of_j2(a, e, i, allowed):
 def test_mean_elements_of_an_integrated_orbit_drift_as_they_should():
     start = State(epoch_utc=START, position_m=(6.9e6, 1e5, 2e5), velocity_m_s=(-2e2, 5.0e3, 5.8e3))
     epochs = Epochs(START, np.linspace(0.0, 86_400.0, 289))
-    from rso_lidar.orbit.sky.precession import equator_axes
+    from rso_lidar.orbit import equator_axes
     from rso_lidar.pose import rotate_vectors
 
     state = Numerical(initial=start).states(epochs)

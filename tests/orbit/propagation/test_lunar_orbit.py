@@ -14,12 +14,22 @@ from scipy.integrate import solve_ivp
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.orbit import JplEphemeris, Kepler, LunarKepler, LunarState, find_access, find_eclipses, screen
-from rso_lidar.orbit.central_body import MOON, find_center, states_about_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.sun import sun_position_m
-from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
-from rso_lidar.picture.plots.orbit import is_about_earth
+from rso_lidar.orbit import (
+    Epochs,
+    JplEphemeris,
+    Kepler,
+    LunarKepler,
+    LunarState,
+    elements_from_state,
+    find_access,
+    find_center,
+    find_eclipses,
+    screen,
+    states_about_center,
+    sun_position_m,
+)
+from rso_lidar.orbit.central_body import MOON
+from rso_lidar.picture import is_about_earth
 from rso_lidar.rpo import Flown, Hop, Lambert
 
 KERNEL = Path(skyfield.__file__).parent / "tests" / "data" / "de430-2015-03-02.bsp"

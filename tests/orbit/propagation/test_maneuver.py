@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, rotate_to_inertial
+from rso_lidar.orbit import Burn, Impulse, rotate_to_inertial
 
 R, V = [7e6, 0.0, 0.0], [100.0, 0.0, 7.5e3]  # r x v is along -y
 

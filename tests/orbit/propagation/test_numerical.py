@@ -8,14 +8,24 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
-from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, rotate_to_inertial
-from rso_lidar.orbit.propagation.numerical import IntegratedOrbit, Numerical, integrate_orbit
-from rso_lidar.orbit.sets.sgp4_motion import Tle
+from rso_lidar.orbit import (
+    Burn,
+    Drag,
+    Ephemeris,
+    Epochs,
+    Forces,
+    Impulse,
+    IntegratedOrbit,
+    Kepler,
+    Numerical,
+    RadiationPressure,
+    State,
+    Tle,
+    integrate_orbit,
+    propagate_two_body,
+    rotate_to_inertial,
+)
 from rso_lidar.orbit.sky.precession import pole_direction
-from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

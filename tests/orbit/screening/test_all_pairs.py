@@ -7,9 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from rso_lidar.orbit.screening.all_pairs import screen_pairs
-from rso_lidar.orbit.screening.conjunctions import screen
-from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit import ElementSet, screen, screen_pairs
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 HALF_DAY = 43_200.0

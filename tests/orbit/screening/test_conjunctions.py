@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.screening.conjunctions import screen
+from rso_lidar.orbit import Catalog, ElementSet, Fleet, screen
 from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.fleet import Fleet
 
 EPOCH = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 START = EPOCH + datetime.timedelta(hours=5, seconds=0.25)

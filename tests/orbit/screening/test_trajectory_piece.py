@@ -8,12 +8,23 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit import Burn, Ephemeris, Epochs, Impulse, Kepler, Numerical, State, Tle, write_oem
-from rso_lidar.orbit.screening.all_pairs import screen_pairs
-from rso_lidar.orbit.screening.conjunctions import screen
-from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory, find_pieces
-from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.sgp4_motion import Omm
+from rso_lidar.orbit import (
+    Burn,
+    ElementSet,
+    Ephemeris,
+    Epochs,
+    Impulse,
+    Kepler,
+    NamedTrajectory,
+    Numerical,
+    Omm,
+    State,
+    Tle,
+    screen,
+    screen_pairs,
+    write_oem,
+)
+from rso_lidar.orbit.screening.trajectory_piece import find_pieces
 from rso_lidar.records import BodyState
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, ScenarioError
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.formats import parse_lines, read_element_sets
+from rso_lidar.orbit import Catalog, Tle, read_element_sets
+from rso_lidar.orbit.sets.formats import parse_lines
 from rso_lidar.orbit.sets.selection import select_set
-from rso_lidar.orbit.sets.sgp4_motion import Tle
 from tests.orbit.sets.sets_for_tests import BOTH, ENVISAT_2013, ENVISAT_2020, TERRASAR, utc, with_checksum
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit import Catalog
 from tests.orbit.sets.sets_for_tests import BOTH, ENVISAT_2013, ENVISAT_2020, TERRASAR, utc, with_checksum
 
 RECORD = {

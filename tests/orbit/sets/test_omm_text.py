@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit import Catalog
 from rso_lidar.orbit.sets.omm_text import read_xml
 
 RECORD = {

@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit import Catalog, Epochs, SetSequence, Tle, propagate_sgp4
 from rso_lidar.orbit.sets.formats import parse_lines
-from rso_lidar.orbit.sets.set_sequence import SetSequence
-from rso_lidar.orbit.sets.sgp4_motion import Tle
-from rso_lidar.orbit.sets.teme import propagate_sgp4
 from rso_lidar.orbit.sets.tle_text import compute_checksum
 
 UTC = datetime.UTC

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning, ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.fleet import Fleet
-from rso_lidar.orbit.sets.sgp4_motion import Tle
-from rso_lidar.orbit.sets.teme import TOO_OLD, gcrs_from_teme
+from rso_lidar.orbit import Epochs, Fleet, Tle, gcrs_from_teme
+from rso_lidar.orbit.sets.teme import TOO_OLD
 
 # CelesTrak: TerraSAR-X. A rocket body of Vallado's verification set decays within a day.
 LOW = (

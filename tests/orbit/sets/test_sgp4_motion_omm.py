@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning, ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
-from rso_lidar.orbit.sets.teme import propagate_sgp4
+from rso_lidar.orbit import Catalog, Epochs, Omm, Tle, propagate_sgp4
 
 UTC = datetime.UTC
 START = datetime.datetime(2026, 5, 7, tzinfo=UTC)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, RsoLidarWarning
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.element_set import ElementSet, parse_epoch
+from rso_lidar.orbit import Catalog, ElementSet
+from rso_lidar.orbit.sets.element_set import parse_epoch
 from rso_lidar.orbit.sets.formats import parse_lines
 from rso_lidar.orbit.sets.tle_text import compute_checksum, format_tle, parse_norad_id
 

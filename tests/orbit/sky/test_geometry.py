@@ -7,21 +7,26 @@ import numpy as np
 import pytest
 
 from rso_lidar import units
-from rso_lidar.orbit import Epochs, State
-from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses, shadow_margins_rad, sunlit_fraction
-from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
-from rso_lidar.orbit.sky.geometry import (
+from rso_lidar.orbit import (
+    Eclipse,
+    Epochs,
+    State,
     angle_off_axis_rad,
     angle_outside_field_rad,
     angle_rad,
     beta_angle_rad,
     earth_angular_radius_rad,
     earth_limb_angle_rad,
+    find_eclipses,
+    find_minimum,
+    find_spans_below,
     is_earth_lit,
     line_altitude_m,
     phase_angle_rad,
+    shadow_margins_rad,
+    sun_position_m,
+    sunlit_fraction,
 )
-from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.records import BodyState
 
 START = datetime.datetime(2024, 3, 20, 3, 6, tzinfo=datetime.UTC)  # March equinox

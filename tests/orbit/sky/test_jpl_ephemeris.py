@@ -9,11 +9,7 @@ import skyfield
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.geometry import angle_rad
-from rso_lidar.orbit.sky.jpl_ephemeris import JplEphemeris
-from rso_lidar.orbit.sky.moon import moon_position_m
-from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit import Epochs, JplEphemeris, angle_rad, moon_position_m, sun_position_m
 
 KERNEL = Path(skyfield.__file__).parent / "tests" / "data" / "de430-2015-03-02.bsp"
 EPOCHS = Epochs(datetime.datetime(2015, 3, 2, 1, tzinfo=datetime.UTC), np.linspace(0.0, 70_000.0, 11))

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from rso_lidar import units
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs, equator_axes, moon_position_m, sun_position_m
 from rso_lidar.orbit.sky.almanac import Almanac
-from rso_lidar.orbit.sky.moon import ecliptic_of_date, moon_position_m
-from rso_lidar.orbit.sky.precession import equator_axes, pole_direction
-from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit.sky.moon import ecliptic_of_date
+from rso_lidar.orbit.sky.precession import pole_direction
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 

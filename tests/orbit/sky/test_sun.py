@@ -9,10 +9,8 @@ import pytest
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import Body, Fixed, truth
-from rso_lidar.orbit import State
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
-from rso_lidar.orbit.sky.sun import _mean_of_date_m, sun_direction, sun_position_m
+from rso_lidar.orbit import Epochs, State, sun_position_m, sunlit_fraction
+from rso_lidar.orbit.sky.sun import _mean_of_date_m, sun_direction
 
 WORST_DEG = 0.0105  # of this formula against ERFA's epv00 with aberration, 2000 to 2050
 

@@ -10,14 +10,8 @@ from hypothesis import strategies as st
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, RsoLidarWarning, ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import (
-    Kepler,
-    State,
-    propagate_two_body,
-    semi_major_axis_m,
-)
-from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
+from rso_lidar.orbit import Epochs, Kepler, State, elements_from_state, propagate_two_body
+from rso_lidar.orbit.two_body.kepler import semi_major_axis_m
 from rso_lidar.orbit.two_body.universal_variables import inverse_semi_major_axis, propagate_universal, stumpff
 
 GM = units.EARTH_GM_M3_S2

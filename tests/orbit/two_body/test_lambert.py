@@ -7,8 +7,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.two_body.kepler import propagate_two_body
-from rso_lidar.orbit.two_body.lambert import solve_lambert, solve_lambert_all
+from rso_lidar.orbit import propagate_two_body, solve_lambert, solve_lambert_all
 
 GM = units.EARTH_GM_M3_S2
 CIRCLE = 7e6

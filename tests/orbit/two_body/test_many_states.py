@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.two_body.kepler import propagate_two_body
+from rso_lidar.orbit import propagate_two_body
 from rso_lidar.orbit.two_body.many_states import propagate_many
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rso_lidar.orbit.two_body.orbit_axes import rtn_axes, rtn_matrix
+from rso_lidar.orbit import rtn_axes, rtn_matrix
 
 PLACE_M, VELOCITY_M_S = np.array([5.1e6, -3.9e6, 2.6e6]), np.array([4100.0, 5200.0, -3300.0])
 

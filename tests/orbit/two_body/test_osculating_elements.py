@@ -8,15 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rso_lidar import units
-from rso_lidar.orbit.two_body.anomaly import (
+from rso_lidar.orbit import (
+    OsculatingElements,
     eccentric_from_mean,
-    eccentric_from_true,
+    elements_from_state,
     mean_from_true,
     start_eccentric_anomaly,
-    true_from_eccentric,
+    state_from_elements,
     true_from_mean,
 )
-from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, elements_from_state, state_from_elements
+from rso_lidar.orbit.two_body.anomaly import eccentric_from_true, true_from_eccentric
 
 GM = units.EARTH_GM_M3_S2
 EPS = np.finfo(float).eps

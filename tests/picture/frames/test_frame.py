@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 
-from rso_lidar.picture import frame_figure, save_frame
-from rso_lidar.picture.frames.frame import _describe_geometry, summarise
+from rso_lidar.picture import frame_figure, parts_in_order, save_frame, summarize_frame
+from rso_lidar.picture.frames.frame import _describe_geometry
 from rso_lidar.picture.frames.panels import _free_corner
-from rso_lidar.picture.frames.part_colours import parts_in_order
 from rso_lidar.picture.style.palette import IMAGE_BLACK, IMAGE_WHITE
 from rso_lidar.records import Reading
 
@@ -119,7 +118,7 @@ def test_in_a_series_one_of_many_parts_keeps_its_colour(handmade):
 
 def test_words_say_time_returns_and_geometry(handmade):
     frame = handmade.make_frame(1350.0, 900.0, index=4)
-    text = summarise(frame)
+    text = summarize_frame(frame)
     assert "frame 4" in text
     assert "1,350.000 s after 2024-09-17T12:00:00Z" in text
     assert f"{frame.valid.sum()} returns" in text

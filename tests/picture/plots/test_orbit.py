@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture import orbit_figure, save_figure
-from rso_lidar.picture.plots.orbit import inertial_figure, osculating_orbit_m
+from rso_lidar.picture import inertial_figure, orbit_figure, osculating_orbit_m, save_figure
 from rso_lidar.pose import Link, PoseTree, pose
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.units import EARTH_GM_M3_S2, EARTH_RADIUS_M

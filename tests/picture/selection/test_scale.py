@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rso_lidar.picture.selection.scale import Scale, nice_down, nice_up
-from rso_lidar.picture.selection.sequence import Thumbnail
+from rso_lidar.picture import Scale, Thumbnail, nice_down, nice_up
 from rso_lidar.picture.style.colour_maps import FAINTEST, apply_ramp, fixed_palette, ramp
 from rso_lidar.picture.style.palette import NO_RETURN, split_rgb
 

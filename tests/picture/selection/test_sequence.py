@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture.selection.sequence import Thumbnail, even_indices, find_target_pixels, on_target, pick, pixel_rad
+from rso_lidar.picture import Thumbnail, even_indices, find_target_pixels, on_target
+from rso_lidar.picture.selection.sequence import pick, pixel_rad
 
 
 @pytest.mark.parametrize(("n", "count"), [(1, 1), (10, 4), (540, 120), (121, 120), (7, 7), (3, 9), (1000, 2)])

@@ -9,10 +9,10 @@ from matplotlib.colors import to_hex, to_rgba_array
 from matplotlib.figure import Figure
 
 from rso_lidar import picture
+from rso_lidar.picture import DARK, LIGHT
 from rso_lidar.picture.style.colour_maps import RANGE_RAMP
 from rso_lidar.picture.style.defaults import make_rc_params
 from rso_lidar.picture.style.figures import LINE_PT, SMALL_PT, TEXT_PT
-from rso_lidar.picture.style.palette import DARK, LIGHT
 
 
 @pytest.mark.parametrize("scheme", [LIGHT, DARK])

@@ -5,18 +5,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from rso_lidar.picture import DARK, LIGHT
 from rso_lidar.picture.style.colour_maps import AMOUNT_RAMP, ERROR_RAMP, INTENSITY_RAMP, RANGE_RAMP, ramp
-from rso_lidar.picture.style.palette import (
-    ALARM_SHADE,
-    DARK,
-    LIGHT,
-    NO_RETURN,
-    OKABE_ITO,
-    PARTS,
-    SHADE,
-    choose_ink,
-    split_rgb,
-)
+from rso_lidar.picture.style.palette import ALARM_SHADE, NO_RETURN, OKABE_ITO, PARTS, SHADE, choose_ink, split_rgb
 
 SCHEMES = pytest.mark.parametrize("scheme", [LIGHT, DARK], ids=["light", "dark"])
 

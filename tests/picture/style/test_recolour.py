@@ -5,23 +5,9 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.patches import Patch
 
-from rso_lidar.picture import curve_figure, frame_figure, orbit_figure, save_figure
+from rso_lidar.picture import DARK, LIGHT, curve_figure, frame_figure, orbit_figure, recolour, save_figure
 from rso_lidar.picture.style.figures import draw_legend, new_figure, style_axes, style_bar
-from rso_lidar.picture.style.palette import (
-    BLUE,
-    DARK,
-    GRID,
-    IMAGE_WHITE,
-    INK,
-    LIGHT,
-    PAPER,
-    PARTS,
-    QUIET,
-    RED,
-    RULE,
-    split_rgb,
-)
-from rso_lidar.picture.style.recolour import recolour
+from rso_lidar.picture.style.palette import BLUE, GRID, IMAGE_WHITE, INK, PAPER, PARTS, QUIET, RED, RULE, split_rgb
 
 # Colours that a dark figure must not show on its page: those of the light one that the dark one has not.
 LIGHT_ALONE = {*LIGHT.all, "#000000"} - set(DARK.all)

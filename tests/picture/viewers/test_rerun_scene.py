@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.picture.viewers import rerun_scene
+from rso_lidar.picture import Shape, rerun_scene
 from rso_lidar.picture.viewers.rerun_scene import (
     import_rerun,
     open_rerun,
@@ -20,7 +20,6 @@ from rso_lidar.picture.viewers.rerun_scene import (
     world_of,
     write_rerun,
 )
-from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.pose import Link, PoseTree
 
 PLATE = Shape(

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rso_lidar.picture.viewers.shape import MOST_EDGES, Shape
+from rso_lidar.picture import Shape
+from rso_lidar.picture.viewers.shape import MOST_EDGES
 
 CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 
-from rso_lidar.detector.settings.apd import Apd, cumulants
+from rso_lidar.detector import Apd
+from rso_lidar.detector.settings.apd import cumulants
 from rso_lidar.detector.stages.alias_tables import AliasTable
 from rso_lidar.detector.stages.avalanche import (
     COARSE,

@@ -3,8 +3,8 @@
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.optics import sun_photons_per_s_m2
 from rso_lidar.optics.returns.blur import Light
-from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.records import Photons
 from tests.reference.optics.blur import blur_light
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from rso_lidar import pose
 from rso_lidar.records import Rays, Truth
+from rso_lidar.scene import Surface
 from rso_lidar.scene.casting.first_hits import NEAREST_M, FirstHits, target_numbers
-from rso_lidar.scene.surfaces.surface import Surface
 from tests.reference.scene.shadows import find_shadowed
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from rso_lidar.scene import Surface
 from rso_lidar.scene.casting.local_hits import LocalHits, dot, rotate
 from rso_lidar.scene.casting.shadows import OFF_THE_FACET
-from rso_lidar.scene.surfaces.surface import Surface
 
 
 def find_shadowed(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray) -> np.ndarray:

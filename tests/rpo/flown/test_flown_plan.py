@@ -18,9 +18,9 @@ from rso_lidar.rpo import (
     RelativeStart,
     StationKeeping,
     Thrusters,
+    TwoImpulseGuidance,
     VBarApproach,
 )
-from rso_lidar.rpo.flown.guidance import TwoImpulseGuidance
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 CHIEF = Kepler(

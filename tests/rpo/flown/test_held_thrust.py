@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
-from rso_lidar.rpo import Thrusters
-from rso_lidar.rpo.flown.held_thrust import HeldThrustErrors
+from rso_lidar.rpo import HeldThrustErrors, Thrusters
 
 STAGE_S = np.array([0.0, 40.0, 95.0])
 AXES = Rotation.from_euler("zyx", [[20.0, -50.0, 130.0], [70.0, 15.0, -40.0], [-160.0, 33.0, 8.0]], degrees=True)

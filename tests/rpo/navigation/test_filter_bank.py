@@ -7,9 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from rso_lidar.orbit import Epochs, sun_position_m
-from rso_lidar.rpo import NavigationCamera, NavigationLidar, RelativeFilter
-from rso_lidar.rpo.navigation.filter_bank import FilterBank, find_axes_across, find_nees
-from rso_lidar.rpo.navigation.navigation_sensors import find_clear_views
+from rso_lidar.rpo import FilterBank, NavigationCamera, NavigationLidar, RelativeFilter, find_clear_views, find_nees
+from rso_lidar.rpo.navigation.filter_bank import find_axes_across
 
 LIDAR = NavigationLidar(bearing_sigma_deg=0.02, range_sigma_m=0.1)
 CAMERA = NavigationCamera(bearing_sigma_deg=0.01)

@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar import rpo
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import Epochs
 from tests.rpo.plans.test_operation import REVOLUTION, START, C, N, station
 
 

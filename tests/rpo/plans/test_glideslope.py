@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar import rpo
 from rso_lidar.errors import ScenarioError
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire
+from rso_lidar.rpo import clohessy_wiltshire
 from tests.rpo.plans.test_operation import N
 
 LINE = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.rpo.plans.keep_out import KeepOutSphere
+from rso_lidar.rpo import KeepOutSphere
 
 AXIS, ASIDE = np.array([1.0, -2.0, 2.0]) / 3.0, np.array([2.0, 2.0, 1.0]) / 3.0  # a right angle apart
 SPHERE = KeepOutSphere(100.0, (2.0, -4.0, 4.0), 20.0)  # an axis need not have length 1

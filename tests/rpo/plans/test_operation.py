@@ -8,8 +8,7 @@ import pytest
 
 from rso_lidar import rpo, units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import Kepler
+from rso_lidar.orbit import Epochs, Kepler
 
 START = datetime.datetime(2026, 5, 1, tzinfo=datetime.UTC)
 N = math.sqrt(units.EARTH_GM_M3_S2 / 6_878e3**3)

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from rso_lidar.rpo import Plan, PlannedImpulse, clohessy_wiltshire
 from rso_lidar.rpo.plans.minimum_distance import find_closest_approach
-from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse, make_coast, make_line
+from rso_lidar.rpo.plans.plan import make_coast, make_line
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 N = 1.1e-3
 REVOLUTION = math.tau / N

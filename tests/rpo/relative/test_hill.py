@@ -9,12 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import State
+from rso_lidar.orbit import Epochs, State
+from rso_lidar.rpo import Hill, clohessy_wiltshire, rtn_axes
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative import curvilinear
-from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire, find_mean_motion_rad_s
-from rso_lidar.rpo.relative.rtn import rtn_axes
+from rso_lidar.rpo.relative.hill import find_mean_motion_rad_s
 
 GM = units.EARTH_GM_M3_S2
 RADIUS = 42164e3
@@ -183,7 +182,7 @@ def test_rtn_axes_of_a_known_state():
 
 
 def test_rtn_rate_is_the_turn_of_the_axes():
-    from rso_lidar.orbit.two_body.kepler import propagate_two_body
+    from rso_lidar.orbit import propagate_two_body
 
     r0, v0 = np.array([7e6, 1e6, -2e6]), np.array([-1000.0, 6000.0, 5500.0])
     times, h = np.linspace(0.0, 9000.0, 50), 0.05

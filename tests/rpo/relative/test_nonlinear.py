@@ -6,15 +6,19 @@ import math
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
-from rso_lidar.orbit.two_body.kepler import State, propagate_two_body
-from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
+from rso_lidar.orbit import (
+    Burn,
+    Epochs,
+    Forces,
+    Impulse,
+    OsculatingElements,
+    State,
+    propagate_two_body,
+    state_from_elements,
+)
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.nonlinear import Nonlinear
+from rso_lidar.rpo import Nonlinear, rtn_axes
 from rso_lidar.rpo.relative.reference_orbit import add_relative_state, find_relative_state
-from rso_lidar.rpo.relative.rtn import rtn_axes
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

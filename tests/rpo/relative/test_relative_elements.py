@@ -8,22 +8,12 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.j2 import propagate_j2_secular
-from rso_lidar.orbit.sky.precession import equator_axes
-from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
+from rso_lidar.orbit import Epochs, OsculatingElements, State, equator_axes, propagate_j2_secular, state_from_elements
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.nonlinear import Nonlinear
+from rso_lidar.rpo import Nonlinear, RelativeElements, relative_elements_from_states, state_from_relative_elements
 from rso_lidar.rpo.relative.reference_orbit import find_relative_state
-from rso_lidar.rpo.relative.relative_elements import (
-    RelativeElements,
-    add_relative_elements,
-    difference_elements,
-    relative_elements_from_states,
-    state_from_relative_elements,
-)
+from rso_lidar.rpo.relative.relative_elements import add_relative_elements, difference_elements
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

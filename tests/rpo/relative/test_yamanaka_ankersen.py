@@ -8,13 +8,10 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import State, propagate_two_body
-from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
+from rso_lidar.orbit import Epochs, OsculatingElements, State, propagate_two_body, state_from_elements
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire
+from rso_lidar.rpo import YamanakaAnkersen, clohessy_wiltshire, propagate_yamanaka_ankersen
 from rso_lidar.rpo.relative.reference_orbit import add_relative_state, find_relative_state
-from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen, propagate_yamanaka_ankersen
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

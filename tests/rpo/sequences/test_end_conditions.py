@@ -7,11 +7,7 @@ import pytest
 
 from rso_lidar import rpo
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.numerical import Numerical
-from rso_lidar.orbit.sky.eclipse import find_eclipses
-from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit import Epochs, Forces, Numerical, find_eclipses, sun_position_m
 from tests.rpo.sequences.test_sequence import REVOLUTION, START, STATION, N, plan
 
 PERTURBED = Numerical(initial=STATION, forces=Forces(zonal_degree=6))

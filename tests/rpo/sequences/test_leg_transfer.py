@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.rpo import clohessy_wiltshire
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from tests.rpo.sequences.test_sequence import REVOLUTION, N, plan
 
 PERCH = {"type": "perch", "along_track_m": -200.0, "duration_s": 600.0}

@@ -10,10 +10,9 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import rpo, units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.proximity import find_plan
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import Kepler
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire
+from rso_lidar.motion import find_plan
+from rso_lidar.orbit import Epochs, Kepler
+from rso_lidar.rpo import clohessy_wiltshire
 
 START = datetime.datetime(2026, 5, 1, tzinfo=datetime.UTC)
 N = math.sqrt(units.EARTH_GM_M3_S2 / 6_878e3**3)

@@ -6,7 +6,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scenario.preview.geometry import preview_mission
+from rso_lidar.scenario import preview_mission
 
 # The plate stands at 1000 m: 2 x 1000 m / c = 6671.3 ns after emission. It is 4 m wide, 2.83 m from middle to corner.
 GATE = "lidar.detector.gate={{delay_ns={}, width_ns={}}}"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.detector.bench.trial import make_plate, run_trial
+from rso_lidar.detector import make_plate, run_trial
 
 ENVISAT = """
 version = 1

@@ -7,8 +7,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import units
+from rso_lidar.scenario import preview_mission
 from rso_lidar.scenario.assessment.environment import advise_on_environment, describe_environment
-from rso_lidar.scenario.preview.geometry import preview_mission
 from rso_lidar.scenario.preview.sky import compute_sky_geometry, tabulate_environment
 
 MOON_KM = (-220_497.1, 291_971.7, 164_731.8)  # by astropy 8.0.2 (ERFA's moon98), 2024-03-20 03:06 UTC, in GCRS

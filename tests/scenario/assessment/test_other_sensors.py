@@ -8,8 +8,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from rso_lidar.scenario import preview_mission
 from rso_lidar.scenario.assessment.other_sensors import advise_on_sensors, describe_sensors
-from rso_lidar.scenario.preview.geometry import preview_mission
 from tests.settings_for_tests import limit_pixels
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"

@@ -5,7 +5,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics.returns.pulse_average import assign_pulses
+from rso_lidar.optics import assign_pulses
 from rso_lidar.records import Command
 from tests.physics.test_exposure_physics import COUNTER, EXPOSURE_S, PIXEL_M, PULSES, RANGE_M, moving, scene
 

@@ -8,7 +8,7 @@ import skyfield
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
+from rso_lidar.scenario import list_lunar_bodies
 
 KERNEL = Path(skyfield.__file__).parent / "tests" / "data" / "de430-2015-03-02.bsp"
 TEXT = f"""

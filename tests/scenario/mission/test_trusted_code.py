@@ -7,7 +7,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
+from rso_lidar.evaluation import load_scenario
 from rso_lidar.motion.dynamics import flight
 
 CODE = """

@@ -6,9 +6,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from rso_lidar.scenario import Constraints, Corridor, preview_mission
 from rso_lidar.scenario.assessment.compliance import list_violations
-from rso_lidar.scenario.preview.geometry import preview_mission
-from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 
 APPROACH = "examples/tdrs_approach.toml"  # from 3000 m behind along -y of rtn to 300 m; boresight along the velocity
 BEHIND = {"target": "tdrs", "axes": "rtn", "axis": (0, -1, 0), "half_angle_deg": 30}

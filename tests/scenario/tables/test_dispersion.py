@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RsoLidarWarning
-from rso_lidar.scenario.tables.dispersion import Dispersion, TargetErrors
+from rso_lidar.scenario import Dispersion, TargetErrors
 
 # 20 m along the track and 15 mm/s across it, with a correlation of -0.6 between the first two
 METRES = np.diag([4.0**2, 20.0**2, 5.0**2, 0.01**2, 0.004**2, 0.015**2])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.records.part_classes import PART_CLASSES
+from rso_lidar.records import PART_CLASSES
 from rso_lidar.scenario.mission import target_surfaces
 from rso_lidar.scenario.tables import fragment as fragments
 from rso_lidar.scene.surfaces import surface

@@ -6,8 +6,8 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.export.layout.target_table import read_targets, tabulate_targets
 from rso_lidar.records import TargetEntry
-from rso_lidar.scenario.mission.target_surfaces import find_taxonomy
-from rso_lidar.scene.library.model_index import model
+from rso_lidar.scenario import find_taxonomy
+from rso_lidar.scene import model
 
 FIXED = rl.Fixed(position_m=(0.0, 0.0, 0.0))
 NORTH = {"name": "solar_north", "angle": rl.motion.FollowSun()}

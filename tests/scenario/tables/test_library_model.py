@@ -5,9 +5,10 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import MeshError, RecordingError, RsoLidarWarning, ScenarioError
-from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario, load_surfaces
+from rso_lidar.evaluation import load_scenario
+from rso_lidar.evaluation.recorded_runs.flown_scenario import load_surfaces
 from rso_lidar.export import run_id
-from rso_lidar.scene.library.adding import MeshOptions, add_model
+from rso_lidar.scene import MeshOptions, add_model
 from tests.scene.meshes.test_mesh import BOX, binary_stl, glb
 
 HINGE = """

@@ -5,7 +5,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.scenario import load_presets
 
 PRESETS = tuple(load_presets())
 RANGE_M = {"proximity_1570": 50, "long_range_1064": 3000, "geiger_1064": 150}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.scenario.tables.terrain import CratersAndBoulders, build_terrain_mesh
+from rso_lidar.scenario import CratersAndBoulders
+from rso_lidar.scenario.tables.terrain import build_terrain_mesh
 
 MADE = {"type": "craters_and_boulders", "seed": 3, "size_m": 32.0, "cell_m": 0.5, "rock_fraction": 0.2}
 

@@ -5,10 +5,9 @@ import pytest
 
 from rso_lidar.kernels import packed
 from rso_lidar.optics import Laser, Receiver, pixel_rays
-from rso_lidar.scene import cast, extent
+from rso_lidar.scene import cast, engine, extent
 from rso_lidar.scene.bounces.path_starts import number_facets, spread_paths, start_paths
 from rso_lidar.scene.casting.first_hits import find_first_hits
-from rso_lidar.scene.embree.engine import engine
 from tests.optics.bench_for_tests import box, place, sphere, surface, truth_of
 from tests.reference.scene import path_starts as reference
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import scene
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
-from rso_lidar.scene.materials.phong import Lambertian, Phong
+from rso_lidar.scene import Lambertian, Phong
 from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD
 from tests.optics.bench_for_tests import PAPER_LASER, box, look, place, plate, see, sphere, surface, truth_of
 

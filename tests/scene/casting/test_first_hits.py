@@ -9,12 +9,11 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import scene
 from rso_lidar.optics import Laser, Receiver, pixel_rays
 from rso_lidar.records import Rays
+from rso_lidar.scene import Lambertian, Phong, RetroReflector
 from rso_lidar.scene.casting.first_hits import cast_rays
 from rso_lidar.scene.casting.shadows import mark_shadowed
 from rso_lidar.scene.embree import engine as embree
 from rso_lidar.scene.embree.ray_by_ray import RayByRay
-from rso_lidar.scene.materials.phong import Lambertian, Phong
-from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
 from tests.reference.scene.first_hits import reference_casting
 

@@ -7,7 +7,8 @@ import pytest
 import tomli_w
 
 from rso_lidar.errors import MeshError, ScenarioError
-from rso_lidar.scene.library.model_index import ModelEntry, materials, model, models, read_materials, read_models
+from rso_lidar.scene import ModelEntry, load_materials, model, models
+from rso_lidar.scene.library.model_index import read_materials, read_models
 
 
 def test_catalogue_lists_models_with_files_and_materials():
@@ -16,16 +17,16 @@ def test_catalogue_lists_models_with_files_and_materials():
         assert entry.name == name
         assert entry.path.is_file()
         assert entry.path.stat().st_size == entry.size_bytes
-        assert set(entry.parts.values()) <= set(materials())
+        assert set(entry.parts.values()) <= set(load_materials())
         assert len(entry.inertia_kg_m2) == len(entry.inertia_kg_m2[0]) == len(entry.size_m) == 3
         assert model(name) is entry
 
 
 def test_what_is_handed_out_cannot_spoil_the_catalogue():
     models().clear()
-    materials()["mli_gold"]["diffuse"] = 2.0
+    load_materials()["mli_gold"]["diffuse"] = 2.0
     assert models()
-    assert materials()["mli_gold"]["diffuse"] <= 1.0
+    assert load_materials()["mli_gold"]["diffuse"] <= 1.0
     with pytest.raises(dataclasses.FrozenInstanceError):
         model("tdrs").mass_kg = 0.0
     with pytest.raises(TypeError):

@@ -5,11 +5,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene.materials.choice import AnyMaterial, ByWavelength
-from rso_lidar.scene.materials.measured_brdf import TableBrdf
-from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
-from rso_lidar.scene.materials.phong import Lambertian, Phong
-from rso_lidar.scene.materials.retro import RetroReflector
+from rso_lidar.scene import AnyMaterial, ByWavelength, Ggx, Lambertian, OrenNayar, Phong, RetroReflector, TableBrdf
 
 CUBES = RetroReflector(diameter_mm=12.7, reflectance=0.9, fill_fraction=0.5)
 

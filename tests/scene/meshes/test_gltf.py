@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene import load_mesh
-from rso_lidar.scene.meshes.mesh import read_facet_colours
+from rso_lidar.scene import load_mesh, read_facet_colours
 from tests.optics.bench_for_tests import box
 from tests.scene.meshes.test_mesh import load  # noqa: F401, a fixture
 

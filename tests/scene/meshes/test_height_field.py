@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.meshes.height_field import MOST_CELLS, build_height_field, load_height_field
-from rso_lidar.scene.surfaces.portrait import find_top_heights
-from rso_lidar.scene.surfaces.surface import build_surface
+from rso_lidar.scene import MOST_HEIGHT_CELLS, build_height_field, build_surface, find_top_heights, load_height_field
 
 HEIGHTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])  # two rows from north to south, three columns from west to east
 
@@ -51,7 +49,7 @@ def _text(path):
 
 
 def _bomb(path):
-    np.savez_compressed(path, heights=np.zeros((20, MOST_CELLS), np.int8))
+    np.savez_compressed(path, heights=np.zeros((20, MOST_HEIGHT_CELLS), np.int8))
 
 
 def _claims(path):
@@ -77,7 +75,7 @@ BAD = {
     "nothing.npy": (lambda path: np.save(path, np.full((2, 2), np.nan)), "no cell has a height"),
     "two.npz": (lambda path: np.savez(path, a=HEIGHTS, b=HEIGHTS), "contains 2 arrays"),
     "bomb.npz": (_bomb, "give a smaller array"),
-    "wide.npy": (lambda path: np.save(path, np.zeros((2, MOST_CELLS), np.int8)), "crop or thin it"),
+    "wide.npy": (lambda path: np.save(path, np.zeros((2, MOST_HEIGHT_CELLS), np.int8)), "crop or thin it"),
 }
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.meshes.mesh import read_facet_colours
+from rso_lidar.scene import read_facet_colours
 from tests.scene.meshes.test_mesh import load  # noqa: F401, a fixture
 from tests.scene.meshes.test_polygons import BRACKET
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rso_lidar.records.symmetry import Symmetry
-from rso_lidar.scene.library.model_index import model, models
-from rso_lidar.scene.meshes.symmetry_check import measure_symmetry
+from rso_lidar.records import Symmetry
+from rso_lidar.scene import measure_symmetry, model, models
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 DECLARED = [name for name, entry in models().items() if entry.symmetry is not None]

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar import optics, scene
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun
-from rso_lidar.scenario.tables.joints import Joint
+from rso_lidar.motion import FixedAngle, FollowSun
+from rso_lidar.scenario import Joint
 from rso_lidar.scene import Hinged, split_at_hinges
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library.model_index import model
-from rso_lidar.scene.meshes.components import find_helper_cube, format_count
-from rso_lidar.scene.meshes.mesh import normalize_mesh
-from rso_lidar.scene.surfaces.examination import examine
+from rso_lidar.scene import examine_mesh, format_count, load_mesh, model, normalize_mesh
+from rso_lidar.scene.meshes.components import find_helper_cube
 from tests.optics import bench_for_tests
 from tests.scene.meshes.test_mesh import binary_stl
 
@@ -31,7 +28,7 @@ def examined(tmp_path):
     def look(triangles):
         path = tmp_path / "mesh.stl"
         path.write_bytes(binary_stl(np.asarray(triangles)))
-        return examine(load_mesh(path))
+        return examine_mesh(load_mesh(path))
 
     return look
 
@@ -113,14 +110,14 @@ def test_a_size_that_no_spacecraft_has_is_doubted(examined):
 def test_left_out_facets_are_told(tmp_path):
     path = tmp_path / "two.stl"
     path.write_bytes(binary_stl(np.concatenate([box(1.0, 2.0, 3.0), box(4.0, 4.0, 4.0) + 9])))
-    found = examine(normalize_mesh(load_mesh(path), 1.0, left_out=((12, 23),)))
+    found = examine_mesh(normalize_mesh(load_mesh(path), 1.0, left_out=((12, 23),)))
     assert (found.components, found.left_out, found.size_m) == (1, 12, (1.0, 2.0, 3.0))
     assert any("12 left out" in line for line in found.lines())
 
 
 @pytest.mark.parametrize("name", ["tdrs", "plate", "sphere"])
 def test_shipped_models_are_closed(name):
-    found = examine(model(name).mesh)
+    found = examine_mesh(model(name).mesh)
     assert found.boundary_edges == 0 and found.strays == () and not found.degenerate
     assert found.front_share > 0.9999, "a ray along an edge may slip past it, once in 50,000"
 
@@ -129,7 +126,7 @@ def test_shipped_models_are_closed(name):
 def test_real_spacecraft_have_the_holes_that_their_manifest_says(name, shared):
     """Found with trimesh; edges of two copies of one facet are counted otherwise there, hence 2 of 1,886 for Juno."""
     entry = json.loads((shared / "meshes" / "manifest.json").read_text())["models"][name]
-    found = examine(load_mesh(shared / "meshes" / entry["file"]))
+    found = examine_mesh(load_mesh(shared / "meshes" / entry["file"]))
     assert found.boundary_edges == pytest.approx(entry["boundary_edges"], abs=2)
     assert found.nonmanifold_edges == entry["nonmanifold_edges"]
     assert found.area_m2 == pytest.approx(entry["surface_area_m2"], abs=1e-3)
@@ -145,4 +142,4 @@ def test_a_mesh_beyond_all_numbers_is_one_line(tmp_path):
     path = tmp_path / "far.stl"
     path.write_bytes(binary_stl(box(1.0, 2.0, 3.0) * 1e30))
     with pytest.raises(MeshError, match=r"reaches beyond 1e\+07 m as scaled"):
-        examine(load_mesh(path))
+        examine_mesh(load_mesh(path))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rso_lidar.scene.surfaces.portrait import render_portrait, viewer_axes
+from rso_lidar.scene import render_portrait, viewer_axes
 from tests.optics.bench_for_tests import box, sphere, surface
 
 BOX = surface("box", box(1.0, 2.0, 3.0) + np.array([5.0, -2.0, 1.0]))

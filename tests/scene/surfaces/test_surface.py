@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene import Hinged, Lambertian, Phong, split_at_hinges
-from rso_lidar.scene.materials.choice import ByWavelength
-from rso_lidar.scene.materials.retro import RetroReflector
+from rso_lidar.scene import ByWavelength, Hinged, Lambertian, Phong, RetroReflector, split_at_hinges
 from tests.optics.bench_for_tests import box, plate, sphere, surface
 
 BOX = box(1.0, 2.0, 3.0)

@@ -4,7 +4,7 @@ import base64
 import re
 
 import rso_lidar as rl
-from rso_lidar.evaluation.recorded_runs.frame_comparison import compare_frames
+from rso_lidar.evaluation import compare_frames
 from rso_lidar.shipped import shipped
 from rso_lidar.studio.model.frame_image import draw_difference, draw_image
 from tests.studio.browser.page_elements import (

@@ -5,9 +5,8 @@ import datetime
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part.toml_text import parse_toml
-from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.examples import find_examples
+from rso_lidar.part import parse_toml
+from rso_lidar.scenario import Scenario, find_examples
 from rso_lidar.studio.model.form_fields import (
     SCALARS,
     TABLES,

@@ -8,7 +8,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError, collect_warnings
-from rso_lidar.scenario.examples import SHORTEST, find_companions, find_examples
+from rso_lidar.scenario import SHORTEST_EXAMPLE, find_companions, find_examples
 from rso_lidar.shipped import shipped
 from rso_lidar.studio.model.root_folder import Folder
 from rso_lidar.studio.model.text_assessment import (
@@ -179,7 +179,7 @@ def test_an_assessed_scenario_flies_as_the_file_does(folder, text):
 def in_millimetres(folder):
     """Return the text of a scenario whose target is a mesh in millimetres, 1 to 3 m, read as metres."""
     (folder.path / "probe.stl").write_bytes(binary_stl(BOX * 1000.0))
-    return SHORTEST.replace('model = "plate"', 'model = "probe.stl"')
+    return SHORTEST_EXAMPLE.replace('model = "plate"', 'model = "probe.stl"')
 
 
 def list_printed(scenario):

@@ -11,7 +11,7 @@ from nicegui import ui
 from nicegui.elements.upload_files import SmallFileUpload
 from nicegui.testing.user_simulation import user_simulation
 
-from rso_lidar.scenario.examples import SHORTEST, find_examples
+from rso_lidar.scenario import SHORTEST_EXAMPLE, find_examples
 from rso_lidar.studio.application import make_root
 from rso_lidar.studio.model.text_assessment import assess, list_warnings
 from rso_lidar.studio.state import Workspace
@@ -33,7 +33,7 @@ BSTAR = 0
 
 @pytest.fixture
 def folder(tmp_path):
-    (tmp_path / "bench.toml").write_text("# by hand\n" + SHORTEST, encoding="utf-8")
+    (tmp_path / "bench.toml").write_text("# by hand\n" + SHORTEST_EXAMPLE, encoding="utf-8")
     return tmp_path
 
 
@@ -166,7 +166,9 @@ def test_a_pasted_message_becomes_the_motion(folder):
 
 def test_a_mesh_in_millimetres_is_warned_of_beside_the_verdict_and_gets_its_scale(folder):
     (folder / "probe.stl").write_bytes(binary_stl(BOX * 1000.0))
-    (folder / "bench.toml").write_text(SHORTEST.replace('model = "plate"', 'model = "probe.stl"'), encoding="utf-8")
+    (folder / "bench.toml").write_text(
+        SHORTEST_EXAMPLE.replace('model = "plate"', 'model = "probe.stl"'), encoding="utf-8"
+    )
 
     async def journey(user, workspace):
         await user.should_see("Ready to fly: 10 frames, 4 warnings", retries=300)

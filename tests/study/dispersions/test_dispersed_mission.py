@@ -12,14 +12,13 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import rpo, units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit import Catalog, ElementSet
 from rso_lidar.orbit.collision.foster import disc_probability
-from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.processes import open_dask_client
-from rso_lidar.scenario.preview.geometry import preview_mission
+from rso_lidar.scenario import preview_mission
+from rso_lidar.study import identify_runs
 from rso_lidar.study.dispersions import dispersed_mission
 from rso_lidar.study.dispersions.dispersed_mission import nees_bounds
-from rso_lidar.study.dispersions.kept_runs import identify
 from rso_lidar.study.dispersions.target_errors import resolve_element_sets
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -390,10 +389,10 @@ def test_element_sets_state_a_covariance_by_name(sets):
 
 def test_kept_runs_are_not_those_of_other_element_sets(sets):
     scenario = make_scenario(dispersion=rl.Dispersion(start={"type": "element_sets", "file": str(sets)}))
-    first = identify(scenario, "plate")
+    first = identify_runs(scenario, "plate")
     records = json.loads(sets.read_text(encoding="utf-8"))
     sets.write_text(json.dumps(records[:20]), encoding="utf-8")
-    assert identify(scenario, "plate") != first
+    assert identify_runs(scenario, "plate") != first
 
 
 @pytest.mark.parametrize(

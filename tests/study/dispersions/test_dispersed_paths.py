@@ -8,10 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rso_lidar.orbit import Epochs, Forces, Kepler
-from rso_lidar.rpo.dispersed.nominal_flight import GuidanceInstant, NominalFlight
-from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
-from rso_lidar.rpo.plans.plan import PlannedImpulse
-from rso_lidar.rpo.relative.deviation_flow import DeviationFlow
+from rso_lidar.rpo import DeviationFlow, GuidanceInstant, NavigationErrors, NominalFlight, PlannedImpulse, Thrusters
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.dispersed_paths import Disperser
 from rso_lidar.units import EARTH_GM_M3_S2

@@ -8,11 +8,16 @@ import pytest
 from scipy.stats import chi2
 
 from rso_lidar.orbit import Epochs, Forces, Kepler
-from rso_lidar.rpo import NavigationCamera, NavigationLidar, RelativeFilter
-from rso_lidar.rpo.dispersed.nominal_flight import GuidanceInstant, NominalFlight
-from rso_lidar.rpo.flown.thrusters import Thrusters
-from rso_lidar.rpo.plans.plan import PlannedImpulse
-from rso_lidar.rpo.relative.rtn import rtn_matrix
+from rso_lidar.rpo import (
+    GuidanceInstant,
+    NavigationCamera,
+    NavigationLidar,
+    NominalFlight,
+    PlannedImpulse,
+    RelativeFilter,
+    Thrusters,
+    rtn_matrix,
+)
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.dispersed_paths import Disperser
 

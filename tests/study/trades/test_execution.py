@@ -13,10 +13,9 @@ import rso_lidar as rl
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.mission_analysis.budgets.pixel_light import compute_photons
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.execution import RowFile, identify, run_rows, trade
-from rso_lidar.study.trades.plan import make_plan
-from rso_lidar.study.trades.ranking import choose_pictured, find_pareto_front, rank_points, shorten_places, summarize
+from rso_lidar.study import RowFile, Study, make_trade_plan, run_rows, summarize_trade, trade
+from rso_lidar.study.trades.execution import identify
+from rso_lidar.study.trades.ranking import choose_pictured, find_pareto_front, rank_points, shorten_places
 from rso_lidar.study.trades.report import write_report
 from tests.study.trades.trade_for_tests import STUDY, folder_with
 
@@ -128,7 +127,7 @@ def test_ranking(wall):
     assert np.all(np.diff(mean[order]) <= 0.0)
     assert [point for point, _ in choose_pictured(wall)] == [order[0], order[3], order[5], order[8]]
     assert np.flatnonzero(find_pareto_front(wall)).tolist() == [6]
-    assert "best" in summarize(wall)[1] and "energy_mj 75, divergence_deg 2.5" in summarize(wall)[1]
+    assert "best" in summarize_trade(wall)[1] and "energy_mj 75, divergence_deg 2.5" in summarize_trade(wall)[1]
 
 
 LUCKY = (
@@ -157,7 +156,7 @@ def test_a_point_where_little_is_detected_is_not_the_best(lucky):
     assert [point for point, _ in choose_pictured(lucky)] == [2, 1]
     assert lucky.table["detected"].tolist() == [0, 0, 1, 1, 1, 1]
     assert set(lucky.table["min_detection_fraction"].tolist()) == {0.5}
-    lines = summarize(lucky)
+    lines = summarize_trade(lucky)
     assert "best      0.1 at row 4" in lines[1]
     why = "1 of 3 points are not ranked in range_rms_m: detection_fraction below 0.5 (min_detection_fraction)"
     assert lines[-1] == why
@@ -169,10 +168,10 @@ def test_a_point_where_little_is_detected_is_not_the_best(lucky):
 def test_the_least_detection_is_settable_down_to_none_and_beyond_all(lucky):
     ranked = replace(lucky, study=lucky.study.replace(min_detection_fraction=0.0))
     assert rank_points(ranked, "range_rms_m").tolist() == [0, 2, 1]
-    assert not any("not ranked" in line for line in summarize(ranked))
+    assert not any("not ranked" in line for line in summarize_trade(ranked))
     none = replace(lucky, study=lucky.study.replace(min_detection_fraction=1.0))
     none.table["detection_fraction"][:] = [0.0, 0.0, 0.3, 0.3, 0.25, 0.25]
-    lines = summarize(none)
+    lines = summarize_trade(none)
     assert rank_points(none, "range_rms_m").size == 0 and not find_pareto_front(none).any()
     assert "ranks no point" in lines[1]
     assert lines[-1].startswith("no point is ranked in range_rms_m: all 3 have a detection_fraction below 1")
@@ -185,7 +184,7 @@ def test_the_least_detection_ranks_rows_and_makes_none_anew(tmp_path):
     (tmp_path / "wall.toml").write_text(WALL, encoding="utf-8")
     (tmp_path / "study.toml").write_text(LUCKY, encoding="utf-8")
     study = Study.load(tmp_path / "study.toml")
-    names = {identify(*make_plan(study.replace(min_detection_fraction=share))) for share in (0.5, 0.1)}
+    names = {identify(*make_trade_plan(study.replace(min_detection_fraction=share))) for share in (0.5, 0.1)}
     assert len(names) == 1
     with pytest.raises(ScenarioError, match=r"study\.toml: min_detection_fraction"):
         Study.loads("min_detection_fraction = 1.5\n" + LUCKY, where="study.toml")
@@ -238,7 +237,7 @@ def test_what_is_wrong_at_every_point_is_told_before_anything_runs(text, tmp_pat
         study = study.replace("[5, 20]", "[4, 5.5]")
     path = folder_with(tmp_path, text, study)
     with pytest.raises(ScenarioError, match=said):
-        make_plan(Study.load(path))
+        make_trade_plan(Study.load(path))
 
 
 def test_frames_that_a_point_lacks_are_its_error(text, tmp_path):
@@ -257,7 +256,7 @@ def test_workers_are_a_number(text, tmp_path):
 
 def test_rows_do_not_depend_on_workers_nor_on_their_order(text, tmp_path):
     study = Study.load(folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]")))
-    plan, _ = make_plan(study, threads=1)
+    plan, _ = make_trade_plan(study, threads=1)
     alone = {row["row"]: json.dumps(row) for row in run_rows(plan, {})}
     several = {row["row"]: json.dumps(row) for row in run_rows(plan, {}, workers=2)}
     assert json.dumps(plan.row(1)) == alone[1]
@@ -268,7 +267,7 @@ def test_what_was_cut_off_goes_on_and_ends_the_same(text, tmp_path):
     path = folder_with(tmp_path, text)
     whole = trade(path)
     working = tmp_path / "out.csv"
-    plan, base = make_plan(Study.load(path))
+    plan, base = make_trade_plan(Study.load(path))
     kept = tmp_path / f"out.csv.tmp-{identify(plan, base)}"
     with RowFile(kept, 6).opened() as rows:
         for row in (plan.row(5), plan.row(0)):  # as workers may end
@@ -294,10 +293,10 @@ def test_what_was_cut_off_goes_on_and_ends_the_same(text, tmp_path):
 )
 def test_another_study_does_not_go_on_from_it(text, tmp_path, file, old, new):
     path = folder_with(tmp_path, text)
-    first = identify(*make_plan(Study.load(path)))
+    first = identify(*make_trade_plan(Study.load(path)))
     changed = tmp_path / file
     changed.write_text(changed.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
-    assert identify(*make_plan(Study.load(path))) != first
+    assert identify(*make_trade_plan(Study.load(path))) != first
 
 
 def test_an_error_that_is_not_of_the_rows_does_not_blame_them(tmp_path):
@@ -338,7 +337,7 @@ def test_a_mesh_that_an_axis_names_is_part_of_what_a_study_is(tmp_path):
     names = []
     for side in (1, 2, 1):
         (tmp_path / "box.off").write_text(box.format(side))
-        names.append(identify(*make_plan(Study.load(study))))
+        names.append(identify(*make_trade_plan(Study.load(study))))
     assert names[0] == names[2] != names[1]
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rso_lidar import units
-from rso_lidar.evaluation.track_quality.evaluation import tracking
+from rso_lidar.evaluation import tracking
 from rso_lidar.scenario import Scenario
-from rso_lidar.simulation.run import simulate
+from rso_lidar.simulation import simulate
 from rso_lidar.study.trades.merits import MERITS, Run, evaluate
 from rso_lidar.study.trades.run_sums import RunSums
 
@@ -141,7 +141,7 @@ def test_the_page_lists_them_all():
 
 def test_the_whole_target_is_found_as_often_as_the_timeline_says():
     """Both evaluate the light of the same frames; more pixels are reported in fewer of them."""
-    from rso_lidar.mission_analysis.time_history.timeline import timeline
+    from rso_lidar.mission_analysis import timeline
     from tests.conftest import BENCH
 
     settings = ("lidar.laser.energy_mj=9", 'lidar.detector={ type = "empirical" }')

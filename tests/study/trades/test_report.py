@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.study.trades.execution import trade
+from rso_lidar.study import trade
 from rso_lidar.study.trades.report import _write_command, write_report
 from tests.conftest import BENCH
 from tests.study.trades.trade_for_tests import STUDY, folder_with

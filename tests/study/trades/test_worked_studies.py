@@ -9,9 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
-from rso_lidar.scene.library.model_index import models
-from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.plan import make_plan
+from rso_lidar.scene import models
+from rso_lidar.study import Study, make_trade_plan
 
 STUDIES = Path(__file__).resolve().parents[3] / "examples" / "studies"
 
@@ -37,7 +36,7 @@ def test_the_trade_says_what_its_page_says():
     """Two rows of the page, flown again: to the digits that are printed there."""
     lines = (STUDIES / "trade_lens.md").read_text(encoding="utf-8").splitlines()
     told = {int(cells[1]): cells[2:-1] for line in lines if re.match(r"\| \d", line) for cells in [line.split("|")]}
-    plan, _ = make_plan(Study.load(STUDIES / "trade_lens.toml"))
+    plan, _ = make_trade_plan(Study.load(STUDIES / "trade_lens.toml"))
     assert len(told) == 10
     for row in (34, 14):
         merits = plan.row(row)["merits"]

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.study import Requirement
 from rso_lidar.study.verification.figures import ComputedFigures
-from rso_lidar.study.verification.requirements_file import Requirement
 
 
 @pytest.fixture(scope="module")

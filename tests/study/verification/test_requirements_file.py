@@ -3,8 +3,8 @@
 import pytest
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.study import Requirements
 from rso_lidar.study.verification.quantities import find_quantity
-from rso_lidar.study.verification.requirements_file import Requirements
 from tests.study.verification.requirements_for_tests import FILE
 
 BROKEN = {

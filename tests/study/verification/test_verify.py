@@ -8,10 +8,9 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.study import Requirements, verify
 from rso_lidar.study.trades.merits import MERITS, evaluate
 from rso_lidar.study.verification.matrix import judge
-from rso_lidar.study.verification.requirements_file import Requirements
-from rso_lidar.study.verification.verify import verify
 
 FAST = '\n[lidar.detector]\ntype = "empirical"\n'
 

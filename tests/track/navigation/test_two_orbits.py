@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar import units
-from rso_lidar.orbit import J2, State
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit import J2, Epochs, State
 from rso_lidar.track.navigation.two_orbits import accelerate, find_gradient, predict_orbits
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.linalg import expm
 
-from rso_lidar.motion.gimbal.drive import FirstOrder
+from rso_lidar.motion import FirstOrder
 
 
 def advance(response, dt, axes, held):

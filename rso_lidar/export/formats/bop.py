@@ -29,8 +29,8 @@ from rso_lidar.units import MM
 SCENE = "000000"
 FOLDERS = ("depth", "gray", "mask", "mask_visib")
 TABLES = ("scene_camera", "scene_gt", "scene_gt_info")
-FULL = 2**16 - 1
-BEYOND, BEYOND_M = 1.01, 10.0  # margins of the depth scale beyond the farthest target: a factor, and metres
+BOP_FULL = 2**16 - 1
+BOP_BEYOND, BOP_BEYOND_M = 1.01, 10.0  # margins of the depth scale beyond the farthest target: a factor, and metres
 MOST_OFF_PINHOLE_PIXELS = 0.05  # error of the camera matrix below which there is no warning
 
 
@@ -110,7 +110,7 @@ def choose_depth_scale(greatest_mm: float) -> float:
     50.0
     """
     steps = (digit * 10.0**power for power in range(-1, 12) for digit in (1, 2, 5))
-    return next(round(step, 1) for step in steps if step * FULL >= greatest_mm)
+    return next(round(step, 1) for step in steps if step * BOP_FULL >= greatest_mm)
 
 
 def _write_images(place: Path, scene: Path, frame: Frame) -> float:
@@ -130,10 +130,10 @@ def _write_images(place: Path, scene: Path, frame: Frame) -> float:
     depth_mm = frame.points_m[..., 2] / MM
     valid, on_target = frame.valid, frame.labels.target >= 0
     known = frame.labels.range_m[on_target] if on_target.any() else frame.range_m[valid]
-    step = choose_depth_scale((BEYOND * float(known.max(initial=0.0)) + BEYOND_M) / MM)
+    step = choose_depth_scale((BOP_BEYOND * float(known.max(initial=0.0)) + BOP_BEYOND_M) / MM)
     counts = np.zeros(depth_mm.shape)
     counts[valid] = np.maximum(np.rint(depth_mm[valid] / step), 1)  # 0 means no depth
-    counts[counts > FULL] = 0
+    counts[counts > BOP_FULL] = 0
     name = f"{get_file_stem(place, frame)}.png"
     write_new_file(place, scene / "depth" / name, encode_png(counts.astype(np.uint16)))
     write_new_file(place, scene / "gray" / name, encode_png(frame.intensity_counts))

@@ -8,8 +8,9 @@ import pytest
 from PIL import Image
 
 from rso_lidar import export
-from rso_lidar.dataset.conversion.bop import choose_depth_scale, fit_pinhole
 from rso_lidar.errors import RecordingError, RsoLidarWarning
+from rso_lidar.export import choose_depth_scale
+from rso_lidar.export.formats.bop import fit_pinhole
 from tests.export.frames_for_tests import make_frame, make_frames
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -9,8 +9,8 @@ import numpy as np
 import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.errors import has_warnings_enabled, suppress_warnings
-from rso_lidar.motion import truth as assembly
-from rso_lidar.motion.truth import Chief
+from rso_lidar.motion import Chief
+from rso_lidar.motion import body_truth as assembly
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 CHIEF = rl.Kepler(

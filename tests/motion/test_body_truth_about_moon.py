@@ -12,12 +12,8 @@ import skyfield
 
 from rso_lidar import units
 from rso_lidar.errors import RsoLidarWarning, ScenarioError
-from rso_lidar.motion import Body, truth
-from rso_lidar.motion.attitudes.attitude_hold import LvlhCcsds
-from rso_lidar.motion.truth import Chief
-from rso_lidar.orbit import Kepler, LunarKepler
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import propagate_two_body
+from rso_lidar.motion import Body, Chief, LvlhCcsds, truth
+from rso_lidar.orbit import Epochs, Kepler, LunarKepler, propagate_two_body
 from rso_lidar.rpo import Flown, Hill, Hop, Lambert, Nonlinear, RelativeElements, YamanakaAnkersen
 
 KERNEL = Path(skyfield.__file__).parent / "tests" / "data" / "de430-2015-03-02.bsp"

@@ -22,15 +22,19 @@ from rso_lidar.motion.dynamics.commands import CommandedFlight, CommandedModel
 from rso_lidar.motion.motions.motion import chief_of, list_exceeded_limits, states_of
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.motion.sun_vectors import SunVectors
-from rso_lidar.orbit.central_body import CentralBody, find_center, find_center_states, subtract_center
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.numerical import ForceModel
-from rso_lidar.orbit.trajectory import differentiate
+from rso_lidar.orbit import (
+    CentralBody,
+    Epochs,
+    ForceModel,
+    differentiate,
+    find_center,
+    find_center_states,
+    subtract_center,
+)
 from rso_lidar.part import read_member
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, rotate_vectors
 from rso_lidar.records import BodyState, Truth
-from rso_lidar.rpo.relative.relative_motion import RtnMotion
-from rso_lidar.rpo.relative.rtn import rtn_matrix
+from rso_lidar.rpo import RtnMotion, rtn_matrix
 
 Flights = Mapping[str, CommandedFlight]
 ROUNDING_RAD_S = 1e-15
