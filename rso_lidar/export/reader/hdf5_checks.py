@@ -28,10 +28,7 @@ _HAS_PREADV = hasattr(os, "preadv")  # not on Windows
 _HEADER = struct.Struct("<4sB3xQ")  # of a heap: signature, version, size with this header
 _OBJECT = struct.Struct("<HH4xQ")  # of an object: index, references, size; index 0 is free space, with this header
 _SMALL_BYTES, _MOST_RATIO = 2**24, 1100  # deflate makes data at most 1032 times smaller (zlib, Technical Details)
-_ATTEMPTS, _PAUSE_S = (
-    9,
-    0.002,
-)  # pauses double: a writer replaces metadata in microseconds, or after half a second of load
+_ATTEMPTS, _PAUSE_S = 7, 0.002  # pauses double: a busy machine replaces metadata in up to 0.1 s
 
 
 class CheckedStream(io.RawIOBase):
