@@ -1,4 +1,4 @@
-"""What a module defines has a user: in the package, the models' builders, examples, pages or benchmarks; a test alone is none."""
+"""What a module defines has a user: in the package, the builders, examples, pages or benchmarks; a test alone is none."""
 
 import ast
 import re
