@@ -81,7 +81,17 @@ class Solid(NamedTuple):
 
 
 def join(*solids: Solid) -> Solid:
-    """Join several closed solids to one; they may interpenetrate."""
+    """Join several closed solids to one; they may interpenetrate.
+
+    Parameters
+    ----------
+    *solids : closed solids, in the order of their vertices and facets in the result
+
+    Returns
+    -------
+    Solid
+        All vertices and facets of the solids, unchanged.
+    """
     starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
     return Solid(
         np.concatenate([solid.vertices for solid in solids]),
