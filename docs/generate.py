@@ -23,6 +23,8 @@ from typing import Any, get_args, get_origin
 import numpy as np
 
 import rso_lidar as rl
+from models.build.materials import MATERIALS
+from models.build.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar import part, records
 from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.dataset.specification.distributions import Law
@@ -33,8 +35,6 @@ from rso_lidar.mission_analysis import WAVELENGTHS_NM, list_materials
 from rso_lidar.part import describe_type
 from rso_lidar.records import PART_CLASSES
 from rso_lidar.scenario import load_presets
-from rso_lidar.shapes import MATERIALS
-from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar.study import Requirements, Study
 from rso_lidar.study.trades.merits import MERITS
 
@@ -774,7 +774,7 @@ def rooms() -> str:
     blocks = []
     for room in (name for layer in layers["rso_lidar"] for name in layer):
         folder, package = DOCS.parent / "rso_lidar" / room, f"rso_lidar.{room}"
-        if not folder.is_dir() or room in ("cli", "shapes"):
+        if not folder.is_dir() or room == "cli":
             continue
         if package in layers:
             table = _table(("floor", "part", "idea"), _floor_rows(package, layers[package]))

@@ -34,8 +34,8 @@ def dispatched() -> list[str]:
 
 # Folders of tests that compare numbers. Those of rooms that compute them are repeated; `tolerances` examines all.
 REPEATED = (
-    "shapes", "golden", "property", "physics", "orbit", "rpo", "motion", "track", "optics", "scene", "detector", "sensors",
-    "simulation", "records",
+    "shapes", "models", "golden", "property", "physics", "orbit", "rpo", "motion", "track", "optics", "scene", "detector",
+    "sensors", "simulation", "records",
 )  # fmt: skip
 LEFT_OUT = {
     "study": "sums and ranks what the rooms above compute",

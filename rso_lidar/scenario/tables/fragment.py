@@ -51,7 +51,7 @@ class BuiltFragment(NamedTuple):
 @lru_cache(maxsize=16)
 def build_fragment(fragment: Fragment) -> BuiltFragment:
     """Build a fragment; the last few are kept."""
-    from rso_lidar.shapes import breakup_fragment, hash_solid  # the builders take 0.2 s to import
+    from rso_lidar.shapes import breakup_fragment, hash_solid  # they take 0.2 s to import
 
     model = breakup_fragment(fragment.kind, fragment.seed, fragment.characteristic_length_m)
     solid = model.parts[PART]
