@@ -7,8 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.detector import report_probability
 from rso_lidar.errors import ScenarioError, suppress_warnings
+from rso_lidar.mission_analysis.budgets.facing_attitudes import list_facing_attitudes
 from rso_lidar.records import Truth
 from rso_lidar.scenario import (
     Finding,
@@ -16,11 +18,8 @@ from rso_lidar.scenario import (
     Scenario,
     cast_surfaces,
     find_aspects,
-    follow_gate,
-    list_facing_attitudes,
     list_run_attitudes,
     move_target,
-    place_body,
     preview_mission,
     spread_attitudes,
 )
@@ -159,3 +158,32 @@ class AttitudeSearch:
         row, turned = attitude
         place_m = place_body(self._lidar, range_m, phase)
         return move_target(self._scenario, self._number, self._preview.truth.at(row), place_m, turned)
+
+
+def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
+    """Return the place (xyz) [m] in lidar axes of a body at a range, beside the boresight by parts of a pixel.
+
+    Parameters
+    ----------
+    lidar : the instrument.
+    range_m : range.
+    phase : (right_down) place beside the boresight [pixels].
+    """
+    x, y = phase * lidar.receiver.pixel_tangent
+    place_m: np.ndarray = np.array([x, y, 1.0]) * (range_m / math.sqrt(1.0 + x * x + y * y))
+    return place_m
+
+
+def follow_gate(lidar: Lidar, range_m: float) -> Lidar:
+    """Return the instrument with a range in the middle of its gate; the same without a gate.
+
+    Parameters
+    ----------
+    lidar : the instrument.
+    range_m : range.
+    """
+    traits = lidar.detector.traits
+    if not traits.is_gated:
+        return lidar
+    opens_m = max(range_m - 0.5 * (traits.sees_to_m - traits.sees_from_m), 0.0)
+    return lidar.with_settings({"gate_delay_ns": opens_m / units.RANGE_PER_DELAY_M_S / units.NS})

@@ -13,12 +13,13 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch
 from rso_lidar.mission_analysis.budgets.body import choose_body
+from rso_lidar.mission_analysis.budgets.facing_attitudes import describe_facing
 from rso_lidar.mission_analysis.budgets.finding_figure import finding_figure
 from rso_lidar.mission_analysis.budgets.inputs import select_camera
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M
 from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.scenario import Finding, Lidar, Scenario, describe_facing
+from rso_lidar.scenario import Finding, Lidar, Scenario
 
 FINDING_ATTITUDES = 256
 _SCAN_RATIO, _SCANNED_ATTITUDES = 1.35, 24  # of the ranges of the first scan, and attitudes at each

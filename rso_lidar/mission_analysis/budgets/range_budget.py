@@ -16,7 +16,7 @@ from rso_lidar import units
 from rso_lidar.detector import false_alarm_probability
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable, write_text
-from rso_lidar.mission_analysis.budgets.budget_figure import Line, budget_figure
+from rso_lidar.mission_analysis.budgets.budget_figure import budget_figure
 from rso_lidar.mission_analysis.budgets.inputs import (
     change_divergence,
     check_angles_deg,
@@ -103,22 +103,15 @@ class Budget:
                 f"budget: {len(self.curves)} curves are too many for one picture; draw at most {_MOST_DRAWN}, or "
                 "write .csv"
             )
-        lines = [
-            Line(
-                name,
-                curve.range_m,
-                curve.photons,
-                curve.detection_probability,
-                curve.range_precision_m,
-                curve.pixels_on_target,
-                curve.max_range_m,
-                curve.armed_limits,
-                curve.fill_limits,
-                self.filled_to_m,
-            )
-            for name, curve in zip(self.names(), self.curves, strict=True)
-        ]
-        return budget_figure(lines, f"Link budget of {self.camera}", self.about(), self.probability, self.notes)
+        return budget_figure(
+            self.curves,
+            self.names(),
+            f"Link budget of {self.camera}",
+            self.about(),
+            self.probability,
+            filled_to_m=self.filled_to_m,
+            small_print=self.notes,
+        )
 
     def save(self, path: str | Path, *, overwrite: bool = False, scheme: Scheme = LIGHT) -> Path:
         """Write the budget as a table or a picture.

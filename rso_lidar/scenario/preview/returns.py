@@ -73,23 +73,10 @@ class TargetReturns:
         return float(self.hits.weight[on].sum())
 
 
-def cast_target(mission: Mission, truth: Truth, number: int, finest: int | None = None) -> TargetReturns:
-    """Cast one flash and collect its expected light, without pulse jitter, sunlight and detector.
-
-    Parameters
-    ----------
-    mission : what is flown.
-    truth : one epoch, with the lidar in it.
-    number : of the target.
-    finest : greatest number of rays along a pixel's side (None: what the receiver asks for).
-    """
-    return cast_surfaces(mission.instrument.at(truth.time_s), mission.surfaces, truth, number, finest)
-
-
 def cast_surfaces(
     lidar: Lidar, surfaces: Sequence[Surface], truth: Truth, number: int, finest: int | None = None
 ) -> TargetReturns:
-    """Cast one flash onto some surfaces, as `cast_target` does onto all of a mission.
+    """Cast one flash onto some surfaces, and collect its expected light without pulse jitter, sunlight and detector.
 
     Parameters
     ----------
@@ -139,7 +126,9 @@ def cast_attitudes(
     """
     truths = collect_attitudes(mission, preview, number, row, most)
     finest = limit_fineness(mission, truths[0], len(truths))
-    return [cast_target(mission, truth, number, finest) for truth in truths]
+    return [
+        cast_surfaces(mission.instrument.at(truth.time_s), mission.surfaces, truth, number, finest) for truth in truths
+    ]
 
 
 def limit_fineness(mission: Mission, truth: Truth, casts: int) -> int:

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rso_lidar import optics, units
+from rso_lidar import optics
 from rso_lidar.detector import at_least, detect, estimate_k_of_n, k_of_n, mark_reports, report_probability
 from rso_lidar.pose import Link
 from rso_lidar.records import Truth
@@ -30,7 +30,6 @@ from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scene import Surface
 
 _FLASHES = 8  # simulated for each of many attitudes and places, without a closed form; at least those of k of n
-FLASHES_ALONE = 256  # simulated for a single attitude and place: the standard error is at most 0.031
 _FIRST = 16  # of them after which no more are simulated if the target was found in all or in none
 _ENERGIES = 7  # nodes of the Gauss-Hermite rule over the energy of a pulse
 _SEED = 616  # random seed of the simulated flashes
@@ -111,35 +110,6 @@ def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.r
     _, light = optics.average_pulses([(seen.hits, light)], pulses, jitter)
     reading, _ = detect(light, lidar.detector, rng)
     return int(mark_reports(reading, light, mine).sum())
-
-
-def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
-    """Return the place (xyz) [m] in lidar axes of a body at a range, beside the boresight by parts of a pixel.
-
-    Parameters
-    ----------
-    lidar : the instrument.
-    range_m : range.
-    phase : (right_down) place beside the boresight [pixels].
-    """
-    x, y = phase * lidar.receiver.pixel_tangent
-    place_m: np.ndarray = np.array([x, y, 1.0]) * (range_m / math.sqrt(1.0 + x * x + y * y))
-    return place_m
-
-
-def follow_gate(lidar: Lidar, range_m: float) -> Lidar:
-    """Return the instrument with a range in the middle of its gate; the same without a gate.
-
-    Parameters
-    ----------
-    lidar : the instrument.
-    range_m : range.
-    """
-    traits = lidar.detector.traits
-    if not traits.is_gated:
-        return lidar
-    opens_m = max(range_m - 0.5 * (traits.sees_to_m - traits.sees_from_m), 0.0)
-    return lidar.with_settings({"gate_delay_ns": opens_m / units.RANGE_PER_DELAY_M_S / units.NS})
 
 
 def find_aspects(
