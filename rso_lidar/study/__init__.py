@@ -54,17 +54,48 @@ if TYPE_CHECKING:
         timeline,
         truth,
     )
-    from rso_lidar.study.dispersions.dispersed_mission import DispersedMission, disperse
-    from rso_lidar.study.dispersions.kept_runs import identify_runs
-    from rso_lidar.study.trades.definition import Study
-    from rso_lidar.study.trades.execution import RowFile, Trade, place_row_file, run_rows, tabulate_rows, trade
-    from rso_lidar.study.trades.plan import make_trade_plan
-    from rso_lidar.study.trades.ranking import summarize_trade
-    from rso_lidar.study.trades.report import TRADE_SUFFIXES, check_trade_formats
-    from rso_lidar.study.verification.matrix import VERIFICATION_SUFFIXES, RequirementResult, VerificationMatrix
-    from rso_lidar.study.verification.requirements_file import Requirement, Requirements
-    from rso_lidar.study.verification.sysml_requirements import write_requirements
-    from rso_lidar.study.verification.verify import verify
+    from rso_lidar.study.dispersions.dispersed_mission import (
+        DispersedMission,
+        disperse,
+    )
+    from rso_lidar.study.dispersions.kept_runs import (
+        identify_runs,
+    )
+    from rso_lidar.study.trades.definition import (
+        Study,
+    )
+    from rso_lidar.study.trades.execution import (
+        RowFile,
+        Trade,
+        place_row_file,
+        run_rows,
+        tabulate_rows,
+        trade,
+    )
+    from rso_lidar.study.trades.plan import (
+        make_trade_plan,
+    )
+    from rso_lidar.study.trades.ranking import (
+        summarize_trade,
+    )
+    from rso_lidar.study.trades.report import (
+        TRADE_SUFFIXES,
+        check_trade_formats,
+    )
+    from rso_lidar.study.verification.matrix import (
+        RequirementResult,
+        VerificationMatrix,
+    )
+    from rso_lidar.study.verification.requirements_file import (
+        Requirement,
+        Requirements,
+    )
+    from rso_lidar.study.verification.sysml_requirements import (
+        write_requirements,
+    )
+    from rso_lidar.study.verification.verify import (
+        verify,
+    )
 else:
     __getattr__ = export_lazily(__name__)
 
@@ -73,7 +104,6 @@ __all__ = [
     "SAFE",
     "TRADE_SUFFIXES",
     "UNKNOWN",
-    "VERIFICATION_SUFFIXES",
     "Budget",
     "BudgetCurve",
     "ConjunctionAssessment",

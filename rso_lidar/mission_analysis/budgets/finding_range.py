@@ -21,7 +21,6 @@ from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.scenario import Finding, Lidar, Scenario
 
-FINDING_ATTITUDES = 256
 _SCAN_RATIO, _SCANNED_ATTITUDES = 1.35, 24  # of the ranges of the first scan, and attitudes at each
 _DRAWN = 13  # ranges at which the curve is computed, from almost always to almost never found
 _SURE = 0.995
@@ -162,7 +161,7 @@ def find_range(
     finding: Finding | None = None,
     probability: float = 0.9,
     range_m: tuple[float, float] | None = None,
-    attitudes: int = FINDING_ATTITUDES,
+    attitudes: int = 256,
     in_run: bool = False,
 ) -> FoundRange:
     """Solve how far a body is found: at least m pixels report it, in at least k of n flashes.

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -29,29 +29,12 @@ from rso_lidar.mission_analysis.budgets.inputs import (
     select_camera,
 )
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M, BudgetCurve, compute_curve
-from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, save_figure
+from rso_lidar.picture import LIGHT, RESULT_SUFFIXES, Scheme, save_figure
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scene import Material
 
-BUDGET_SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 _MOST_CURVES = 200
 _MOST_DRAWN = 12
-
-
-BUDGET_COLUMNS = (
-    "range_m",
-    "photons",
-    "fill_fraction",
-    "detection_probability",
-    "range_precision_m",
-    "snr",
-    "saturated",
-    "false_alarm_probability",
-    "pixel_m",
-    "pixels_on_target",
-    "pixels_across",
-    "target_fills_pixel",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +43,24 @@ class Budget:
 
     `target` describes what pixels are counted on: the scenario's target, a square that faces the lidar, or a tumbling box.
     `target_m` are its sides, and `target_area_m2` is its mean silhouette over attitudes. `filled_to_m` is the range to which
-    it fills a pixel, infinite for a facet and without a target. `notes` describe omitted effects.
+    it fills a pixel, infinite for a facet and without a target. `notes` describe omitted effects. `COLUMNS` are the names of
+    the results along range, in the order of the table.
     """
+
+    COLUMNS: ClassVar[tuple[str, ...]] = (
+        "range_m",
+        "photons",
+        "fill_fraction",
+        "detection_probability",
+        "range_precision_m",
+        "snr",
+        "saturated",
+        "false_alarm_probability",
+        "pixel_m",
+        "pixels_on_target",
+        "pixels_across",
+        "target_fills_pixel",
+    )
 
     camera: str
     probability: float
@@ -88,9 +87,9 @@ class Budget:
         """Return all curves as one CSV table with a row for each range; column names end in their unit."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["material", "tilt_deg", "divergence_deg", *BUDGET_COLUMNS])
+        writer.writerow(["material", "tilt_deg", "divergence_deg", *self.COLUMNS])
         for curve in self.curves:
-            columns = [getattr(curve, name) for name in BUDGET_COLUMNS]
+            columns = [getattr(curve, name) for name in self.COLUMNS]
             for row in zip(*columns, strict=True):
                 values = [int(value) if isinstance(value, np.bool_) else f"{float(value):.7g}" for value in row]
                 writer.writerow([curve.material, f"{curve.tilt_deg:g}", f"{curve.divergence_deg:g}", *values])
@@ -131,7 +130,7 @@ class Budget:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        place = check_writable(path, BUDGET_SUFFIXES, overwrite=overwrite)
+        place = check_writable(path, RESULT_SUFFIXES, overwrite=overwrite)
         if place.suffix.lower() != ".csv":
             return save_figure(self.figure(), place, scheme=scheme)
         return write_text(place, self.csv_text(), overwrite=overwrite)

@@ -48,6 +48,28 @@ def write_comment(text: str) -> str:
     return f"doc /* {' '.join(text.split()).replace('*/', '* /')} */"
 
 
+def declare_attribute(name: str, unit: str, value: float | None = None) -> str:
+    """Write an attribute usage of a quantity, without its end.
+
+    Parameters
+    ----------
+    name : of the attribute, as SysML writes it.
+    unit : of the quantity, such as ``m/s``; a real number where SysML has none for it, such as photons.
+    value : in that unit (None: the attribute has none).
+
+    Returns
+    -------
+    str
+        Such as ``attribute at_least : LengthValue = 5.0 [m]``.
+
+    >>> declare_attribute("at_least", "m", 5.0), declare_attribute("quantity", "photons")
+    ('attribute at_least : LengthValue = 5.0 [m]', 'attribute quantity : Real')
+    """
+    notation = find_notation(unit)
+    declared = f"attribute {name} : {notation.type}"
+    return declared if value is None else f"{declared} = {_write_value(value, notation.unit)}"
+
+
 def write_model(name: str, parameters: Sequence[MissionParameter], about: str, more: Iterable[str] = ()) -> str:
     """Write a package with one part that holds all parameters.
 
@@ -112,7 +134,7 @@ def _write_attribute(name: str, one: MissionParameter) -> list[str]:
     values = list(_flatten(one.value))
     kind = notation.type if one.unit and notation.unit else _choose_type(values)
     many = f"[{len(values)}] ordered nonunique" if isinstance(one.value, tuple) else ""
-    written = [write_value(value, notation.unit) for value in values]
+    written = [_write_value(value, notation.unit) for value in values]
     text = f"({', '.join(written)})" if many else written[0]
     unit = f" Unit: {one.unit}." if one.unit not in ("", "1") and not notation.unit else ""
     return [
@@ -141,7 +163,7 @@ def _choose_type(values: list[Any]) -> str:
     return "String"
 
 
-def write_value(value: Any, unit: str) -> str:
+def _write_value(value: Any, unit: str) -> str:
     """Return a value as an expression of SysML.
 
     Parameters
@@ -149,7 +171,7 @@ def write_value(value: Any, unit: str) -> str:
     value : a number, text, truth value, instant or table.
     unit : expression of the unit; empty for none.
 
-    >>> write_value(1064.0, "nm"), write_value("a", ""), write_value(True, "")
+    >>> _write_value(1064.0, "nm"), _write_value("a", ""), _write_value(True, "")
     ('1064.0 [nm]', '"a"', 'true')
     """
     if isinstance(value, bool):

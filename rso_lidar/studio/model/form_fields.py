@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.mission_analysis import drop_units, find_unit, format_parameter
+from rso_lidar.mission_analysis import split_unit
 from rso_lidar.part import Part, Seam, describe_type, parse_toml, part_classes
 
 SCALARS = ("number", "whole", "flag", "text", "instant", "choice", "value")
@@ -188,7 +188,7 @@ def show_value(value: Any) -> str:
         return "{ " + ", ".join(f"{keys[key]} = {_quote(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_quote(inner) for inner in value) + "]"
-    return format_parameter(value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def find_value_in_force(scenario: Any, place: str) -> Any:
@@ -223,12 +223,12 @@ def _read_field(name: str, field: FieldInfo) -> FieldForm:
     default = None if field.is_required() else field.get_default(call_default_factory=True)
     said = field.description or ""
     numeric = kind in ("number", "whole", "value")
-    unit = find_unit(name, said) if numeric else ""
+    unit, meaning = split_unit(name, said) if numeric else ("", said)
     return FieldForm(
         key=name,
         kind=kind,
         unit="" if unit == "1" else unit,
-        meaning=(drop_units(said) if numeric else said).replace("`", ""),
+        meaning=meaning.replace("`", ""),
         bounds=describe_type(annotation, metadata).replace("`", "") if numeric and not classes else "",
         default="" if isinstance(default, BaseModel) or default in (None, (), {}) else show_value(default),
         required=field.is_required(),

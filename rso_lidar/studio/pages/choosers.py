@@ -119,7 +119,7 @@ def _choose_model(tab: BrowserTab, place: str) -> None:
 def _choose_material(tab: BrowserTab, place: str) -> None:
     columns = {"name": "Name", "kind": "BRDF", "nm1064": "1064 nm", "nm1570": "1570 nm", "what": "What"}
     rows = [
-        {"name": one.name, "kind": one.kind, "nm1064": one.reflectance[0], "nm1570": one.reflectance[1],
+        {"name": one.name, "kind": one.kind, "nm1064": one.reflectance[1064.0], "nm1570": one.reflectance[1570.0],
          "what": one.what}
         for one in list_materials()
     ]  # fmt: skip

@@ -9,12 +9,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from rso_lidar.files import check_writable, write_text
 from rso_lidar.study.verification.requirements_file import Requirement
 
-VERIFICATION_SUFFIXES = (".csv", ".json")
 Verdict = Literal["met", "not met", "not shown"]
 _COLUMNS = (
     "id", "quantity", "unit", "at_least", "at_most", "value", "confidence", "low", "high", "margin", "verdict", "sample",
@@ -67,8 +66,10 @@ class VerificationMatrix:
     """Results of all requirements of a file on one subject: a scenario, a study or a recording.
 
     `name` is the title of the requirements, `subject` describes what was evaluated, and `versions` are those of the
-    libraries by name.
+    libraries by name. `SUFFIXES` are those of the files that `save` writes.
     """
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json")
 
     name: str
     subject: str
@@ -141,7 +142,7 @@ class VerificationMatrix:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        place = check_writable(path, VERIFICATION_SUFFIXES, overwrite=overwrite)
+        place = check_writable(path, self.SUFFIXES, overwrite=overwrite)
         text = self.json_text() if place.suffix.lower() == ".json" else self.csv_text()
         return write_text(place, text, overwrite=overwrite)
 

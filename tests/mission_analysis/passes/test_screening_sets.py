@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import PropagationError
-from rso_lidar.mission_analysis import encounter_figure
+from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
 from rso_lidar.orbit import Catalog, ElementSet, Epochs, SetSequence, propagate_in_teme, screen
 from rso_lidar.study import encounters, scenario_text
 
