@@ -695,7 +695,13 @@ def measured_materials() -> str:
 def shipped_materials() -> str:
     """Return the materials: what each is, its kind of BRDF, reflectance, and how well that is known."""
     rows = [
-        (f"`{line.name}`", line.what, line.kind, *(f"{share:.3g}" for share in line.reflectance.values()), line.confidence)
+        (
+            f"`{line.name}`",
+            line.what,
+            line.kind,
+            *(f"{share:.3g}" for share in line.reflectance.values()),
+            line.confidence,
+        )
         for line in list_materials()
     ]
     return _table(

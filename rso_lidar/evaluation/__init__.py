@@ -22,7 +22,9 @@ if TYPE_CHECKING:
         fit_own_orbit,
         fit_relative_orbit,
     )
-    from rso_lidar.evaluation.recorded_runs.conversion import save
+    from rso_lidar.evaluation.recorded_runs.conversion import (
+        save,
+    )
     from rso_lidar.evaluation.recorded_runs.display import (
         VIEW_COLOURS,
         VIEW_TOOLS,
@@ -31,17 +33,26 @@ if TYPE_CHECKING:
         show,
         view,
     )
-    from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
+    from rso_lidar.evaluation.recorded_runs.flown_scenario import (
+        load_scenario,
+    )
     from rso_lidar.evaluation.recorded_runs.frame_comparison import (
         FrameDifference,
         compare_frames,
         find_frame,
         locate_centers,
     )
-    from rso_lidar.evaluation.recorded_runs.globe import build_globe
-    from rso_lidar.evaluation.track_quality.evaluation import TRACKING_AXES, Tracking, tracking
-    from rso_lidar.evaluation.track_quality.target_mesh import sample_target
-    from rso_lidar.evaluation.track_quality.tracking_figure import TRACKED_QUANTITIES
+    from rso_lidar.evaluation.track_quality.evaluation import (
+        TRACKING_AXES,
+        Tracking,
+        tracking,
+    )
+    from rso_lidar.evaluation.track_quality.target_mesh import (
+        sample_target,
+    )
+    from rso_lidar.evaluation.track_quality.tracking_figure import (
+        TRACKED_QUANTITIES,
+    )
 else:
     __getattr__ = export_lazily(__name__)
 
@@ -60,7 +71,6 @@ __all__ = [
     "Tracking",
     "ViewerChoice",
     "build_elevation_map",
-    "build_globe",
     "build_true_elevation",
     "choose_viewer",
     "compare_frames",

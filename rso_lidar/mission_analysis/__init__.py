@@ -67,21 +67,16 @@ if TYPE_CHECKING:
         SetErrors,
         estimate_set_errors,
     )
+    from rso_lidar.mission_analysis.time_history.globe import (
+        build_globe,
+    )
     from rso_lidar.mission_analysis.time_history.open_loop import (
-        find_umbras,
         find_velocity_jumps_s,
         fly_open_loop,
-        sample_between_impulses,
-        tabulate_run,
     )
     from rso_lidar.mission_analysis.time_history.pixel_summary import (
         PixelReport,
         report_pixel,
-    )
-    from rso_lidar.mission_analysis.time_history.scenario_figures import (
-        SCENARIO_FIGURES,
-        draw_figure,
-        draw_trajectory,
     )
     from rso_lidar.mission_analysis.time_history.timeline import (
         Timeline,
@@ -91,11 +86,14 @@ if TYPE_CHECKING:
     from rso_lidar.mission_analysis.time_history.truth_at_epochs import (
         truth,
     )
+    from rso_lidar.mission_analysis.time_history.truth_files import (
+        draw_trajectory,
+        save_truth,
+    )
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "SCENARIO_FIGURES",
     "SYSML_MISSION",
     "Budget",
     "BudgetCurve",
@@ -112,15 +110,14 @@ __all__ = [
     "ViewedPlate",
     "assess_conjunction",
     "budget",
+    "build_globe",
     "conjunction_scenario_text",
     "declare_attribute",
-    "draw_figure",
     "draw_trajectory",
     "encounters",
     "estimate_set_errors",
     "find_navigation_lidar",
     "find_range",
-    "find_umbras",
     "find_velocity_jumps_s",
     "fly_open_loop",
     "in_field_fraction",
@@ -130,10 +127,9 @@ __all__ = [
     "quote_name",
     "reach_m",
     "report_pixel",
-    "sample_between_impulses",
+    "save_truth",
     "scenario_text",
     "split_unit",
-    "tabulate_run",
     "timeline",
     "truth",
     "write_comment",

@@ -13,7 +13,6 @@ import numpy as np
 from rso_lidar import orbit
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, suppress_warnings, warn
 from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
-from rso_lidar.evaluation.recorded_runs.globe import build_globe
 from rso_lidar.export import (
     Frames,
     Recording,
@@ -27,7 +26,7 @@ from rso_lidar.export import (
     writer_for,
 )
 from rso_lidar.files import check_writable, convert_path
-from rso_lidar.mission_analysis import find_velocity_jumps_s
+from rso_lidar.mission_analysis import build_globe, find_velocity_jumps_s
 from rso_lidar.motion import write_aem
 from rso_lidar.orbit import write_oem
 from rso_lidar.part import parse_toml
