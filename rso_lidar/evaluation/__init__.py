@@ -26,11 +26,7 @@ if TYPE_CHECKING:
         save,
     )
     from rso_lidar.evaluation.recorded_runs.display import (
-        VIEW_COLOURS,
-        VIEW_TOOLS,
         ViewerChoice,
-        choose_viewer,
-        show,
         view,
     )
     from rso_lidar.evaluation.recorded_runs.flown_scenario import (
@@ -39,19 +35,13 @@ if TYPE_CHECKING:
     from rso_lidar.evaluation.recorded_runs.frame_comparison import (
         FrameDifference,
         compare_frames,
-        find_frame,
-        locate_centers,
     )
     from rso_lidar.evaluation.track_quality.evaluation import (
-        TRACKING_AXES,
         Tracking,
         tracking,
     )
     from rso_lidar.evaluation.track_quality.target_mesh import (
         sample_target,
-    )
-    from rso_lidar.evaluation.track_quality.tracking_figure import (
-        TRACKED_QUANTITIES,
     )
 else:
     __getattr__ = export_lazily(__name__)
@@ -59,11 +49,7 @@ else:
 __all__ = [
     "HAZARD",
     "SAFE",
-    "TRACKED_QUANTITIES",
-    "TRACKING_AXES",
     "UNKNOWN",
-    "VIEW_COLOURS",
-    "VIEW_TOOLS",
     "ElevationMap",
     "FrameDifference",
     "MapAgreement",
@@ -72,19 +58,15 @@ __all__ = [
     "ViewerChoice",
     "build_elevation_map",
     "build_true_elevation",
-    "choose_viewer",
     "compare_frames",
     "compare_maps",
-    "find_frame",
     "find_hazards",
     "find_true_relative_state",
     "fit_own_orbit",
     "fit_relative_orbit",
     "load_scenario",
-    "locate_centers",
     "sample_target",
     "save",
-    "show",
     "tracking",
     "view",
 ]

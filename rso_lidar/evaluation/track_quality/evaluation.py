@@ -6,10 +6,10 @@ a star tracker), its orbit and its burns. Of the target it receives the mesh onl
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from rso_lidar.evaluation.track_quality.burns import list_known_burns
 from rso_lidar.evaluation.track_quality.lidar_mount import find_measured_mount, find_pointing_error_rad
 from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_m
 from rso_lidar.evaluation.track_quality.target_mesh import measure_hinges_rad, sample_target
-from rso_lidar.evaluation.track_quality.tracking_figure import tracking_figure
+from rso_lidar.evaluation.track_quality.tracking_figure import TRACKED_QUANTITIES, tracking_figure
 from rso_lidar.orbit import elements_from_state
 from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.pose import ROOT, cross, quaternion_xyzw, rotate_vectors
@@ -39,8 +39,6 @@ from rso_lidar.track import (
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
-TRACKING_AXES = ("right", "down", "ahead")
-
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
@@ -57,7 +55,12 @@ class Tracking:
     (``cv_error_right_m``), and ``cv_nis``. Of ICP: ``icp_right_m``, ``icp_quaternion_x`` to ``_w`` of
     lidar_from_target, the rms distance ``icp_rms_m`` of points from the model, and the errors ``icp_error_m``,
     ``icp_error_rad`` (the whole turn, symmetry not considered) and ``icp_long_axis_error_rad``.
+
+    `AXES` are the words for the lidar axes in names of columns, and `FILTERS` the names of the filters in words.
     """
+
+    AXES: ClassVar[tuple[str, ...]] = ("right", "down", "ahead")
+    FILTERS: ClassVar[Mapping[str, str]] = TRACKED_QUANTITIES
 
     title: str
     target: str
@@ -343,7 +346,7 @@ def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.nd
     name, unit : start and end of the names.
     values : (time, 3).
     """
-    return {f"{name}_{axis}{unit}": column for axis, column in zip(TRACKING_AXES, values.T, strict=True)}
+    return {f"{name}_{axis}{unit}": column for axis, column in zip(Tracking.AXES, values.T, strict=True)}
 
 
 def _tabulate_errors(kind: str, made: Track, rows: Sequence[_EvaluatedFrame]) -> dict[str, np.ndarray]:
