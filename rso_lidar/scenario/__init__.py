@@ -7,11 +7,9 @@ from rso_lidar.public_names import export_lazily, limit_dir
 if TYPE_CHECKING:
     from rso_lidar.scenario.examples import (
         SHORTEST_EXAMPLE,
-        find_companions,
+        Example,
         find_examples,
         iterate_texts,
-        rename_example,
-        summarize_example,
     )
     from rso_lidar.scenario.mission.moon_missions import (
         list_lunar_bodies,
@@ -117,6 +115,7 @@ __all__ = [
     "DataLink",
     "Dispersion",
     "ElementSetErrors",
+    "Example",
     "FacetMaterials",
     "FilePart",
     "Finding",
@@ -137,7 +136,6 @@ __all__ = [
     "build_whole_surface",
     "cast_surfaces",
     "find_aspects",
-    "find_companions",
     "find_examples",
     "find_probability",
     "find_symmetry",
@@ -158,11 +156,9 @@ __all__ = [
     "place_hull",
     "preview_mission",
     "read_toml",
-    "rename_example",
     "require_scenario",
     "set_field",
     "spread_attitudes",
-    "summarize_example",
     "validate_tables",
     "validate_toml",
 ]

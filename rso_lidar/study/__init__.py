@@ -58,29 +58,13 @@ if TYPE_CHECKING:
         DispersedMission,
         disperse,
     )
-    from rso_lidar.study.dispersions.kept_runs import (
-        identify_runs,
-    )
     from rso_lidar.study.trades.definition import (
         Study,
     )
     from rso_lidar.study.trades.execution import (
-        RowFile,
         Trade,
-        place_row_file,
-        run_rows,
-        tabulate_rows,
+        TradeRun,
         trade,
-    )
-    from rso_lidar.study.trades.plan import (
-        make_trade_plan,
-    )
-    from rso_lidar.study.trades.ranking import (
-        summarize_trade,
-    )
-    from rso_lidar.study.trades.report import (
-        TRADE_SUFFIXES,
-        check_trade_formats,
     )
     from rso_lidar.study.verification.matrix import (
         RequirementResult,
@@ -102,7 +86,6 @@ else:
 __all__ = [
     "HAZARD",
     "SAFE",
-    "TRADE_SUFFIXES",
     "UNKNOWN",
     "Budget",
     "BudgetCurve",
@@ -121,19 +104,18 @@ __all__ = [
     "Requirement",
     "RequirementResult",
     "Requirements",
-    "RowFile",
     "SetErrors",
     "Study",
     "Timeline",
     "Tracking",
     "Trade",
+    "TradeRun",
     "VerificationMatrix",
     "ViewedPlate",
     "assess_conjunction",
     "budget",
     "build_elevation_map",
     "build_true_elevation",
-    "check_trade_formats",
     "compare_frames",
     "compare_maps",
     "conjunction_scenario_text",
@@ -146,18 +128,12 @@ __all__ = [
     "find_true_relative_state",
     "fit_own_orbit",
     "fit_relative_orbit",
-    "identify_runs",
     "list_parameters",
-    "make_trade_plan",
-    "place_row_file",
     "reach_m",
     "report_pixel",
-    "run_rows",
     "sample_target",
     "save",
     "scenario_text",
-    "summarize_trade",
-    "tabulate_rows",
     "timeline",
     "tracking",
     "trade",

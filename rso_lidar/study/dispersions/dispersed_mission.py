@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -52,6 +52,7 @@ class DispersedMission:
     omits : what the runs leave out, in sentences
     sources : names of the sources of errors, of which `tubes` has the shares
     pointing : by what the lidar was pointed, "target", "navigation" or "plan"
+    kept : file in which the finished runs are kept, None without one
     """
 
     title: str
@@ -63,6 +64,7 @@ class DispersedMission:
     omits: tuple[str, ...] = ()
     sources: tuple[str, ...] = SOURCES
     pointing: str = "target"
+    kept: Path | None = None
 
     @property
     def n_runs(self) -> int:
@@ -223,7 +225,7 @@ def disperse(
     executor : in the manner of `concurrent.futures`, which flies blocks of runs in place of `workers`: a pool of threads or
         processes, or ``client.get_executor()`` of dask. It changes no result.
     working : file in which finished runs are kept; an interrupted study, or one of fewer runs, continues from it. Its name
-        is extended by eight hex digits that identify_runs the scenario.
+        is extended by eight hex digits that identify the scenario.
     on_runs : called with the number of finished runs and that of all, at the start and after each block
 
     Returns
@@ -259,7 +261,7 @@ def disperse(
             write_blocks(kept, blocks)
         tell(min(BLOCK * sum(one in blocks for one in wanted), runs), runs)
     joined = {name: np.concatenate([blocks[begin][name] for begin in wanted])[:runs] for name in blocks[wanted[0]]}
-    return _join(made, joined)
+    return replace(_join(made, joined), kept=kept)
 
 
 def _find_target(scenario: Scenario, target: str | None) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, suppress_warnings
-from rso_lidar.export import check_parquet, write_parquet
+from rso_lidar.export import write_parquet
 from rso_lidar.files import write_atomically, write_columns
 from rso_lidar.picture import LIGHT, Scheme, embed_figure, frame_figure, parts_in_order, write_page, write_table
 from rso_lidar.records import Frame
@@ -65,13 +65,6 @@ def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
     raise ScenarioError(
         f"{place}: a trade is not written as '{place.suffix}'{guess} (known: {', '.join(TRADE_SUFFIXES)})"
     )
-
-
-def check_trade_formats(places: Sequence[Path]) -> None:
-    """Raise an error for paths whose format requires a library that is not installed."""
-    for place in places:
-        if place.suffix.lower() == ".parquet":
-            check_parquet(place)
 
 
 def write_report(trade: TradeTable, scheme: Scheme = LIGHT) -> str:
