@@ -34,10 +34,15 @@ def parse_address(text: str, where: str) -> NetworkAddress:
     text : such as ``127.0.0.1:8765`` or ``[::1]:8765``.
     where : start of error messages, such as the option.
 
+    Returns
+    -------
+    NetworkAddress
+        With ``127.0.0.1`` for ``localhost``.
+
     Raises
     ------
     ScenarioError
-        For another text.
+        For another text, and a port above 65535.
 
     >>> parse_address("localhost:8765", "--live-at").text
     '127.0.0.1:8765'

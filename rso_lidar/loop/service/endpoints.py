@@ -120,7 +120,17 @@ def resolve_host(zmq: Any, endpoint: str) -> str:
 
 
 def read_token(path: Path) -> str:
-    """Return the token in a file, without blanks around it; raise `ScenarioError` where there is none."""
+    """Return the token in a file, without blanks around it.
+
+    Parameters
+    ----------
+    path : of a text file with the token alone.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, is too long, or holds no token.
+    """
     token = read_text(path, _MOST_TOKEN_BYTES, ScenarioError, "token").strip()
     if not token:
         raise ScenarioError(f"{path}: holds no token; write at least {_LEAST_TOKEN} random characters into it")
@@ -167,7 +177,17 @@ def load_public_key(path: Path) -> bytes:
 
 
 def import_zmq(what: str) -> Any:
-    """Return the module zmq; raise `ScenarioError` where it is not installed."""
+    """Return the module zmq.
+
+    Parameters
+    ----------
+    what : what needs it, the start of the error message.
+
+    Raises
+    ------
+    ScenarioError
+        If it is not installed.
+    """
     try:
         import zmq
     except ImportError:

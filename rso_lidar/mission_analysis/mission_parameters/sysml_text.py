@@ -34,6 +34,10 @@ _RESERVED = frozenset(  # RESERVED_KEYWORD of SysML-textual-bnf.kebnf
 def quote_name(name: str) -> str:
     """Return a name as SysML writes it: in single quotes if it is reserved or no basic name.
 
+    Parameters
+    ----------
+    name : any text.
+
     >>> quote_name("ifov_rad"), quote_name("state"), quote_name("LID-010")
     ('ifov_rad', "'state'", "'LID-010'")
     """
@@ -44,7 +48,12 @@ def quote_name(name: str) -> str:
 
 
 def write_comment(text: str) -> str:
-    """Return a text as documentation of the element around it, on one line."""
+    """Return a text as documentation of the element around it, on one line.
+
+    Parameters
+    ----------
+    text : of one or several lines, which may hold the end mark of a comment.
+    """
     return f"doc /* {' '.join(text.split()).replace('*/', '* /')} */"
 
 

@@ -89,7 +89,22 @@ class ModelCard:
         return rows
 
     def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
-        """Write the page as .png, .pdf or .svg, and return its path."""
+        """Draw the page.
+
+        Parameters
+        ----------
+        path : of the picture, .png, .pdf or .svg; an existing file is replaced.
+        scheme : `LIGHT` or `DARK`.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            For another suffix, or a path that cannot be written.
+        """
         return save_figure(self.figure(), path, scheme=scheme)
 
 
@@ -101,6 +116,16 @@ def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: b
     name : of the model; with a suffix or a slash, the path of a mesh.
     file : finds a mesh file by its name.
     returns : whether to simulate the light that the model returns.
+
+    Returns
+    -------
+    ModelCard
+        Size, parts and materials; views of its sides; and the light of each side at 1 km.
+
+    Raises
+    ------
+    MeshError
+        For a model that is not in the catalogue, and a mesh that cannot be read.
     """
     target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
     if target.is_path:

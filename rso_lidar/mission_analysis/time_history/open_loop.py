@@ -128,7 +128,23 @@ def sample_between_impulses(
 
 
 def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
-    """Find the times [s] of velocity jumps of a body: its impulses, and those of bodies that its motion is relative to."""
+    """Find the times of velocity jumps of a body: its impulses, and those of bodies that its motion is relative to.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    name : of the body.
+
+    Returns
+    -------
+    set of float
+        Times [s since start_utc].
+
+    Raises
+    ------
+    KeyError
+        For a name that no body has.
+    """
     by_name = {body.name: body for body in scenario.bodies}
     chain: list[Any] = [by_name[name]]
     while (relative_to := chief_of(chain[-1].motion)) is not None:

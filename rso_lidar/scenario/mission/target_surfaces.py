@@ -64,6 +64,16 @@ def build_whole_surface(
     file : finds a mesh that the scenario names.
     wavelength_m : of the laser, for the materials [m].
     number : index of the target in the scenario, None for a surface without one.
+
+    Returns
+    -------
+    Surface
+        In the body axes of the target, from its centre of mass [m].
+
+    Raises
+    ------
+    MeshError
+        For a model or mesh that cannot be read, and materials of parts that it does not have.
     """
     entry: ModelEntry | None = None
     own: Mapping[str, Material] = {}
@@ -179,7 +189,12 @@ def place_mesh(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[fl
 
 
 def find_taxonomy(target: Target) -> Taxonomy | None:
-    """Return the taxonomy of a target from the scenario, or from the catalogue; None where neither gives it."""
+    """Return the taxonomy of a target from the scenario, or from the catalogue; None where neither gives it.
+
+    Parameters
+    ----------
+    target : of a scenario; terrain and fragments have one of their own.
+    """
     if target.taxonomy is None and target.terrain is not None:
         return classify_terrain(target.terrain)
     if target.taxonomy is None and target.fragment is not None:
@@ -199,6 +214,10 @@ def find_symmetry(target: Target) -> Symmetry | None:
     """Return the symmetry of a target in its body axes, from the scenario or the catalogue; None where there is none.
 
     The catalogue's holds for hinges at zero. It does not count where the target has joints.
+
+    Parameters
+    ----------
+    target : of a scenario.
     """
     entry = None if target.is_path else model(target.shape)
     found, center_of_mass_m = target.symmetry, target.center_of_mass_m or (0.0, 0.0, 0.0)

@@ -75,7 +75,21 @@ class FilePart(Part):
 
 
 def read_toml(path: Path) -> str:
-    """Read the text of a scenario file, which may be a shipped one, or raise `ScenarioError`."""
+    """Read the text of a TOML file.
+
+    Parameters
+    ----------
+    path : of the file; one that is not there is looked up among the shipped data.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ScenarioError
+        If it cannot be read, is too long, or is not UTF-8.
+    """
     return read_text(find(path) or path, MOST_TOML_BYTES, ScenarioError, "scenario file (.toml)")
 
 
@@ -91,6 +105,11 @@ def validate_toml(
     where : start of error messages, such as the file's name.
     settings : changes as ``place=value``.
     table : name of the table that fills the part, where it is the only one of the text; empty for the whole text.
+
+    Returns
+    -------
+    part
+        An instance of that class.
 
     Raises
     ------
@@ -116,10 +135,15 @@ def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str) -> An
     tree : tables by key, as TOML gives them.
     where : start of error messages.
 
+    Returns
+    -------
+    part
+        An instance of that class.
+
     Raises
     ------
     ScenarioError
-        For values that the part refuses.
+        For values that the part refuses; a `FieldError` with their places.
     """
     try:
         return part.model_validate(tree)
@@ -129,11 +153,18 @@ def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str) -> An
 
 
 def apply_setting(tree: dict[str, Any], setting: str) -> None:
-    """Set one field of a TOML tree: ``lidar.laser.energy_mj=20``, ``target.0.model=juno``, ``target.tdrs.model=juno``.
+    """Set one field of a TOML tree by a text of the form ``place=value``.
+
+    Parameters
+    ----------
+    tree : tables by key, changed in place.
+    setting : such as ``lidar.laser.energy_mj=20``, ``target.0.model=juno`` or ``target.tdrs.model=juno``. The value is TOML;
+        a bare word is a text.
 
     Raises
     ------
-    SettingError : for a setting that is not place=value, or leads nowhere.
+    SettingError
+        For a setting that is not ``place=value``, or leads nowhere.
     """
     place, equals, text = setting.partition("=")
     if not equals or not place.strip():
@@ -181,6 +212,11 @@ def get_field(tree: dict[str, Any], place: str, where: str) -> Any:
     ----------
     tree : tables by key.
     place, where : as in `set_field`.
+
+    Raises
+    ------
+    SettingError
+        For an entry that a list does not have.
     """
     here: Any = tree
     for step in _split_place(place):

@@ -85,6 +85,11 @@ def cast_surfaces(
     truth : one epoch, with the lidar and the surfaces in it.
     number : of the target.
     finest : greatest number of rays along a pixel's side (None: what the receiver asks for).
+
+    Returns
+    -------
+    TargetReturns
+        Expected photons, and the pixels that receive light from the target.
     """
     receiver = _reduce_rays(lidar.receiver, finest)
     hits = sampling.cast_pixels(receiver, lidar.laser, surfaces, truth, 1)

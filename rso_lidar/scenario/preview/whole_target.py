@@ -47,6 +47,11 @@ def find_probability(
     finding : when the target counts as found.
     stream : number of the stream of random numbers, for simulated flashes.
     tried : number of flashes that are simulated without a closed form; fewer if the target is found in all or in none.
+
+    Returns
+    -------
+    float
+        Probability of k of n flashes; its standard error is at most 0.5 over the root of `tried` where it is simulated.
     """
     if seen.pixel.size < finding.pixels:
         return 0.0
@@ -133,7 +138,8 @@ def find_aspects(
 
     Returns
     -------
-    (truth) probabilities, and photons of the target.
+    probability : (truth) that the target is found.
+    photons : (truth) expected from the target in all pixels.
     """
 
     def one(stream: int) -> tuple[float, float]:
@@ -163,15 +169,19 @@ def move_target(mission: Mission, number: int, there: Truth, place_m: np.ndarray
 
 
 def list_run_attitudes(preview: Preview, name: str, n: int) -> list[tuple[int, np.ndarray]]:
-    """List the attitudes that a target has to the line of sight in a run, as row of the preview and matrix (3, 3).
-
-    The matrices are lidar_from_target with the target turned onto the boresight.
+    """List the attitudes that a target has to the line of sight in a run.
 
     Parameters
     ----------
     preview : of the mission.
     name : of the target.
-    n : number of rows, spread evenly; a row may be listed several times.
+    n : number of rows of the preview, spread evenly; a row may be listed several times.
+
+    Returns
+    -------
+    list of (int, numpy.ndarray)
+        Row of the preview, and lidar_from_target (3, 3) with the target turned onto the boresight; empty where the lidar is
+        always at the target's origin.
     """
     rows = len(preview.time_s)
     places, turns = preview.truth.poses.place("lidar", name)

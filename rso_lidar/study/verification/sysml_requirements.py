@@ -26,6 +26,11 @@ def write_requirements(asked: Requirements, parameters: ParameterTable) -> list[
     asked : the requirements.
     parameters : of the mission.
 
+    Returns
+    -------
+    list of str
+        Lines for `ParameterTable.save` and `ParameterTable.sysml_text`.
+
     Raises
     ------
     ScenarioError
