@@ -143,10 +143,10 @@ def _find(
 
     Parameters
     ----------
-    camera, body, probability, range_m : as for `find_range`.
-    pixels, flashes, attitudes : as the user gave them.
-    output : picture or table, None for neither.
-    scheme : colours of a picture.
+    camera, body, probability, range_m : as for `find_range`
+    pixels, flashes, attitudes : as the user gave them
+    output : picture or table, None for neither
+    scheme : colours of a picture
     """
     finding = camera.finding if isinstance(camera, Scenario) else Finding()
     if pixels is not None:
@@ -178,8 +178,8 @@ def _load_camera(text: str, settings: tuple[str, ...], *, trust_code: bool, trus
 
     Parameters
     ----------
-    text, settings : name of a camera or path of a scenario, and `key=value` of fields.
-    trust_code, trust_fmu : as for `Scenario.load`.
+    text, settings : name of a camera or path of a scenario, and `key=value` of fields
+    trust_code, trust_fmu : as for `Scenario.load`
     """
     if text in load_presets():
         return validate_toml(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text

@@ -81,8 +81,8 @@ def _summarise(to: Path, wanted: Format, count: int, held: int) -> str:
 
     Parameters
     ----------
-    to, wanted : the output, and its format.
-    count, held : frames written, and frames in the recording.
+    to, wanted : the output, and its format
+    count, held : frames written, and frames in the recording
     """
     kept = f"{count} frames" if count == held else f"{count} of {held} frames"
     size = count_bytes(to)

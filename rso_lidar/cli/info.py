@@ -83,8 +83,8 @@ def _describe_sensor(name: str, samples: SensorSamples) -> str:
 
     Parameters
     ----------
-    name : of the sensor.
-    samples : of the whole recording.
+    name : of the sensor
+    samples : of the whole recording
     """
     count, text = len(samples.time_s), f"{name}: {type(samples).__name__}"
     if not count:

@@ -66,10 +66,10 @@ def _verify(
 
     Parameters
     ----------
-    asked, subject : the requirements, and the file of the subject.
-    settings : fields of the scenario to change.
-    workers : processes of a study.
-    trust_code, trust_fmu : as for `Scenario.load`, of a scenario or a study.
+    asked, subject : the requirements, and the file of the subject
+    settings : fields of the scenario to change
+    workers : processes of a study
+    trust_code, trust_fmu : as for `Scenario.load`, of a scenario or a study
     """
     is_toml = subject.suffix.lower() == ".toml"
     is_study = is_toml and any(key in parse_toml(read_toml(subject), subject.name, ScenarioError) for key in _OF_STUDY)

@@ -124,8 +124,8 @@ def describe_consistency(nis_mean: float, count: int) -> str:
 
     Parameters
     ----------
-    nis_mean : mean of the normalised innovations squared of a filter with three measured coordinates.
-    count : number of innovations in the mean.
+    nis_mean : mean of the normalised innovations squared of a filter with three measured coordinates
+    count : number of innovations in the mean
 
     Notes
     -----

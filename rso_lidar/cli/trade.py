@@ -96,9 +96,9 @@ def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
 
     Parameters
     ----------
-    file : of the study.
-    given : path that the user gave, if any.
-    new : whether a folder that does not exist may be named.
+    file : of the study
+    given : path that the user gave, if any
+    new : whether a folder that does not exist may be named
     """
     try:
         output = Path(given or ".").expanduser()
@@ -127,9 +127,9 @@ def _write(made: Trade, places: list[Path], scheme: Scheme) -> None:
 
     Parameters
     ----------
-    made : the trade.
-    places : paths of the outputs.
-    scheme : of figures and pages, light or dark.
+    made : the trade
+    places : paths of the outputs
+    scheme : of figures and pages, light or dark
     """
     with ExitStack() as drafts:
         for place in places:

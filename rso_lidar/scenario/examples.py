@@ -69,7 +69,7 @@ class Example:
 
         Parameters
         ----------
-        title : value of its key `name`, in printable characters.
+        title : value of its key `name`, in printable characters
         """
         escaped = title.replace("\\", "\\\\").replace('"', '\\"')
         start = r'(?m)^(name\s*=\s*)"[^"\n]*"'
@@ -88,7 +88,7 @@ def iterate_texts(tree: Any) -> Iterator[str]:
 
     Parameters
     ----------
-    tree : a text, a mapping or a sequence of trees, or another value, which has none.
+    tree : a text, a mapping or a sequence of trees, or another value, which has none
 
     Yields
     ------

@@ -47,15 +47,15 @@ def save(
 
     Parameters
     ----------
-    path : of the file or folder.
-    frames : from `simulate` or `open`.
-    overwrite : whether an existing file or folder may be replaced.
-    format : name of the format, where the suffix does not give it.
+    path : of the file or folder
+    frames : from `simulate` or `open`
+    overwrite : whether an existing file or folder may be replaced
+    format : name of the format, where the suffix does not give it
 
     Other Parameters
     ----------------
     options : of that format, such as ``viewpoint="tdrs"`` of pcd, ``target="tdrs"`` of tum, kitti, oem (a body; the
-        follower if left out) and aem (any axes), ``sensor="gyro"`` of csv and parquet (the truth if left out).
+        follower if left out) and aem (any axes), ``sensor="gyro"`` of csv and parquet (the truth if left out)
 
     Returns
     -------
@@ -99,10 +99,10 @@ def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
     Parameters
     ----------
-    place : path of the file.
-    frames : the recording.
-    source : of the recording.
-    target : name of the body (None: the follower).
+    place : path of the file
+    frames : the recording
+    source : of the recording
+    target : name of the body (None: the follower)
     """
     folder = _find_folder(frames)
     batches = list(read_truth_batches(frames))
@@ -122,10 +122,10 @@ def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
     Parameters
     ----------
-    place : path of the file.
-    frames : the recording.
-    source : of the recording.
-    target : name of the axes (None: the follower's).
+    place : path of the file
+    frames : the recording
+    source : of the recording
+    target : name of the axes (None: the follower's)
     """
     from scipy.spatial.transform import Rotation
 
@@ -146,9 +146,9 @@ def _write_czml(place: Path, frames: Iterable[Frame], source: Source) -> Path:
 
     Parameters
     ----------
-    place : path of the file.
-    frames : the recording.
-    source : of the recording.
+    place : path of the file
+    frames : the recording
+    source : of the recording
     """
     if isinstance(frames, Recording):
         frames = frames[:]
@@ -189,10 +189,10 @@ def _find_breaks_s(source: Source, name: str, time_s: np.ndarray, folder: Path |
 
     Parameters
     ----------
-    source : of the recording.
-    name : of the body.
-    time_s : (time) times of the frames [s].
-    folder : folder of the files that the scenario names.
+    source : of the recording
+    name : of the body
+    time_s : (time) times of the frames [s]
+    folder : folder of the files that the scenario names
     """
     try:
         with suppress_warnings():

@@ -63,10 +63,10 @@ def choose_viewer(
 
     Parameters
     ----------
-    tool : one of `ViewerChoice.TOOLS` (None: the first that is available, or the one that the suffix of `output` implies).
-    output : a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
-    recording : file of the recording, beside which files without a name are written (None: none are).
-    overwrite : whether existing files are replaced.
+    tool : one of `ViewerChoice.TOOLS` (None: the first that is available, or the one that the suffix of `output` implies)
+    output : a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4)
+    recording : file of the recording, beside which files without a name are written (None: none are)
+    overwrite : whether existing files are replaced
 
     Raises
     ------
@@ -110,19 +110,19 @@ def view(
 
     Parameters
     ----------
-    frames : a recording, or a part of one such as ``recording[::10]``.
+    frames : a recording, or a part of one such as ``recording[::10]``
     tool : ``"rerun"``, ``"window"`` or ``"files"`` (None: the first that is available; without a display, files beside the
-        recording).
-    colour : of the points, ``"range"`` or ``"intensity"``.
-    output : file to write instead: a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
-    overwrite : whether existing files are replaced.
+        recording)
+    colour : of the points, ``"range"`` or ``"intensity"``
+    output : file to write instead: a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4)
+    overwrite : whether existing files are replaced
 
     Other Parameters
     ----------------
-    folder : folder of the mesh files that the scenario names (None: that of the recording).
-    each : iterator over the same frames that reports progress while a scene for Rerun is written (None: `frames`).
-    scheme : of pictures and of matplotlib's window, `LIGHT` or `DARK`.
-    on_window : called with a line of text before a window opens.
+    folder : folder of the mesh files that the scenario names (None: that of the recording)
+    each : iterator over the same frames that reports progress while a scene for Rerun is written (None: `frames`)
+    scheme : of pictures and of matplotlib's window, `LIGHT` or `DARK`
+    on_window : called with a line of text before a window opens
 
     Returns
     -------
@@ -154,8 +154,8 @@ def _show(
 
     Parameters
     ----------
-    folder : folder of the mesh files that the scenario names (None: the working folder).
-    each : iterator over the same frames that reports progress while a scene is written (None: `frames`).
+    folder : folder of the mesh files that the scenario names (None: the working folder)
+    each : iterator over the same frames that reports progress while a scene is written (None: `frames`)
     """
     if colour not in ViewerChoice.COLOURS:
         known = ViewerChoice.COLOURS
@@ -191,11 +191,11 @@ def _write_pictures(
 
     Parameters
     ----------
-    paths : of the pictures.
-    frames : a recording, or a part of one.
-    shapes : meshes to draw.
-    colour : of the points.
-    scheme : of the pictures.
+    paths : of the pictures
+    frames : a recording, or a part of one
+    shapes : meshes to draw
+    colour : of the points
+    scheme : of the pictures
     """
     count, contents = len(frames), []
     for path in paths:
@@ -236,9 +236,9 @@ def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> Vie
 
     Parameters
     ----------
-    tool : the tool that writes it, if asked for.
-    output : path of the file.
-    overwrite : whether an existing file is replaced.
+    tool : the tool that writes it, if asked for
+    output : path of the file
+    overwrite : whether an existing file is replaced
     """
     known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
     if tool == "window":
@@ -255,10 +255,10 @@ def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwri
 
     Parameters
     ----------
-    tool : the tool that writes them.
-    why : reason for writing files.
-    recording : file of the recording.
-    overwrite : whether existing files are replaced.
+    tool : the tool that writes them
+    why : reason for writing files
+    recording : file of the recording
+    overwrite : whether existing files are replaced
     """
     if recording is None:
         raise RecordingError(f"view: {why or 'files'}: these frames have no file to write beside; give output")

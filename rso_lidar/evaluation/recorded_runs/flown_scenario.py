@@ -15,8 +15,8 @@ def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
 
     Parameters
     ----------
-    source : of the recording.
-    folder : folder of the mesh files that the scenario names (None: the working folder).
+    source : of the recording
+    folder : folder of the mesh files that the scenario names (None: the working folder)
 
     Returns
     -------
@@ -37,10 +37,10 @@ def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str
 
     Parameters
     ----------
-    scenario : of the recording.
-    source : of the recording.
-    number : index of the target.
-    asked_by : start of error messages.
+    scenario : of the recording
+    source : of the recording
+    number : index of the target
+    asked_by : start of error messages
 
     Raises
     ------
@@ -63,9 +63,9 @@ def find_target(source: Source, target: str | None, asked_by: str) -> int:
 
     Parameters
     ----------
-    source : of the recording.
-    target : its name (None: the first).
-    asked_by : start of error messages.
+    source : of the recording
+    target : its name (None: the first)
+    asked_by : start of error messages
 
     Raises
     ------

@@ -49,7 +49,7 @@ def compare_frames(first: Frame, second: Frame) -> FrameDifference:
 
     Parameters
     ----------
-    first, second : of scenarios or recordings.
+    first, second : of scenarios or recordings
 
     Returns
     -------

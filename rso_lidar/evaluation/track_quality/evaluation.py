@@ -80,8 +80,8 @@ class Tracking:
 
         Parameters
         ----------
-        path : of the output, .csv, .png, .pdf or .svg.
-        scheme : of a picture, `LIGHT` or `DARK`.
+        path : of the output, .csv, .png, .pdf or .svg
+        scheme : of a picture, `LIGHT` or `DARK`
 
         Returns
         -------
@@ -111,17 +111,17 @@ def tracking(
 
     Parameters
     ----------
-    frames : a recording, or frames of one scenario in the order of time.
-    target : name of the target (None: the first); other targets in the field disturb these trackers.
-    folder : folder of the mesh files that the scenario names (None: the working folder).
-    range_noise_m : standard deviation of one range [m] (None: from the recorded returns, simulated again on the detector).
-    acceleration_m_s2_sqrt_hz : process noise of the filters, each axis [m/s²/√Hz].
+    frames : a recording, or frames of one scenario in the order of time
+    target : name of the target (None: the first); other targets in the field disturb these trackers
+    folder : folder of the mesh files that the scenario names (None: the working folder)
+    range_noise_m : standard deviation of one range [m] (None: from the recorded returns, simulated again on the detector)
+    acceleration_m_s2_sqrt_hz : process noise of the filters, each axis [m/s²/√Hz]
     shape : whether the filters correct for the target's shape. They then use the mean and the spread of the distance
         between the visible middle and the target's origin, over all directions. That error varies slowly and is not white
-        noise, so that NIS is below 3 at most frames. Otherwise the filters follow the visible middle.
-    poses : whether ICP runs.
-    hinges : whether ICP estimates the angles of the target's hinges; otherwise it assumes those of the mesh.
-    each : iterator over the same frames that reports progress (None: `frames`).
+        noise, so that NIS is below 3 at most frames. Otherwise the filters follow the visible middle
+    poses : whether ICP runs
+    hinges : whether ICP estimates the angles of the target's hinges; otherwise it assumes those of the mesh
+    each : iterator over the same frames that reports progress (None: `frames`)
 
     Returns
     -------
@@ -236,11 +236,11 @@ def _evaluate_frame(
 
     Parameters
     ----------
-    scenario, frame, name : the scenario, the frame, and the target.
-    size_m : greatest extent of the target [m].
-    noise_m : standard deviation of a range [m].
-    wander : offset of the visible centroid along the line of sight, its standard deviation, and rms across it [m].
-    follow : ICP; None to omit it.
+    scenario, frame, name : the scenario, the frame, and the target
+    size_m : greatest extent of the target [m]
+    noise_m : standard deviation of a range [m]
+    wander : offset of the visible centroid along the line of sight, its standard deviation, and rms across it [m]
+    follow : ICP; None to omit it
     """
     truth, settings = frame.truth, frame.observation.settings
     pixel_rad = scenario.lidar.receiver.pixel_pitch_m / settings["focal_length_m"]
@@ -326,9 +326,9 @@ def _compare_alignment(found: Alignment, true: RigidTransform, model: SampledMes
 
     Parameters
     ----------
-    found : the estimate.
-    true : lidar_from_body of the truth.
-    model : the target's model.
+    found : the estimate
+    true : lidar_from_body of the truth
+    model : the target's model
     """
     place, rotation = found.pose.translation, found.pose.rotation
     ours, theirs = rotation.apply(model.long_axis), true.rotation.apply(model.long_axis)
@@ -343,8 +343,8 @@ def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.nd
 
     Parameters
     ----------
-    name, unit : start and end of the names.
-    values : (time, 3).
+    name, unit : start and end of the names
+    values : (time, 3)
     """
     return {f"{name}_{axis}{unit}": column for axis, column in zip(Tracking.AXES, values.T, strict=True)}
 
@@ -354,9 +354,9 @@ def _tabulate_errors(kind: str, made: Track, rows: Sequence[_EvaluatedFrame]) ->
 
     Parameters
     ----------
-    kind : name of the filter.
-    made : its track.
-    rows : the frames.
+    kind : name of the filter
+    made : its track
+    rows : the frames
     """
     table = {}
     for values, word, unit, true in (

@@ -41,9 +41,9 @@ class RerunView(QueuedView):
 
         Parameters
         ----------
-        scenario : that is flown, with the meshes of its targets.
-        address : ``HOST:PORT`` of the proxy, a loopback address; port 0 takes a free one.
-        shapes : meshes to show (None: those of the scenario).
+        scenario : that is flown, with the meshes of its targets
+        address : ``HOST:PORT`` of the proxy, a loopback address; port 0 takes a free one
+        shapes : meshes to show (None: those of the scenario)
 
         Raises
         ------
@@ -140,7 +140,7 @@ def _wait_for(address: NetworkAddress, process: subprocess.Popen[bytes]) -> None
 
     Parameters
     ----------
-    address, process : the address, and the process.
+    address, process : the address, and the process
     """
     end = time.monotonic() + _OPENS_S
     while process.poll() is None and time.monotonic() < end:

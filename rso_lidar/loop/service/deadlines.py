@@ -24,9 +24,9 @@ class Deadlines:
 
     Parameters
     ----------
-    factor : simulated time over wall-clock time.
-    policy : at a missed deadline.
-    clock : monotonic time [s].
+    factor : simulated time over wall-clock time
+    policy : at a missed deadline
+    clock : monotonic time [s]
     """
 
     POLICIES: ClassVar[tuple[Policy, ...]] = ("slip", "skip", "fail")
@@ -59,7 +59,7 @@ class Deadlines:
 
         Parameters
         ----------
-        time_ns : time of the flash [ns].
+        time_ns : time of the flash [ns]
         """
         return self.policy == "skip" and self._origin is not None and self._clock() > self._deadline_s(time_ns)
 
@@ -72,9 +72,9 @@ class Deadlines:
 
         Parameters
         ----------
-        time_ns : simulated time of the reply [ns].
-        asked_s : when its request arrived on the clock [s].
-        skipped : whether its flash was left out.
+        time_ns : simulated time of the reply [ns]
+        asked_s : when its request arrived on the clock [s]
+        skipped : whether its flash was left out
 
         Returns
         -------

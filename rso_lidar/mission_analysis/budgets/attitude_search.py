@@ -43,12 +43,12 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        lidar : the camera.
-        scenario : the scenario of the body.
-        number : of the body among its targets.
-        finding : when the body counts as found.
-        attitudes : number of attitudes.
-        in_run : whether they are those of the run.
+        lidar : the camera
+        scenario : the scenario of the body
+        number : of the body among its targets
+        finding : when the body counts as found
+        attitudes : number of attitudes
+        in_run : whether they are those of the run
         """
         with suppress_warnings():
             self._preview = preview_mission(scenario)
@@ -79,8 +79,8 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        attitude, range_m : the attitude, and the range [m].
-        n : number of places in the pixel grid over which the mean is taken.
+        attitude, range_m : the attitude, and the range [m]
+        n : number of places in the pixel grid over which the mean is taken
         """
         found, _ = self._evaluate([attitude] * n, range_m, spread_attitudes(n)[1])
         return float(found.mean())
@@ -115,8 +115,8 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        attitudes, range_m : the attitudes, and the range [m].
-        n : number of places in the pixel grid over which the means are taken.
+        attitudes, range_m : the attitudes, and the range [m]
+        n : number of places in the pixel grid over which the means are taken
         """
         places = np.tile(spread_attitudes(n)[1], (len(attitudes), 1))
         found, photons = self._evaluate([one for one in attitudes for _ in range(n)], range_m, places)
@@ -138,8 +138,8 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        attitudes, range_m : the attitudes, and the range [m].
-        phases : (attitude, right_down) places in the pixel grid.
+        attitudes, range_m : the attitudes, and the range [m]
+        phases : (attitude, right_down) places in the pixel grid
         """
         lidar = follow_gate(self._lidar, range_m)
         truths = [self._place(one, range_m, phase) for one, phase in zip(attitudes, phases, strict=True)]
@@ -152,8 +152,8 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        attitude, range_m : the attitude, and the range [m].
-        phase : (right_down) place in the pixel grid.
+        attitude, range_m : the attitude, and the range [m]
+        phase : (right_down) place in the pixel grid
         """
         row, turned = attitude
         place_m = place_body(self._lidar, range_m, phase)
@@ -165,9 +165,9 @@ def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    lidar : the instrument.
-    range_m : range.
-    phase : (right_down) place beside the boresight [pixels].
+    lidar : the instrument
+    range_m : range
+    phase : (right_down) place beside the boresight [pixels]
     """
     x, y = phase * lidar.receiver.pixel_tangent
     place_m: np.ndarray = np.array([x, y, 1.0]) * (range_m / math.sqrt(1.0 + x * x + y * y))
@@ -179,8 +179,8 @@ def follow_gate(lidar: Lidar, range_m: float) -> Lidar:
 
     Parameters
     ----------
-    lidar : the instrument.
-    range_m : range.
+    lidar : the instrument
+    range_m : range
     """
     traits = lidar.detector.traits
     if not traits.is_gated:

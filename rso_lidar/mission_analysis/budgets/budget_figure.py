@@ -37,8 +37,8 @@ def budget_figure(
 
     Parameters
     ----------
-    probability : the wanted probability of detection.
-    filled_to_m : range beyond which the target fills no pixel, and curves are drawn faintly [m].
+    probability : the wanted probability of detection
+    filled_to_m : range beyond which the target fills no pixel, and curves are drawn faintly [m]
     """
     figure = figures.new_figure(11.0, 8.2, title, note, tuple(small_print))
     (light, found), (precision, pixels) = figure.subplots(2, 2, sharex=True)
@@ -96,10 +96,10 @@ def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -
 
     Parameters
     ----------
-    figure : the figure.
-    axes : a plot that holds all curves.
-    probability : the wanted probability.
-    printed : lines of small print.
+    figure : the figure
+    axes : a plot that holds all curves
+    probability : the wanted probability
+    printed : lines of small print
     """
     handles, names = axes.get_legend_handles_labels()
     columns = 1 if len(names) <= 2 else 2 if len(names) <= 8 else 3
@@ -136,8 +136,8 @@ def _prepare_axes(axes: Axes, title: str, note: str) -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    title, note : its heading, left and right.
+    axes : the panel
+    title, note : its heading, left and right
     """
     axes.set_xscale("log")
     figures.style_axes(axes, title, note=note)
@@ -161,9 +161,9 @@ def _mark(axes: Axes, x: float, y: float, colour: str) -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    x, y : of the point, in units of the axes.
-    colour : of the mark.
+    axes : the panel
+    x, y : of the point, in units of the axes
+    colour : of the mark
     """
     axes.plot([x], [y], "o", color=colour, ms=5, mec=palette.PAPER, mew=0.8, zorder=5)
 

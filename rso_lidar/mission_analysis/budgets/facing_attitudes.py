@@ -23,7 +23,7 @@ def face_direction(toward: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    toward : (xyz) unit vector in body axes.
+    toward : (xyz) unit vector in body axes
     """
     across = np.cross(toward, np.eye(3)[np.abs(toward).argmin()])
     across /= np.linalg.norm(across)
@@ -35,7 +35,7 @@ def describe_facing(lidar_from_body: np.ndarray) -> str:
 
     Parameters
     ----------
-    lidar_from_body : rotation matrix (3, 3).
+    lidar_from_body : rotation matrix (3, 3)
 
     >>> describe_facing(face_direction(np.array([0.0, 0.0, 1.0])))
     '+z faces the lidar'

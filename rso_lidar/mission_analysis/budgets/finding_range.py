@@ -104,7 +104,7 @@ class FoundRange:
 
         Parameters
         ----------
-        probability : that the body is found.
+        probability : that the body is found
         """
         reached = np.flatnonzero(self.found_probability >= probability)
         if not reached.size:
@@ -135,8 +135,8 @@ class FoundRange:
 
         Parameters
         ----------
-        path : of the output, .csv, .png, .pdf or .svg.
-        scheme : of a picture, `LIGHT` or `DARK`.
+        path : of the output, .csv, .png, .pdf or .svg
+        scheme : of a picture, `LIGHT` or `DARK`
 
         Returns
         -------
@@ -171,16 +171,16 @@ def find_range(
 
     Parameters
     ----------
-    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera.
-    body : name of a target of the scenario, name of a model, or path of a mesh (None: the scenario's first target).
-    finding : when the body counts as found (None: as the scenario says, or one pixel of one flash).
-    probability : that it is found, for which the greatest range is solved.
+    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera
+    body : name of a target of the scenario, name of a model, or path of a mesh (None: the scenario's first target)
+    finding : when the body counts as found (None: as the scenario says, or one pixel of one flash)
+    probability : that it is found, for which the greatest range is solved
 
     Other Parameters
     ----------------
-    range_m : nearest and farthest range [m] (None: as far as the detector sees).
-    attitudes : number of attitudes, each at one place in the pixel grid.
-    in_run : take the attitudes that the scenario's target has to the line of sight in the run, instead of all.
+    range_m : nearest and farthest range [m] (None: as far as the detector sees)
+    attitudes : number of attitudes, each at one place in the pixel grid
+    in_run : take the attitudes that the scenario's target has to the line of sight in the run, instead of all
 
     Returns
     -------
@@ -257,9 +257,9 @@ def _choose_span_m(lidar: Lidar, given: Any, radius_m: float) -> tuple[float, fl
 
     Parameters
     ----------
-    lidar : the camera.
-    given : the two, or None.
-    radius_m : of the body [m].
+    lidar : the camera
+    given : the two, or None
+    radius_m : of the body [m]
     """
     traits = lidar.detector.traits
     if given is None:
@@ -278,8 +278,8 @@ def _scan_inward(probability: Callable[[float], float], near_m: float, far_m: fl
 
     Parameters
     ----------
-    probability : function of a range [m].
-    near_m, far_m : nearest and farthest range [m].
+    probability : function of a range [m]
+    near_m, far_m : nearest and farthest range [m]
     """
     scanned: dict[float, float] = {}
     n = max(math.ceil(math.log(far_m / near_m) / math.log(_SCAN_RATIO)), 4) + 1
@@ -295,7 +295,7 @@ def _choose_curve_m(scan_m: np.ndarray, scan: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    scan_m, scan : (range) scanned ranges [m] and probabilities.
+    scan_m, scan : (range) scanned ranges [m] and probabilities
     """
     seen = np.flatnonzero(scan > 1.0 - _SURE)
     if not seen.size:
@@ -313,9 +313,9 @@ def _solve_m(
 
     Parameters
     ----------
-    probability : function of a range [m].
-    range_m, known : (range) ranges [m], and their probabilities.
-    wanted : probability.
+    probability : function of a range [m]
+    range_m, known : (range) ranges [m], and their probabilities
+    wanted : probability
     """
     reached = np.flatnonzero(known >= wanted)
     if not reached.size:
@@ -346,9 +346,9 @@ def _describe_notes(lidar: Lidar, *, in_run: bool, has_retros: bool) -> tuple[st
 
     Parameters
     ----------
-    lidar : the camera.
-    in_run : whether the attitudes are those of the run.
-    has_retros : whether the body has retro-reflectors.
+    lidar : the camera
+    in_run : whether the attitudes are those of the run
+    has_retros : whether the body has retro-reflectors
     """
     notes = [
         "attitudes of the run" if in_run else "attitudes: all rotations, evenly; places: one pixel about the boresight"

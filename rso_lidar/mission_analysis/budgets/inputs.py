@@ -52,9 +52,9 @@ def check_angles_deg(what: str, given: Sequence[float] | float, least: float, mo
 
     Parameters
     ----------
-    what : name of the angles in error messages.
-    given : one or several angles [deg].
-    least, most : limits [deg].
+    what : name of the angles in error messages
+    given : one or several angles [deg]
+    least, most : limits [deg]
     """
     values = tuple(dict.fromkeys(float(value) for value in np.atleast_1d(np.asarray(given, dtype=float))))
     if not values:
@@ -146,9 +146,9 @@ def choose_materials(
 
     Parameters
     ----------
-    given : names, reflectances, tables or materials (None: dimmest and brightest of the scenario's first target).
-    scenario : the scenario of the camera, if any.
-    wavelength_m : of the laser [m].
+    given : names, reflectances, tables or materials (None: dimmest and brightest of the scenario's first target)
+    scenario : the scenario of the camera, if any
+    wavelength_m : of the laser [m]
     """
     if given is not None:
         if isinstance(given, str | float | int | Material):
@@ -240,9 +240,9 @@ def describe_omissions(lidar: Lidar, false_alarms: float, *, retros: bool = Fals
 
     Parameters
     ----------
-    lidar : the camera.
-    false_alarms : false alarms of a frame in the dark.
-    retros : whether retro-reflectors of the target are omitted.
+    lidar : the camera
+    false_alarms : false alarms of a frame in the dark
+    retros : whether retro-reflectors of the target are omitted
     """
     laser, receiver = lidar.laser, lidar.receiver
     dropped = ["retro-reflectors of the target"] * retros

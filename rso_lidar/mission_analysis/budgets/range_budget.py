@@ -79,7 +79,7 @@ class Budget:
 
         Parameters
         ----------
-        pixels : number of pixels, above 0.
+        pixels : number of pixels, above 0
         """
         return math.sqrt(self.target_area_m2 / check_positive("pixels", pixels)) / self.pixel_rad
 
@@ -117,9 +117,9 @@ class Budget:
 
         Parameters
         ----------
-        path : of the output, .csv, .png, .pdf or .svg.
-        overwrite : whether an existing file may be replaced.
-        scheme : of a picture, `LIGHT` or `DARK`.
+        path : of the output, .csv, .png, .pdf or .svg
+        overwrite : whether an existing file may be replaced
+        scheme : of a picture, `LIGHT` or `DARK`
 
         Returns
         -------
@@ -209,17 +209,17 @@ def budget(
 
     Parameters
     ----------
-    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera.
+    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera
     range_m : nearest and farthest range, or three or more ranges [m] (None: from a fiftieth of the detector's reach to its
-        reach).
+        reach)
     materials : names of the catalogue, reflectances, BRDF tables (.csv: incidence_deg, brdf_per_sr), or materials (None: the
-        dimmest and the brightest of the scenario's first target, or Lambertian 0.30).
-    tilt_deg : angles between the facet's normal and the boresight [deg].
-    divergence_deg : full angles of the beam [deg] (None: that of the laser).
-    probability : detection probability for which the greatest ranges are solved [1].
+        dimmest and the brightest of the scenario's first target, or Lambertian 0.30)
+    tilt_deg : angles between the facet's normal and the boresight [deg]
+    divergence_deg : full angles of the beam [deg] (None: that of the laser)
+    probability : detection probability for which the greatest ranges are solved [1]
     target_m : side of a square, or three sides of a box [m] (None: the scenario's first target, or a square of 1 m on which
-        pixels are counted). With a target, greatest ranges end where it no longer fills a pixel.
-    facet_m2 : area of a facet that may be smaller than a pixel [m²] (None: it fills the pixel).
+        pixels are counted). With a target, greatest ranges end where it no longer fills a pixel
+    facet_m2 : area of a facet that may be smaller than a pixel [m²] (None: it fills the pixel)
 
     Returns
     -------

@@ -57,7 +57,7 @@ def iterate_parameters(scenario: Scenario) -> Iterator[MissionParameter]:
 
     Parameters
     ----------
-    scenario : the scenario. Derived figures of parts that read files use the files that it names.
+    scenario : the scenario. Derived figures of parts that read files use the files that it names
 
     Raises
     ------
@@ -109,9 +109,9 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
 
     Parameters
     ----------
-    part, path : the part, and its place.
-    origins : where values come from.
-    is_given : whether the part itself was given, and is no default.
+    part, path : the part, and its place
+    origins : where values come from
+    is_given : whether the part itself was given, and is no default
     """
     for name, field in type(part).model_fields.items():
         place, value = f"{path}.{name}".lstrip("."), getattr(part, name)
@@ -151,7 +151,7 @@ def _list_detection(lidar: Any) -> Iterator[MissionParameter]:
 
     Parameters
     ----------
-    lidar : the part, with its files found.
+    lidar : the part, with its files found
     """
     place, traits = "lidar.detector", lidar.detector.traits
     if not traits.is_gated and not hasattr(lidar.detector, "false_alarms_per_s"):
@@ -188,8 +188,8 @@ def _find_twin(part: Part, path: str, resolved: Mapping[str, Any]) -> Any:
 
     Parameters
     ----------
-    part, path : the part, and its place.
-    resolved : parts by place in which files have been found.
+    part, path : the part, and its place
+    resolved : parts by place in which files have been found
     """
     for start, one in resolved.items():
         if path == start or path.startswith(f"{start}."):
@@ -238,7 +238,7 @@ def split_unit(name: str, description: str) -> tuple[str, str]:
 
     Parameters
     ----------
-    name : of the key or property, which gives the unit where the description does not, as ``rate_photons`` does.
+    name : of the key or property, which gives the unit where the description does not, as ``rate_photons`` does
     description : such as ``Energy of a pulse [mJ].``
 
     Returns

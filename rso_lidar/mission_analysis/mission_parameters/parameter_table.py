@@ -38,7 +38,7 @@ class ParameterTable:
 
         Parameters
         ----------
-        path : as `MissionParameter.path`.
+        path : as `MissionParameter.path`
 
         Raises
         ------
@@ -94,7 +94,7 @@ class ParameterTable:
 
         Parameters
         ----------
-        more : further lines of the package, such as those of requirements.
+        more : further lines of the package, such as those of requirements
         """
         version = importlib.metadata.version("rso-lidar")
         about = f"Parameters of the mission {self.name}. Written by rso-lidar {version}."
@@ -105,9 +105,9 @@ class ParameterTable:
 
         Parameters
         ----------
-        path : of the output, .csv, .json or .sysml.
-        overwrite : whether an existing file may be replaced.
-        more : further lines of a .sysml file.
+        path : of the output, .csv, .json or .sysml
+        overwrite : whether an existing file may be replaced
+        more : further lines of a .sysml file
 
         Returns
         -------
@@ -131,7 +131,7 @@ def list_parameters(scenario: Scenario) -> ParameterTable:
 
     Parameters
     ----------
-    scenario : the scenario.
+    scenario : the scenario
 
     Returns
     -------

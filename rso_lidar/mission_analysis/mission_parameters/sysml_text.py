@@ -36,7 +36,7 @@ def quote_name(name: str) -> str:
 
     Parameters
     ----------
-    name : any text.
+    name : any text
 
     >>> quote_name("ifov_rad"), quote_name("state"), quote_name("LID-010")
     ('ifov_rad', "'state'", "'LID-010'")
@@ -52,7 +52,7 @@ def write_comment(text: str) -> str:
 
     Parameters
     ----------
-    text : of one or several lines, which may hold the end mark of a comment.
+    text : of one or several lines, which may hold the end mark of a comment
     """
     return f"doc /* {' '.join(text.split()).replace('*/', '* /')} */"
 
@@ -62,9 +62,9 @@ def declare_attribute(name: str, unit: str, value: float | None = None) -> str:
 
     Parameters
     ----------
-    name : of the attribute, as SysML writes it.
-    unit : of the quantity, such as ``m/s``; a real number where SysML has none for it, such as photons.
-    value : in that unit (None: the attribute has none).
+    name : of the attribute, as SysML writes it
+    unit : of the quantity, such as ``m/s``; a real number where SysML has none for it, such as photons
+    value : in that unit (None: the attribute has none)
 
     Returns
     -------
@@ -86,10 +86,10 @@ def write_model(name: str, parameters: Sequence[MissionParameter], about: str, m
 
     Parameters
     ----------
-    name : of the package.
-    parameters : of the mission.
-    about : documentation of the package.
-    more : further lines of the package, such as requirements.
+    name : of the package
+    parameters : of the mission
+    about : documentation of the package
+    more : further lines of the package, such as requirements
     """
     more = list(more)
     given = [one for one in parameters if one.value is not None and one.value not in ((), {})]
@@ -137,7 +137,7 @@ def _write_attribute(name: str, one: MissionParameter) -> list[str]:
 
     Parameters
     ----------
-    name, one : last step of the path, and the parameter.
+    name, one : last step of the path, and the parameter
     """
     notation = find_notation(one.unit)
     values = list(_flatten(one.value))
@@ -177,8 +177,8 @@ def _write_value(value: Any, unit: str) -> str:
 
     Parameters
     ----------
-    value : a number, text, truth value, instant or table.
-    unit : expression of the unit; empty for none.
+    value : a number, text, truth value, instant or table
+    unit : expression of the unit; empty for none
 
     >>> _write_value(1064.0, "nm"), _write_value("a", ""), _write_value(True, "")
     ('1064.0 [nm]', '"a"', 'true')

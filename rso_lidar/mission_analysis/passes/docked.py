@@ -38,8 +38,8 @@ def fold_docked(screened: ScreeningResult | PairScreening, rows: Sequence[Encoun
 
     Parameters
     ----------
-    screened : the screening, with the element sets in use.
-    rows : its encounters, in any order.
+    screened : the screening, with the element sets in use
+    rows : its encounters, in any order
 
     Returns
     -------
@@ -91,8 +91,8 @@ def _explain_docking(screened: ScreeningResult | PairScreening, own_number: int,
 
     Parameters
     ----------
-    screened : the screening.
-    own_number, which : numbers of follower and object.
+    screened : the screening
+    own_number, which : numbers of follower and object
     """
     lead, objects = screened.follower, screened.objects
     time_s = np.append(np.arange(0.0, objects.duration_s, _STEP_S), objects.duration_s)

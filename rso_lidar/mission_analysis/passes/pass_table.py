@@ -255,8 +255,8 @@ class Encounters:
 
         Parameters
         ----------
-        path : of the file.
-        overwrite : whether an existing file may be replaced.
+        path : of the file
+        overwrite : whether an existing file may be replaced
 
         Returns
         -------

@@ -19,10 +19,10 @@ def build_globe(title: str, start_utc: datetime.datetime, targets: list[str], pl
 
     Parameters
     ----------
-    title : name of the document.
-    start_utc : start of the run.
-    targets : names of the targets.
-    place : truth of the run at its epochs (time), with the lidar; not of a local world.
+    title : name of the document
+    start_utc : start of the run
+    targets : names of the targets
+    place : truth of the run at its epochs (time), with the lidar; not of a local world
 
     Returns
     -------

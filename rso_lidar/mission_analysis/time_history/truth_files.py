@@ -45,17 +45,17 @@ def save_truth(
 
     Parameters
     ----------
-    scenario : what is flown.
+    scenario : what is flown
     path : of the output: a picture (.png, .pdf, .svg), a table (.csv), an orbit (.oem), an attitude (.aem) or a globe
-        (.czml).
+        (.czml)
 
     Other Parameters
     ----------------
-    figure : of a picture, ``relative``, ``orbit``, ``angles`` or ``ptu`` (None: ``relative``).
-    body : body of an .oem or .aem (None: the follower), or target of a picture (None: the first).
-    every_s : time from row to row, in whole frames [s] (None: every frame). The last frame is written too.
-    scheme : of a picture, `LIGHT` or `DARK`.
-    overwrite : whether an existing file may be replaced.
+    figure : of a picture, ``relative``, ``orbit``, ``angles`` or ``ptu`` (None: ``relative``)
+    body : body of an .oem or .aem (None: the follower), or target of a picture (None: the first)
+    every_s : time from row to row, in whole frames [s] (None: every frame). The last frame is written too
+    scheme : of a picture, `LIGHT` or `DARK`
+    overwrite : whether an existing file may be replaced
 
     Returns
     -------
@@ -129,7 +129,7 @@ def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.nda
 
     Parameters
     ----------
-    frames : numbers of the frames (time).
+    frames : numbers of the frames (time)
     """
     if kind == "ptu" and scenario.ptu is None:
         raise ScenarioError("figure ptu: the scenario has no PTU; add [ptu], or draw another figure")
@@ -162,9 +162,9 @@ def _write_ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | 
 
     Parameters
     ----------
-    suffix : ``.oem`` or ``.aem``.
-    body : name of the body or axes (None: the follower).
-    frames : numbers of the frames (time).
+    suffix : ``.oem`` or ``.aem``
+    body : name of the body or axes (None: the follower)
+    frames : numbers of the frames (time)
     """
     from scipy.spatial.transform import Rotation
 
@@ -185,9 +185,9 @@ def draw_trajectory(scenario: Scenario, flown: Truth, target: str | None = None)
 
     Parameters
     ----------
-    scenario : to be drawn.
-    flown : its truth at the instants drawn (time).
-    target : name of the target that it is relative to (None: the first).
+    scenario : to be drawn
+    flown : its truth at the instants drawn (time)
+    target : name of the target that it is relative to (None: the first)
 
     Returns
     -------

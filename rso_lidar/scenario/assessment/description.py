@@ -64,8 +64,8 @@ def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, pr
 
     Parameters
     ----------
-    mission, number : the mission, and the index of the target.
-    geometry, preview : of the target, and of the whole mission.
+    mission, number : the mission, and the index of the target
+    geometry, preview : of the target, and of the whole mission
     """
     target, surfaces = mission.target[number], mission.surfaces_of(number)
     surface = surfaces[0]
@@ -93,7 +93,7 @@ def _describe_motion(mission: Mission, number: int, preview: Preview) -> str:
 
     Parameters
     ----------
-    mission, number, preview : the mission, the index of the body, and the geometry of the mission.
+    mission, number, preview : the mission, the index of the body, and the geometry of the mission
     """
     body = mission.bodies[number]
     text = summarize_motion(body.motion, mission.time.start_utc)
@@ -126,8 +126,8 @@ def _format_ends(values: np.ndarray, unit: str, digits: int) -> str:
 
     Parameters
     ----------
-    values, unit : values (time), and their unit.
-    digits : decimal places.
+    values, unit : values (time), and their unit
+    digits : decimal places
     """
     first, last = (round(float(value), digits) + 0.0 for value in (values[0], values[-1]))  # no minus before a zero
     return f"{first:.{digits}f} -> {last:.{digits}f} {unit}"
@@ -232,9 +232,9 @@ def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[st
 
     Parameters
     ----------
-    mission : what is flown.
-    number : of the target.
-    preview : the mission's preview.
+    mission : what is flown
+    number : of the target
+    preview : the mission's preview
     """
     geometry = preview.targets[number]
     lines = [
@@ -269,9 +269,9 @@ def _describe_finding(mission: Mission, preview: Preview, number: int, row: int)
 
     Parameters
     ----------
-    mission, preview : what is flown, and its preview.
-    number : of the target.
-    row : of the preview's epochs.
+    mission, preview : what is flown, and its preview
+    number : of the target
+    row : of the preview's epochs
     """
     found = find_in_run(mission, preview, number, row, _PLACES)
     spread = f", {found.min():.2f} to {found.max():.2f}" if np.ptp(found) > 0.01 else ""

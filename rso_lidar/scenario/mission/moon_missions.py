@@ -18,7 +18,7 @@ def list_lunar_bodies(bodies: Sequence[Body]) -> list[str]:
 
     Parameters
     ----------
-    bodies : all bodies of a scenario, with those that motions are relative to.
+    bodies : all bodies of a scenario, with those that motions are relative to
 
     Returns
     -------
@@ -35,8 +35,8 @@ def check_lunar_orbits(
 
     Parameters
     ----------
-    bodies : targets, then the follower.
-    world, lidar, sensors, dispersion : tables of the mission.
+    bodies : targets, then the follower
+    world, lidar, sensors, dispersion : tables of the mission
 
     Raises
     ------

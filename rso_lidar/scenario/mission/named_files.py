@@ -40,7 +40,7 @@ def list_dynamics(part: Any) -> list[str]:
 
     Parameters
     ----------
-    part : of a scenario; an object of a user names none.
+    part : of a scenario; an object of a user names none
 
     Returns
     -------
@@ -76,7 +76,7 @@ def list_named_code(scenario: Any) -> list[str]:
 
     Parameters
     ----------
-    scenario : the scenario.
+    scenario : the scenario
 
     Returns
     -------
@@ -93,7 +93,7 @@ def list_named_files(part: Any) -> list[str]:
 
     Parameters
     ----------
-    part : such as a scenario, or an object of a user, which finds its files itself.
+    part : such as a scenario, or an object of a user, which finds its files itself
 
     Returns
     -------
@@ -110,8 +110,8 @@ def iterate_named_files(tables: Any, place: str = "") -> Iterator[tuple[str, str
 
     Parameters
     ----------
-    tables : tables or lists, as TOML gives them.
-    place : of the tables, as a dotted key.
+    tables : tables or lists, as TOML gives them
+    place : of the tables, as a dotted key
 
     Yields
     ------

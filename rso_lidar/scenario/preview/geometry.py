@@ -79,8 +79,8 @@ def preview_mission(mission: Mission, most_epochs: int = _MOST_EPOCHS) -> Previe
 
     Parameters
     ----------
-    mission : a scenario.
-    most_epochs : greatest number of frames, spread evenly.
+    mission : a scenario
+    most_epochs : greatest number of frames, spread evenly
 
     Returns
     -------
@@ -138,11 +138,11 @@ def _trace_target(
 
     Parameters
     ----------
-    name : of the target.
-    surfaces : of the target: its body's, and one for each hinge.
-    poses : tree with the lidar and the surfaces in it.
-    half_field : (time, 2) tangents of the half field to the right and down.
-    n_epochs : number of epochs.
+    name : of the target
+    surfaces : of the target: its body's, and one for each hinge
+    poses : tree with the lidar and the surfaces in it
+    half_field : (time, 2) tangents of the half field to the right and down
+    n_epochs : number of epochs
     """
     seen, _ = poses.place("lidar", name)
     # The range rate from the follower: the PTU's rotation changes no distance.
@@ -171,10 +171,10 @@ def place_hull(surfaces: Sequence[Surface], poses: PoseTree, axes: str, n_epochs
 
     Parameters
     ----------
-    surfaces : of a target: its body's, and one for each hinge.
-    poses : tree with the surfaces and the axes in it, of one epoch or of `n_epochs`.
-    axes : name of the axes.
-    n_epochs : number of epochs.
+    surfaces : of a target: its body's, and one for each hinge
+    poses : tree with the surfaces and the axes in it, of one epoch or of `n_epochs`
+    axes : name of the axes
+    n_epochs : number of epochs
 
     Returns
     -------
@@ -193,8 +193,8 @@ def is_in_field(place_m: np.ndarray, half_field: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    place_m : (…, xyz) in lidar axes [m].
-    half_field : (…, 2) tangents of the half field, right and down.
+    place_m : (…, xyz) in lidar axes [m]
+    half_field : (…, 2) tangents of the half field, right and down
     """
     ahead = place_m[..., 2:] > 0.0
     tangent = np.abs(place_m[..., :2]) / np.where(ahead, place_m[..., 2:], 1.0)

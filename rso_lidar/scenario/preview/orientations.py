@@ -18,7 +18,7 @@ def spread_attitudes(n: int) -> tuple[np.ndarray, np.ndarray]:
 
     Parameters
     ----------
-    n : number of attitudes.
+    n : number of attitudes
 
     Returns
     -------

@@ -80,11 +80,11 @@ def cast_surfaces(
 
     Parameters
     ----------
-    lidar : the instrument that is in force.
-    surfaces : of the target, and of what may hide it.
-    truth : one epoch, with the lidar and the surfaces in it.
-    number : of the target.
-    finest : greatest number of rays along a pixel's side (None: what the receiver asks for).
+    lidar : the instrument that is in force
+    surfaces : of the target, and of what may hide it
+    truth : one epoch, with the lidar and the surfaces in it
+    number : of the target
+    finest : greatest number of rays along a pixel's side (None: what the receiver asks for)
 
     Returns
     -------
@@ -123,11 +123,11 @@ def cast_attitudes(
 
     Parameters
     ----------
-    mission : what is flown.
-    preview : its preview.
-    number : of the target.
-    row : of the preview's epochs.
-    most : number of attitudes at most.
+    mission : what is flown
+    preview : its preview
+    number : of the target
+    row : of the preview's epochs
+    most : number of attitudes at most
     """
     truths = collect_attitudes(mission, preview, number, row, most)
     finest = limit_fineness(mission, truths[0], len(truths))
@@ -141,9 +141,9 @@ def limit_fineness(mission: Mission, truth: Truth, casts: int) -> int:
 
     Parameters
     ----------
-    mission : what is flown.
-    truth : one epoch.
-    casts : number of casts.
+    mission : what is flown
+    truth : one epoch
+    casts : number of casts
     """
     return math.isqrt(int(_MOST_RAYS / casts / max(_pixels_in_bounds(mission, truth), 1.0)))
 

@@ -42,11 +42,11 @@ def find_probability(
 
     Parameters
     ----------
-    lidar : the instrument that is in force.
-    seen : the light of one flash.
-    finding : when the target counts as found.
-    stream : number of the stream of random numbers, for simulated flashes.
-    tried : number of flashes that are simulated without a closed form; fewer if the target is found in all or in none.
+    lidar : the instrument that is in force
+    seen : the light of one flash
+    finding : when the target counts as found
+    stream : number of the stream of random numbers, for simulated flashes
+    tried : number of flashes that are simulated without a closed form; fewer if the target is found in all or in none
 
     Returns
     -------
@@ -77,9 +77,9 @@ def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: in
 
     Parameters
     ----------
-    lidar, seen : the instrument, and the light of the flash.
-    mine : (return) whether it comes from the target.
-    pixels : least number.
+    lidar, seen : the instrument, and the light of the flash
+    mine : (return) whether it comes from the target
+    pixels : least number
     """
     jitter = lidar.laser.energy_jitter_fraction / math.sqrt(lidar.detector.traits.pulses)
     factors, weights = np.ones(1), np.ones(1)
@@ -101,10 +101,10 @@ def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.r
 
     Parameters
     ----------
-    lidar : the instrument that is in force.
-    seen : the light of the flash.
-    mine : (return) whether it comes from the target.
-    rng : generator of the noise.
+    lidar : the instrument that is in force
+    seen : the light of the flash
+    mine : (return) whether it comes from the target
+    rng : generator of the noise
     """
     pulses = lidar.detector.traits.pulses
     fired, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
@@ -129,12 +129,12 @@ def find_aspects(
 
     Parameters
     ----------
-    lidar : the instrument that is in force.
-    surfaces : of the target, and of what may hide it.
-    number : of the target.
-    truths : attitudes and places.
-    finding : when the target counts as found.
-    finest : greatest number of rays along a pixel's side (None: the receiver's number).
+    lidar : the instrument that is in force
+    surfaces : of the target, and of what may hide it
+    number : of the target
+    truths : attitudes and places
+    finding : when the target counts as found
+    finest : greatest number of rays along a pixel's side (None: the receiver's number)
 
     Returns
     -------
@@ -160,10 +160,10 @@ def move_target(mission: Mission, number: int, there: Truth, place_m: np.ndarray
 
     Parameters
     ----------
-    mission : what is flown.
-    number : of the target.
-    there : the truth that gives the hinge angles.
-    place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3).
+    mission : what is flown
+    number : of the target
+    there : the truth that gives the hinge angles
+    place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3)
     """
     return build_truth(there.time_s, link_surfaces(mission, number, there, place_m, turned))
 
@@ -173,9 +173,9 @@ def list_run_attitudes(preview: Preview, name: str, n: int) -> list[tuple[int, n
 
     Parameters
     ----------
-    preview : of the mission.
-    name : of the target.
-    n : number of rows of the preview, spread evenly; a row may be listed several times.
+    preview : of the mission
+    name : of the target
+    n : number of rows of the preview, spread evenly; a row may be listed several times
 
     Returns
     -------
@@ -201,10 +201,10 @@ def find_in_run(mission: Mission, preview: Preview, number: int, row: int, n: in
 
     Parameters
     ----------
-    mission, preview : what is flown, and its preview.
-    number : of the target.
-    row : of the preview's epochs.
-    n : number of attitudes and places.
+    mission, preview : what is flown, and its preview
+    number : of the target
+    row : of the preview's epochs
+    n : number of attitudes and places
     """
     attitudes = collect_attitudes(mission, preview, number, row, n)
     time_s = float(preview.time_s[row])

@@ -54,7 +54,7 @@ def build_fragment(fragment: Fragment) -> BuiltFragment:
 
     Parameters
     ----------
-    fragment : kind, seed and size.
+    fragment : kind, seed and size
 
     Returns
     -------
@@ -90,6 +90,6 @@ def name_fragments(kind: str) -> str:
 
     Parameters
     ----------
-    kind : as in `Fragment`, such as ``plate``.
+    kind : as in `Fragment`, such as ``plate``
     """
     return f"fragment {kind}"

@@ -49,7 +49,7 @@ class Time(Part):
 
         Parameters
         ----------
-        frames : indices of frames (time).
+        frames : indices of frames (time)
         """
         return np.asarray(frames, dtype=float) / self.frame_rate_hz
 
@@ -58,7 +58,7 @@ class Time(Part):
 
         Parameters
         ----------
-        frames : ascending indices, or a slice (None: all).
+        frames : ascending indices, or a slice (None: all)
 
         Raises
         ------
@@ -89,7 +89,7 @@ def parse_frames(text: str | None) -> slice | None:
 
     Parameters
     ----------
-    text : ``A``, ``A:B`` or ``A:B:STEP`` (None: all frames).
+    text : ``A``, ``A:B`` or ``A:B:STEP`` (None: all frames)
 
     Returns
     -------

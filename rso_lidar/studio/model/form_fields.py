@@ -54,8 +54,8 @@ class FieldForm:
 
         Parameters
         ----------
-        scenario : None where the text is not one.
-        place : of the field.
+        scenario : None where the text is not one
+        place : of the field
         """
         return show_value(find_value_in_force(scenario, place)) or self.default
 
@@ -74,9 +74,9 @@ def find_part(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int
 
     Parameters
     ----------
-    cls : part of the whole text.
-    tables : of the text.
-    steps : keys and numbers of entries.
+    cls : part of the whole text
+    tables : of the text
+    steps : keys and numbers of entries
     """
     part: type[Part] | None = cls
     here: Any = tables
@@ -96,7 +96,7 @@ def find_field(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | in
 
     Parameters
     ----------
-    cls, tables, steps : as in `find_part`.
+    cls, tables, steps : as in `find_part`
     """
     names = [step for step in steps if isinstance(step, str)]
     parent = find_part(cls, tables, tuple(names[:-1])) if names[1:] else cls
@@ -108,9 +108,9 @@ def iterate_tables(cls: type[Part], tables: Mapping[str, Any], nested: str) -> I
 
     Parameters
     ----------
-    cls : part of the whole text.
-    tables : of the text.
-    nested : key of the table whose own tables are listed too.
+    cls : part of the whole text
+    tables : of the text
+    nested : key of the table whose own tables are listed too
     """
     for field in list_fields(cls):
         value = tables.get(field.key)
@@ -133,9 +133,9 @@ def make_entry(cls: type[Part], key: str, entries: Sequence[Any]) -> dict[str, A
 
     Parameters
     ----------
-    cls : the part that fills the entry.
-    key : of the list, with which names begin.
-    entries : of the list.
+    cls : the part that fills the entry
+    key : of the list, with which names begin
+    entries : of the list
     """
     table: dict[str, Any] = {"type": cls.model_fields["type"].default} if "type" in cls.model_fields else {}
     if "name" in cls.model_fields and cls.model_fields["name"].is_required():
@@ -149,8 +149,8 @@ def parse_value(kind: str, text: str) -> Any:
 
     Parameters
     ----------
-    kind : of the field, one of `SCALARS`.
-    text : as typed; not empty.
+    kind : of the field, one of `SCALARS`
+    text : as typed; not empty
 
     Raises
     ------
@@ -196,8 +196,8 @@ def find_value_in_force(scenario: Any, place: str) -> Any:
 
     Parameters
     ----------
-    scenario : or None.
-    place : such as ``lidar.laser.energy_mj``.
+    scenario : or None
+    place : such as ``lidar.laser.energy_mj``
     """
     here = scenario
     for step in place.replace("[", ".").replace("]", "").split("."):
@@ -257,7 +257,7 @@ def _unwrap(annotation: Any, metadata: list[Any]) -> tuple[Any, list[Any]]:
 
     Parameters
     ----------
-    annotation, metadata : of a field.
+    annotation, metadata : of a field
     """
     seams = [item for item in metadata if isinstance(item, Seam)]
     if seams:

@@ -35,9 +35,9 @@ def draw_figure(name: str, scenario: Scenario, scheme: Scheme) -> bytes:
 
     Parameters
     ----------
-    name : one of `SCENARIO_FIGURES`.
-    scenario : to be drawn.
-    scheme : `LIGHT` or `DARK`.
+    name : one of `SCENARIO_FIGURES`
+    scenario : to be drawn
+    scheme : `LIGHT` or `DARK`
     """
     with _lock, io.BytesIO() as held:
         figure = SCENARIO_FIGURES[name](scenario)

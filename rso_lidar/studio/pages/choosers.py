@@ -39,8 +39,8 @@ def find_chooser(cls: type[Part], key: str) -> Chooser | None:
 
     Parameters
     ----------
-    cls : the part.
-    key : name of the field.
+    cls : the part
+    key : name of the field
     """
     return _CHOOSERS.get((cls, key))
 
@@ -60,9 +60,9 @@ def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None
 
     Parameters
     ----------
-    tab : whose document it changes.
-    changes : values by their places; None removes one.
-    dialog : which is closed if that is possible.
+    tab : whose document it changes
+    changes : values by their places; None removes one
+    dialog : which is closed if that is possible
     """
     with tell_errors():
         for place, value in changes.items():
@@ -76,9 +76,9 @@ def _draw_table(columns: Mapping[str, str], rows: list[dict[str, Any]], choose: 
 
     Parameters
     ----------
-    columns : titles by their keys, of which one is `name`.
-    rows : values by the keys of the columns.
-    choose : called with the name of the chosen row.
+    columns : titles by their keys, of which one is `name`
+    rows : values by the keys of the columns
+    choose : called with the name of the chosen row
     """
     return ui.table(
         columns=[{"name": k, "field": k, "label": v, "align": "left", "sortable": True} for k, v in columns.items()],
@@ -180,9 +180,9 @@ async def choose_unit(tab: BrowserTab, place: str, name: str = "") -> None:
 
     Parameters
     ----------
-    tab : whose document it changes.
-    place : of the target; empty for the one that has the mesh, or else the first.
-    name : of the mesh file; empty for the one that the target has.
+    tab : whose document it changes
+    place : of the target; empty for the one that has the mesh, or else the first
+    name : of the mesh file; empty for the one that the target has
     """
     name = name or str(tab.document.get(f"{place}.model") or "")
     with tell_errors():

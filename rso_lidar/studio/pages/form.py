@@ -28,9 +28,9 @@ class TableForm:
 
         Parameters
         ----------
-        tab : whose document it edits.
-        cls, place : the part that fills the table, and its place.
-        skip : whether the inner table at a place has a form of its own elsewhere.
+        tab : whose document it edits
+        cls, place : the part that fills the table, and its place
+        skip : whether the inner table at a place has a form of its own elsewhere
         """
         self._tab, self._skip = tab, skip
         self._inputs: dict[str, tuple[FieldForm, Any]] = {}
@@ -112,8 +112,8 @@ class TableForm:
 
         Parameters
         ----------
-        field, place, one : the field, its place, and its input.
-        *_ : what the event brings.
+        field, place, one : the field, its place, and its input
+        *_ : what the event brings
         """
         document, typed = self._tab.document, one.value
         text = typed.strip() if isinstance(typed, str) else typed
@@ -133,8 +133,8 @@ class TableForm:
 
         Parameters
         ----------
-        field, place : the table, and its place.
-        depth : levels above it in this form.
+        field, place : the table, and its place
+        depth : levels above it in this form
         """
         value = self._tab.document.get(place)
         head = field.key + (f": {value['type']}" if isinstance(value, Mapping) and "type" in value else "")
@@ -153,8 +153,8 @@ class TableForm:
 
         Parameters
         ----------
-        field, place, value : the table, its place, and what the text has there.
-        depth : levels above it in this form.
+        field, place, value : the table, its place, and what the text has there
+        depth : levels above it in this form
         """
         chosen = field.choose(value)
         with ui.row(wrap=False).classes("w-full items-center gap-1"):
@@ -176,8 +176,8 @@ class TableForm:
 
         Parameters
         ----------
-        field, place, entries : the list, its place, and what the text has there.
-        depth : levels above it in this form.
+        field, place, entries : the list, its place, and what the text has there
+        depth : levels above it in this form
         """
         for number, entry in enumerate(entries):
             chosen, here = field.choose(entry), f"{place}[{number}]"
@@ -194,8 +194,8 @@ def draw_type(tab: BrowserTab, field: FieldForm, place: str, value: Any) -> None
 
     Parameters
     ----------
-    tab : whose document it changes.
-    field, place, value : the table, its place, and what the text has there.
+    tab : whose document it changes
+    field, place, value : the table, its place, and what the text has there
     """
     names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
     tag = value.get("type", field.usual) if isinstance(value, Mapping) else None
@@ -210,8 +210,8 @@ def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:
 
     Parameters
     ----------
-    tab : whose document it changes.
-    field, place : the list, and its place.
+    tab : whose document it changes
+    field, place : the list, and its place
     """
     if len(field.classes) == 1:
         draw_button(f"Add {field.key}", partial(_add_entry, tab, field, place, field.classes[0]), f"add-{place}")
@@ -226,9 +226,9 @@ def _add_entry(tab: BrowserTab, field: FieldForm, place: str, cls: type[Part]) -
 
     Parameters
     ----------
-    tab : whose document it changes.
-    field, place : the list, and its place.
-    cls : the part that fills the entry.
+    tab : whose document it changes
+    field, place : the list, and its place
+    cls : the part that fills the entry
     """
     change_document(tab, "add_entry", place, form_fields.make_entry(cls, field.key, tab.document.get(place) or []))
 
@@ -238,10 +238,10 @@ def change_document(tab: BrowserTab, action: str, place: str, *value: Any) -> No
 
     Parameters
     ----------
-    tab : whose document is changed.
-    action : name of a method of `Document`.
-    place : of the change.
-    *value : further arguments.
+    tab : whose document is changed
+    action : name of a method of `Document`
+    place : of the change
+    *value : further arguments
     """
     with tell_errors():
         getattr(tab.document, action)(place, *value)

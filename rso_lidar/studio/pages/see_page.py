@@ -266,7 +266,7 @@ class SeePage:
 
         Parameters
         ----------
-        name, content, kind : name, bytes and media type.
+        name, content, kind : name, bytes and media type
         """
         self.version += 1
         self.shelf[name] = (content, kind)
@@ -304,7 +304,7 @@ class SeePage:
 
         Parameters
         ----------
-        flight, row, frame : the flight, and the frame of a row.
+        flight, row, frame : the flight, and the frame of a row
         """
         png = await self._work(lambda: draw_image(frame, self.scheme, whole=self.whole))
         self.image.set_source(self._put("image", png, "image/png"))

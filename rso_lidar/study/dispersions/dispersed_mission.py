@@ -223,9 +223,9 @@ def disperse(
     target : name of the target (None: the body that the follower approaches, else the first target)
     workers : number of processes (None: this one alone)
     executor : in the manner of `concurrent.futures`, which flies blocks of runs in place of `workers`: a pool of threads or
-        processes, or ``client.get_executor()`` of dask. It changes no result.
+        processes, or ``client.get_executor()`` of dask. It changes no result
     working : file in which finished runs are kept; an interrupted study, or one of fewer runs, continues from it. Its name
-        is extended by eight hex digits that identify the scenario.
+        is extended by eight hex digits that identify the scenario
     on_runs : called with the number of finished runs and that of all, at the start and after each block
 
     Returns

@@ -119,9 +119,9 @@ def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None)
 
     Parameters
     ----------
-    plan : the plan. A row depends on the plan and on its number only.
-    known : finished rows by number.
-    workers : number of processes (None: this process alone).
+    plan : the plan. A row depends on the plan and on its number only
+    known : finished rows by number
+    workers : number of processes (None: this process alone)
     """
     left = [number for number in range(plan.study.n_rows) if number not in known]
     if workers is None or workers < 2 or len(left) < 2:
@@ -141,8 +141,8 @@ class Trade(TradeTable):
 
         Parameters
         ----------
-        path : of the output, .csv, .parquet or .html.
-        scheme : of a report, `LIGHT` or `DARK`.
+        path : of the output, .csv, .parquet or .html
+        scheme : of a report, `LIGHT` or `DARK`
 
         Returns
         -------
@@ -180,7 +180,7 @@ class TradeRun:
 
         Parameters
         ----------
-        study, workers, working, trust_code, trust_fmu : as for `trade`.
+        study, workers, working, trust_code, trust_fmu : as for `trade`
 
         Raises
         ------
@@ -233,7 +233,7 @@ class TradeRun:
 
         Parameters
         ----------
-        on_row : called with the number of finished rows and that of all rows, after each row.
+        on_row : called with the number of finished rows and that of all rows, after each row
 
         Returns
         -------
@@ -267,13 +267,13 @@ def trade(
 
     Parameters
     ----------
-    study : the study, or its TOML file.
+    study : the study, or its TOML file
     workers : number of processes that run points in parallel, instead of threads. The result does not depend on it. A
-        script that uses workers keeps its own code under ``if __name__ == "__main__":``.
+        script that uses workers keeps its own code under ``if __name__ == "__main__":``
     working : file in which finished rows are saved. An interrupted study continues from it. Its name is extended by eight
-        hex digits that identify the study, so that another study does not use it. It remains until you delete it.
-    on_row : called with the number of finished rows and that of all rows, at the start and after each row.
-    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that the scenario names may run.
+        hex digits that identify the study, so that another study does not use it. It remains until you delete it
+    on_row : called with the number of finished rows and that of all rows, at the start and after each row
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that the scenario names may run
 
     Returns
     -------
@@ -317,9 +317,9 @@ def _tabulate_field(axis: Axis, values: list[Any], column: int) -> np.ndarray:
 
     Parameters
     ----------
-    axis : the axis of the field.
-    values : (row) values of the axis.
-    column : index of the field in the axis.
+    axis : the axis of the field
+    values : (row) values of the axis
+    column : index of the field in the axis
     """
     linked = len(axis.field) > 1
     own = [value[column] if linked and isinstance(value, list) else value for value in values]

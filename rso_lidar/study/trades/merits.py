@@ -33,9 +33,9 @@ class CountedFrames(Sequence[Frame]):
 
         Parameters
         ----------
-        scenario, numbers : the scenario, and the indices of its frames.
-        threads : of the simulation.
-        add : called with each frame, such as `RunSums.add`.
+        scenario, numbers : the scenario, and the indices of its frames
+        threads : of the simulation
+        add : called with each frame, such as `RunSums.add`
         """
         self._fly = partial(simulate, scenario, threads=threads)
         self._numbers, self._add = numbers.tolist(), add
@@ -246,12 +246,12 @@ def evaluate(
 
     Parameters
     ----------
-    scenario : what to fly, in open loop.
-    names : keys of `MERITS`.
-    number : index of the evaluated target.
-    frames : indices of the simulated frames.
-    folder : folder of the mesh files that the scenario names.
-    threads : number of threads (None: one for each core); the result does not depend on it.
+    scenario : what to fly, in open loop
+    names : keys of `MERITS`
+    number : index of the evaluated target
+    frames : indices of the simulated frames
+    folder : folder of the mesh files that the scenario names
+    threads : number of threads (None: one for each core); the result does not depend on it
     """
     needs = {MERITS[name].needs for name in names}
     sums = RunSums(number, bounding_diagonal_m(scenario, number), scenario.finding.pixels)

@@ -45,9 +45,9 @@ def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
 
     Parameters
     ----------
-    trade : what is written.
-    place : path of the file, ending in .csv, .parquet or .html.
-    scheme : colours of the report, `LIGHT` or `DARK`.
+    trade : what is written
+    place : path of the file, ending in .csv, .parquet or .html
+    scheme : colours of the report, `LIGHT` or `DARK`
     """
     suffix = place.suffix.lower()
     if suffix == ".csv":
@@ -193,9 +193,9 @@ def _describe_lead(trade: TradeTable, name: str, points: np.ndarray) -> str:
 
     Parameters
     ----------
-    trade : the trade study.
-    name : of the figure of merit.
-    points : ranking of the points.
+    trade : the trade study
+    name : of the figure of merit
+    points : ranking of the points
     """
     means = trade.of_points(name)[0][points]
     alike = int(np.sum(means == means[0])) - 1
@@ -349,9 +349,9 @@ def _write_command(trade: TradeTable, row: int, frame: int) -> str:
 
     Parameters
     ----------
-    trade : the trade study.
-    row : number of the row.
-    frame : index of the frame.
+    trade : the trade study
+    row : number of the row
+    frame : index of the frame
     """
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
     settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)

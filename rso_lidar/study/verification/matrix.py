@@ -50,8 +50,8 @@ def judge(requirement: Requirement, low: float, high: float) -> Verdict:
 
     Parameters
     ----------
-    requirement : the requirement.
-    low, high : lower and upper confidence bound of the value, or the value twice; NaN for none.
+    requirement : the requirement
+    low, high : lower and upper confidence bound of the value, or the value twice; NaN for none
     """
     if math.isnan(low) or math.isnan(high):
         return "not shown"
@@ -86,7 +86,7 @@ class VerificationMatrix:
 
         Parameters
         ----------
-        verdict : ``met``, ``not met`` or ``not shown``.
+        verdict : ``met``, ``not met`` or ``not shown``
         """
         return sum(one.verdict == verdict for one in self.results)
 
@@ -130,8 +130,8 @@ class VerificationMatrix:
 
         Parameters
         ----------
-        path : of the output, .csv or .json.
-        overwrite : whether an existing file may be replaced.
+        path : of the output, .csv or .json
+        overwrite : whether an existing file may be replaced
 
         Returns
         -------
@@ -187,7 +187,7 @@ def _describe_bounds(one: RequirementResult, unit: str) -> str:
 
     Parameters
     ----------
-    one, unit : the result, and its unit with a space before it.
+    one, unit : the result, and its unit with a space before it
     """
     asked = one.requirement
     if asked.confidence is None:

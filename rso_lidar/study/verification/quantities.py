@@ -54,7 +54,7 @@ def find_quantity(name: str) -> BoundedQuantity:
     Parameters
     ----------
     name : a figure of merit; ``budget.``, ``timeline.`` or ``tracking.`` and a column of that table;
-        ``finding.max_range_m``; or the path of a parameter.
+        ``finding.max_range_m``; or the path of a parameter
 
     Raises
     ------

@@ -23,8 +23,8 @@ def write_requirements(asked: Requirements, parameters: ParameterTable) -> list[
 
     Parameters
     ----------
-    asked : the requirements.
-    parameters : of the mission.
+    asked : the requirements
+    parameters : of the mission
 
     Returns
     -------
@@ -48,7 +48,7 @@ def _write_requirement(one: Requirement, parameters: ParameterTable) -> list[str
 
     Parameters
     ----------
-    one, parameters : the requirement, and the parameters of the mission.
+    one, parameters : the requirement, and the parameters of the mission
     """
     if one.what.kind == "parameter":
         unit = parameters.find(one.quantity).unit

@@ -53,14 +53,14 @@ def verify(
 
     Parameters
     ----------
-    requirements : the requirements, or their TOML file.
-    subject : a scenario, a study (which is run), a finished study, or a recording.
-    folder : folder of the mesh files that a recording names (None: the working folder).
-    threads : of a simulation (None: one for each core); the result does not depend on it.
-    workers : processes of a study.
-    on_step : called with the number of finished frames or runs and that of all, at the start and after each.
+    requirements : the requirements, or their TOML file
+    subject : a scenario, a study (which is run), a finished study, or a recording
+    folder : folder of the mesh files that a recording names (None: the working folder)
+    threads : of a simulation (None: one for each core); the result does not depend on it
+    workers : processes of a study
+    on_step : called with the number of finished frames or runs and that of all, at the start and after each
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario of a study names. A
-        scenario has its own trust.
+        scenario has its own trust
 
     Returns
     -------
@@ -100,9 +100,9 @@ def _verify_frames(
 
     Parameters
     ----------
-    asked : the requirements.
-    make : makes the frames from a function that they call after each frame.
-    tell : called with finished frames and all.
+    asked : the requirements
+    make : makes the frames from a function that they call after each frame
+    tell : called with finished frames and all
     """
     done = [0, 0]
 
@@ -140,7 +140,7 @@ def _name_place(asked: Requirements, number: int) -> str:
 
     Parameters
     ----------
-    asked, number : the requirements, and the index of one.
+    asked, number : the requirements, and the index of one
     """
     return f"{asked.where}: requirement[{number}] ({asked.requirement[number].id})"
 
@@ -150,8 +150,8 @@ def _verify_one(one: Requirement, flown: FlownFrames, figures: ComputedFigures) 
 
     Parameters
     ----------
-    one : the requirement.
-    flown, figures : frames and computed figures of the scenario.
+    one : the requirement
+    flown, figures : frames and computed figures of the scenario
     """
     evidence = _find_evidence(one, flown, figures)
     margin = one.margin(evidence.low, evidence.high)
@@ -174,7 +174,7 @@ def _find_evidence(one: Requirement, flown: FlownFrames, figures: ComputedFigure
 
     Parameters
     ----------
-    one, flown, figures : as for `_verify_one`.
+    one, flown, figures : as for `_verify_one`
     """
     if not one.needs_frames:
         chosen = one.frames is not None or one.between_m is not None
@@ -208,7 +208,7 @@ def _column(one: Requirement, table: dict[str, np.ndarray]) -> np.ndarray:
 
     Parameters
     ----------
-    one, table : the requirement, and the table.
+    one, table : the requirement, and the table
     """
     column = one.what.column
     if column in table:
@@ -246,11 +246,11 @@ def _verify_study(
 
     Parameters
     ----------
-    asked : the requirements.
-    study : the study, finished or not.
-    workers, threads : processes of the study, and threads of a single computation.
-    tell : called with finished runs and all.
-    trust_code, trust_fmu : as in `verify`.
+    asked : the requirements
+    study : the study, finished or not
+    workers, threads : processes of the study, and threads of a single computation
+    tell : called with finished runs and all
+    trust_code, trust_fmu : as in `verify`
     """
     definition = study.study if isinstance(study, Trade) else study
     needed = tuple(dict.fromkeys(one.quantity for one in asked.requirement if one.what.kind == "merit"))
@@ -295,8 +295,8 @@ def _verify_points(one: Requirement, made: Trade, threads: int | None) -> Requir
 
     Parameters
     ----------
-    one, made : the requirement, and the finished study.
-    threads : of a single computation.
+    one, made : the requirement, and the finished study
+    threads : of a single computation
     """
     seeds, n_points = made.study.seeds, len(made.plan.points)
     points, unit = [], one.what.unit
@@ -339,8 +339,8 @@ def _bound_point(one: Requirement, values: np.ndarray, n_points: int) -> _Bounde
 
     Parameters
     ----------
-    one, values : the requirement, and the values of its quantity, one for each seed.
-    n_points : number of points of the study.
+    one, values : the requirement, and the values of its quantity, one for each seed
+    n_points : number of points of the study
     """
     mean = float(np.mean(values)) if np.isfinite(values).all() else math.nan
     sample = f"{len(values)} run{'s' * (len(values) != 1)}"
