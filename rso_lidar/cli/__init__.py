@@ -127,7 +127,6 @@ def _show_warning(message: Warning | str, category: type[Warning], *_place: Any,
 
     Parameters
     ----------
-    message, category : the warning and its class
     *_place, **_more : where it was raised; not printed
     """
     # Libraries break the lines of their warnings.

@@ -144,9 +144,7 @@ def _find(
     Parameters
     ----------
     camera, body, probability, range_m : as for `find_range`
-    pixels, flashes, attitudes : as the user gave them
     output : picture or table, None for neither
-    scheme : colours of a picture
     """
     finding = camera.finding if isinstance(camera, Scenario) else Finding()
     if pixels is not None:

@@ -125,7 +125,6 @@ def _check_known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
     Parameters
     ----------
     whole, file : the catalogue, and its file for the message
-    numbers : catalogue numbers
 
     Raises
     ------
@@ -205,7 +204,6 @@ def _summarise(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
     Parameters
     ----------
     file, whole, chosen : the file, its catalogue, and the selected sets
-    count : number of selected objects
     """
     left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them requested)"
     return (

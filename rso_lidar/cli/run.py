@@ -116,8 +116,6 @@ def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool
 
     Parameters
     ----------
-    recorder : of the run
-    count : number of frames of the whole run
     resume : whether the run continued an older one
     """
     if not recorder.temporary.exists():
@@ -158,9 +156,7 @@ def _is_complete(output: Path, scenario: Scenario, numbers: np.ndarray, kept: tu
 
     Parameters
     ----------
-    output : path of the recording
     scenario, numbers : the scenario, and the indices of its frames
-    kept : names of intermediate records
     """
     if not output.is_file():
         return False

@@ -62,7 +62,6 @@ def _summarise(made: Timeline, mirrored: bool, finding: str) -> list[str]:
 
     Parameters
     ----------
-    made : the timeline
     mirrored : whether the target has retro-reflectors
     finding : when the target counts as found, in words
     """

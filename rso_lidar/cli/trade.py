@@ -96,7 +96,6 @@ def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
 
     Parameters
     ----------
-    file : of the study
     given : path that the user gave, if any
     new : whether a folder that does not exist may be named
     """
@@ -123,14 +122,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _write(made: Trade, places: list[Path], scheme: Scheme) -> None:
-    """Write all outputs under temporary names, and rename them when the last is complete.
-
-    Parameters
-    ----------
-    made : the trade
-    places : paths of the outputs
-    scheme : of figures and pages, light or dark
-    """
+    """Write all outputs under temporary names, and rename them when the last is complete."""
     with ExitStack() as drafts:
         for place in places:
             made.save(drafts.enter_context(write_atomically(place)), scheme)

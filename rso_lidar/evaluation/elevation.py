@@ -133,7 +133,6 @@ def _reject_outliers(cell: np.ndarray, height: np.ndarray, n: int, coarse: int) 
     ----------
     cell : (point) index of the cell
     height : (point) height [m]
-    n : cells along a side of the map
     coarse : cells along a side of a coarse square
     """
     square = (cell // n) // coarse * n + (cell % n) // coarse

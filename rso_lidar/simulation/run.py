@@ -75,7 +75,6 @@ def _fly_controlled(scenario: Scenario, controller: Controller, **chosen: Any) -
 
     Parameters
     ----------
-    scenario, controller : what is flown, and what commands it
     chosen : further arguments of `Simulation`
     """
     simulation = Simulation(scenario, **chosen)
@@ -93,7 +92,6 @@ def _fly(scenario: Scenario, workers: int | None, **chosen: Any) -> Iterator[Fra
 
     Parameters
     ----------
-    scenario : what is flown
     workers : number of processes that make frames; None for threads
     chosen : further arguments of `Simulation`
     """
@@ -119,8 +117,6 @@ def _flash_in_parallel(
 
     Parameters
     ----------
-    scenario : what is flown
-    count : number of threads or processes
     in_processes : whether processes work instead of threads
     """
     call = partial(_make_part if in_processes else flash, scenario)

@@ -291,8 +291,6 @@ def _fit_gnss(
 
     Parameters
     ----------
-    scenario, frames : of the recording
-    part : the receiver
     attitude : of the follower, where its antenna is beside the origin
     epoch_s : instant of the state [s] (None: the first solution)
     forces, gate : as for `fit_own_orbit`
@@ -310,14 +308,7 @@ def _fit_gnss(
 
 
 def _take_known_orbit(scenario: Scenario, frame: Frame, forces: Forces | None) -> EstimatedOrbit:
-    """Return the follower's recorded orbit at a frame, known without error.
-
-    Parameters
-    ----------
-    scenario : of the recording
-    frame : the frame
-    forces : on the follower
-    """
+    """Return the follower's recorded orbit at a frame, known without error."""
     own = frame.truth.states["follower"]
     return EstimatedOrbit(
         scenario.time.start_utc, frame.time_s, own.position_m, own.velocity_m_s, np.zeros((6, 6)), forces

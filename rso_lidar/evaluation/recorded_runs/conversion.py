@@ -99,9 +99,6 @@ def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
     Parameters
     ----------
-    place : path of the file
-    frames : the recording
-    source : of the recording
     target : name of the body (None: the follower)
     """
     folder = _find_folder(frames)
@@ -122,9 +119,6 @@ def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
     Parameters
     ----------
-    place : path of the file
-    frames : the recording
-    source : of the recording
     target : name of the axes (None: the follower's)
     """
     from scipy.spatial.transform import Rotation
@@ -142,14 +136,7 @@ def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
 
 def _write_czml(place: Path, frames: Iterable[Frame], source: Source) -> Path:
-    """Write bodies, lines of sight and boresight for a globe, reduced to a number of epochs that viewers play smoothly.
-
-    Parameters
-    ----------
-    place : path of the file
-    frames : the recording
-    source : of the recording
-    """
+    """Write bodies, lines of sight and boresight for a globe, reduced to a number of epochs that viewers play smoothly."""
     if isinstance(frames, Recording):
         frames = frames[:]
     if isinstance(frames, Frames):  # so that no other frame is read
@@ -189,8 +176,6 @@ def _find_breaks_s(source: Source, name: str, time_s: np.ndarray, folder: Path |
 
     Parameters
     ----------
-    source : of the recording
-    name : of the body
     time_s : (time) times of the frames [s]
     folder : folder of the files that the scenario names
     """

@@ -187,16 +187,7 @@ def _count_frames(count: int) -> str:
 def _write_pictures(
     paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour, scheme: Scheme
 ) -> list[str]:
-    """Write pictures by the suffix of their names, and describe the frames that each shows.
-
-    Parameters
-    ----------
-    paths : of the pictures
-    frames : a recording, or a part of one
-    shapes : meshes to draw
-    colour : of the points
-    scheme : of the pictures
-    """
+    """Write pictures by the suffix of their names, and describe the frames that each shows."""
     count, contents = len(frames), []
     for path in paths:
         if path.suffix.lower() in _FILMS:
@@ -237,7 +228,6 @@ def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> Vie
     Parameters
     ----------
     tool : the tool that writes it, if asked for
-    output : path of the file
     overwrite : whether an existing file is replaced
     """
     known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
@@ -255,9 +245,6 @@ def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwri
 
     Parameters
     ----------
-    tool : the tool that writes them
-    why : reason for writing files
-    recording : file of the recording
     overwrite : whether existing files are replaced
     """
     if recording is None:

@@ -318,8 +318,6 @@ def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]
 
     Parameters
     ----------
-    frame : the frame
-    shapes : true meshes
     edges_m : their edges in lidar axes
     """
     if edges_m:

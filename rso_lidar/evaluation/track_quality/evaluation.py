@@ -236,7 +236,6 @@ def _evaluate_frame(
 
     Parameters
     ----------
-    scenario, frame, name : the scenario, the frame, and the target
     size_m : greatest extent of the target [m]
     noise_m : standard deviation of a range [m]
     wander : offset of the visible centroid along the line of sight, its standard deviation, and rms across it [m]
@@ -326,9 +325,7 @@ def _compare_alignment(found: Alignment, true: RigidTransform, model: SampledMes
 
     Parameters
     ----------
-    found : the estimate
     true : lidar_from_body of the truth
-    model : the target's model
     """
     place, rotation = found.pose.translation, found.pose.rotation
     ours, theirs = rotation.apply(model.long_axis), true.rotation.apply(model.long_axis)
@@ -350,14 +347,7 @@ def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.nd
 
 
 def _tabulate_errors(kind: str, made: Track, rows: Sequence[_EvaluatedFrame]) -> dict[str, np.ndarray]:
-    """Tabulate a filter's estimates in its own axes, its errors in lidar axes, and its NIS.
-
-    Parameters
-    ----------
-    kind : name of the filter
-    made : its track
-    rows : the frames
-    """
+    """Tabulate a filter's estimates in its own axes, its errors in lidar axes, and its NIS."""
     table = {}
     for values, word, unit, true in (
         (made.position_m, "", "_m", [row.true_m[kind] for row in rows]),

@@ -72,9 +72,7 @@ def _mean_intensity(lidar: Lidar, range_m: float, rng: np.random.Generator) -> n
 
     Parameters
     ----------
-    lidar : the instrument
     range_m : range of the plate [m]
-    rng : generator of all noise
     """
     n = len(_LEVELS) * _EACH
     level = np.arange(n) % len(_LEVELS)
@@ -93,8 +91,6 @@ def _light_of_reading(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Ph
 
     Parameters
     ----------
-    lidar : the instrument
-    reading : of one frame
     answers : (level) mean intensity at each level of photons [counts]
     """
     pixel = np.flatnonzero(np.isfinite(reading.range_m))

@@ -78,13 +78,7 @@ def tracking_figure(
 
 
 def _draw_legend(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) -> None:
-    """Draw a legend on one line above a panel, where it covers no point.
-
-    Parameters
-    ----------
-    axes : the panel
-    handles, words : entries and their names
-    """
+    """Draw a legend on one line above a panel, where it covers no point."""
     axes.legend(
         handles, words, fontsize=figures.SMALL_PT, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0),
         ncols=len(words), labelcolor=palette.QUIET, borderaxespad=0.0,
@@ -127,10 +121,7 @@ def _draw_errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[st
 
     Parameters
     ----------
-    axes : the panel
     table : columns (time) by name
-    kinds : filters in the table
-    axis : name of the axis
     """
     shown = [table[f"centroid_error_{axis}_m"]]
     axes.axhline(0, color=palette.RULE, lw=figures.THIN_PT)
@@ -152,9 +143,7 @@ def _draw_nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str])
 
     Parameters
     ----------
-    axes : the panel
     table : columns (time) by name
-    kinds : filters in the table
     """
     low, high = _NIS_95
     axes.axhspan(low, high, color=palette.SHADE, lw=0, label="95 % bounds, chi-square", zorder=0)
@@ -174,7 +163,6 @@ def _draw_on_log(
 
     Parameters
     ----------
-    axes : the panel
     table : columns (time) by name
     lines : name of the column, label and colour of each line
     scale : factor to the unit of the axis

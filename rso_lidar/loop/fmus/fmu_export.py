@@ -215,7 +215,6 @@ def _state_units(built: Path, final: Path, units: dict[str, str]) -> None:
 
     Parameters
     ----------
-    built, final : paths of the FMU
     units : of the variables, by name
     """
     with zipfile.ZipFile(built) as before, zipfile.ZipFile(final, "w", zipfile.ZIP_DEFLATED) as after:

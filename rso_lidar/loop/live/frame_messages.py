@@ -82,9 +82,7 @@ def _write_image(frame: Frame, image: np.ndarray, encoding: str) -> Any:
 
     Parameters
     ----------
-    frame : the frame
     image : (row, col) values
-    encoding : name of the format in the message
     """
     from foxglove.messages import RawImage
 

@@ -201,7 +201,6 @@ def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
 
     Parameters
     ----------
-    context : of the library
     has_ptu : whether there is a PTU
     """
     from foxglove import Channel, channels

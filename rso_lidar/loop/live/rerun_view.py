@@ -136,12 +136,7 @@ def _find_free(address: NetworkAddress) -> NetworkAddress:
 
 
 def _wait_for(address: NetworkAddress, process: subprocess.Popen[bytes]) -> None:
-    """Wait until a process listens at an address, or raise `ScenarioError`.
-
-    Parameters
-    ----------
-    address, process : the address, and the process
-    """
+    """Wait until a process listens at an address, or raise `ScenarioError`."""
     end = time.monotonic() + _OPENS_S
     while process.poll() is None and time.monotonic() < end:
         with suppress(OSError), socket.create_connection((address.host, address.port), timeout=1.0):

@@ -260,7 +260,6 @@ class Client:
 
         Parameters
         ----------
-        kind : of the request
         read : function of the header and the arrays of the reply (None: nothing is read)
         **fields : of the request; None is left out
         """

@@ -147,7 +147,6 @@ def _repeat_step(simulation: Simulation, step: LoggedStep, where: str) -> Frame 
 
     Parameters
     ----------
-    simulation, step : what is stepped, and how
     where : start of error messages
     """
     command = step.command.to_command() if step.command else None
@@ -166,8 +165,6 @@ def _check_header(header: LogHeader, simulation: Simulation, where: str) -> None
 
     Parameters
     ----------
-    header : first line of the log
-    simulation : to be flown
     where : start of error messages
     """
     if header.digest != simulation.digest:
@@ -184,8 +181,6 @@ def _parse_line(line: bytes, kind: type[_Line], where: str) -> _Line:
 
     Parameters
     ----------
-    line : of the log
-    kind : of the line
     where : start of error messages
     """
     try:

@@ -71,7 +71,6 @@ class Peers:
         Parameters
         ----------
         identity, connection : of the client, and number of its socket
-        request : its hello
         """
         if not self._security.accepts(request.token):
             raise RefusalError("forbidden", "hello: has no token, or a wrong one; give the token of the server")

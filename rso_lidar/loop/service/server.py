@@ -132,7 +132,6 @@ class Server:
         Parameters
         ----------
         context, undone : of ZeroMQ, and what is closed at the end
-        kind : of the socket
         """
         zmq = self._zmq
         made = undone.enter_context(context.socket(kind))
@@ -264,8 +263,6 @@ class Server:
 
         Parameters
         ----------
-        envelope : for the reply
-        request : to be answered
         asked_s : when it arrived on the clock [s]
         """
         next_ns = self._session.linked.next_flash_ns
@@ -306,9 +303,6 @@ class Server:
 
         Parameters
         ----------
-        envelope : for the reply
-        sequence : of the request
-        code : of the reason
         message : *where: what: what to do*
         """
         sendable = message.encode(errors="backslashreplace").decode()  # a request can hold a lone surrogate

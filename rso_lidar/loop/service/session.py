@@ -162,8 +162,6 @@ class Session:
 
         Parameters
         ----------
-        delivery : of the flash
-        samples : of the other sensors
         is_step : whether it answers a step; else it holds the line of sight, changed or not
         """
         header = self._state() | {"frame": None}

@@ -141,13 +141,7 @@ def encode(header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any
 
 @lru_cache(maxsize=1024)
 def _describe_array(path: str, spec: ArraySpec, dtype: str, shape: tuple[int, ...]) -> bytes:
-    """Return the JSON object that describes an array; most are the same from message to message.
-
-    Parameters
-    ----------
-    path, spec : of the array
-    dtype, shape : as it is sent
-    """
+    """Return the JSON object that describes an array; most are the same from message to message."""
     stated = {"unit": spec.unit, "dims": spec.dims, "meaning": spec.meaning}
     return to_json({"name": path, "dtype": dtype, "shape": shape, **stated})
 
@@ -264,13 +258,7 @@ def build_samples(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict
 
 
 def _build_record(path: str, cls: type[AnyRecord], arrays: dict[str, np.ndarray]) -> AnyRecord:
-    """Build one record of a message.
-
-    Parameters
-    ----------
-    path, cls : of the record, and its class
-    arrays : of the message, by path
-    """
+    """Build one record of a message."""
     return cls(**{field: arrays[f"{path}/{field}"] for field in specs(cls) if f"{path}/{field}" in arrays})
 
 

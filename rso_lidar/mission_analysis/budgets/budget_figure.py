@@ -92,15 +92,7 @@ def budget_figure(
 
 
 def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -> None:
-    """Write the names of the curves between the plots and the small print, and make room for them.
-
-    Parameters
-    ----------
-    figure : the figure
-    axes : a plot that holds all curves
-    probability : the wanted probability
-    printed : lines of small print
-    """
+    """Write the names of the curves between the plots and the small print, and make room for them."""
     handles, names = axes.get_legend_handles_labels()
     columns = 1 if len(names) <= 2 else 2 if len(names) <= 8 else 3
     height_in = float(figure.get_figheight())
@@ -132,13 +124,7 @@ _LEAST_SPAN = 1.5  # least ratio of the ends of a log axis: a shorter axis would
 
 
 def _prepare_axes(axes: Axes, title: str, note: str) -> None:
-    """Prepare a panel with a logarithmic range axis.
-
-    Parameters
-    ----------
-    axes : the panel
-    title, note : its heading, left and right
-    """
+    """Prepare a panel with a logarithmic range axis."""
     axes.set_xscale("log")
     figures.style_axes(axes, title, note=note)
     axes.tick_params(labelbottom=True)
@@ -161,9 +147,7 @@ def _mark(axes: Axes, x: float, y: float, colour: str) -> None:
 
     Parameters
     ----------
-    axes : the panel
     x, y : of the point, in units of the axes
-    colour : of the mark
     """
     axes.plot([x], [y], "o", color=colour, ms=5, mec=palette.PAPER, mew=0.8, zorder=5)
 

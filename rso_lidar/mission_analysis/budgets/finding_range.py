@@ -257,7 +257,6 @@ def _choose_span_m(lidar: Lidar, given: Any, radius_m: float) -> tuple[float, fl
 
     Parameters
     ----------
-    lidar : the camera
     given : the two, or None
     radius_m : of the body [m]
     """
@@ -315,7 +314,6 @@ def _solve_m(
     ----------
     probability : function of a range [m]
     range_m, known : (range) ranges [m], and their probabilities
-    wanted : probability
     """
     reached = np.flatnonzero(known >= wanted)
     if not reached.size:
@@ -346,7 +344,6 @@ def _describe_notes(lidar: Lidar, *, in_run: bool, has_retros: bool) -> tuple[st
 
     Parameters
     ----------
-    lidar : the camera
     in_run : whether the attitudes are those of the run
     has_retros : whether the body has retro-reflectors
     """

@@ -92,7 +92,6 @@ def _illuminated_share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) 
 
     Parameters
     ----------
-    laser : the laser
     across_m : (range) width of the square [m]
     range_m : (range) its range [m]
     """
@@ -121,7 +120,6 @@ def _overlap(middle: np.ndarray, half: np.ndarray, low: float = -1.0, high: floa
     Parameters
     ----------
     middle, half : middle and half width of the other interval
-    low, high : ends of the interval
     """
     length: np.ndarray = np.maximum(np.minimum(middle + half, high) - np.maximum(middle - half, low), 0.0)
     return length

@@ -144,7 +144,6 @@ def _find_greatest_range_m(probability: Any, low_m: float, high_m: float, wanted
     ----------
     probability : function of ranges (range) [m] that returns detection probabilities
     low_m, high_m : limits of the search [m]
-    wanted : the wanted probability
     """
     from scipy.optimize import brentq
 

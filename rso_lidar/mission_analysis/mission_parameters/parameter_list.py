@@ -109,7 +109,6 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
 
     Parameters
     ----------
-    part, path : the part, and its place
     origins : where values come from
     is_given : whether the part itself was given, and is no default
     """
@@ -147,12 +146,7 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
 
 
 def _list_detection(lidar: Any) -> Iterator[MissionParameter]:
-    """Yield what follows from detector and laser together: false alarms of a pixel, and the light that it detects.
-
-    Parameters
-    ----------
-    lidar : the part, with its files found
-    """
+    """Yield what follows from detector and laser together: false alarms of a pixel, and the light that it detects."""
     place, traits = "lidar.detector", lidar.detector.traits
     if not traits.is_gated and not hasattr(lidar.detector, "false_alarms_per_s"):
         before = float(false_alarm_probability(lidar.detector, np.array([traits.sees_to_m]))[0])
@@ -188,7 +182,6 @@ def _find_twin(part: Part, path: str, resolved: Mapping[str, Any]) -> Any:
 
     Parameters
     ----------
-    part, path : the part, and its place
     resolved : parts by place in which files have been found
     """
     for start, one in resolved.items():

@@ -166,7 +166,6 @@ def _view_width_m(surface: Surface, toward: _Direction, up: _Direction) -> float
 
     Parameters
     ----------
-    surface : the surface
     toward, up : (xyz) directions in body axes: from where it is seen, and up in the view
     """
     from_middle = surface.corners.reshape(-1, 3) - surface.sphere[0]

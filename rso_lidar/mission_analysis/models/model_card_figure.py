@@ -94,8 +94,6 @@ def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
 
     Parameters
     ----------
-    figure : the page
-    rows : of the table
     foot : height of the foot [lines]
     """
     height_in = float(figure.get_figheight())
@@ -155,7 +153,6 @@ def _draw_bar(axes: Any, view: CardView, tall_m: float) -> None:
     Parameters
     ----------
     axes : the view's axes
-    view : the view
     tall_m : height of the axes
     """
     half_m = 0.5 * view.cell_m * view.part.shape[1]
@@ -172,11 +169,7 @@ def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others:
 
     Parameters
     ----------
-    axes : the panel
-    title : of the list
-    names : in the order of importance
     rgb : (name, 3) colours, 0 to 1
-    others : number of names left out
     """
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)

@@ -177,20 +177,12 @@ def _state(value: float | None, form: str, unit: str) -> str:
     Parameters
     ----------
     value : of the message, None where it states none
-    form, unit : format, and what follows the number
     """
     return "" if value is None else f" (message: {value:{form}}{unit})"
 
 
 def _make_state(message: ConjunctionMessage, one: ConjunctionObject, notes: list[str]) -> UncertainState:
-    """Turn the state of an object to inertial axes, with its covariance.
-
-    Parameters
-    ----------
-    message : for error messages
-    one : the object
-    notes : added to
-    """
+    """Turn the state of an object to inertial axes, with its covariance."""
     turn = np.kron(np.eye(2), rtn_matrix(one.position_m, one.velocity_m_s)[0])
     covariance = turn @ one.covariance_rtn @ turn.T
     if not one.has_velocity_covariance:
@@ -228,7 +220,6 @@ def _compare(message: ConjunctionMessage, miss_m: float, speed_m_s: float, place
 
     Parameters
     ----------
-    message : the message
     miss_m, speed_m_s, place_m : distance, relative speed and position of its states
     """
     stated: list[tuple[str, Any, Any, float, str]] = [

@@ -109,7 +109,6 @@ def _write_facts(conjunction: ConjunctionAssessment, own: ConjunctionObject, oth
 
     Parameters
     ----------
-    conjunction : the assessment
     own, other : the object with the lidar, and the one before it
     """
     message = conjunction.message

@@ -163,7 +163,6 @@ def _write_names(
     figure, axes : where to write
     points : (point, [x, y]) in data coordinates
     named : index and name of each point to name, in order of importance
-    busy : other artists not to cover
     """
     from matplotlib.text import Text
     from matplotlib.transforms import Bbox

@@ -230,8 +230,6 @@ def _build_batch(
     screened, stays : result of the screening, and its close approaches
     reach : nearest and farthest range of the lidar [m]
     max_slew_deg_s : limit of the slew rate [deg/s]
-    light : what the lidar gets of a plate
-    sky : exclusion angles over the span
     each_side : instants on either side of the closest approach
     """
     lead, objects = screened.follower, screened.objects
@@ -305,7 +303,6 @@ def _state_in_gcrs(objects: ScheduledFleet, which: np.ndarray, epochs: Epochs) -
     Parameters
     ----------
     objects, which : the fleet, and the index (row) of the object
-    epochs : one for each row
     """
     position, velocity = objects.at(which, epochs.time_s)
     rotation = gcrs_from_teme(epochs)
@@ -328,13 +325,9 @@ def _integrate_stays(
 
     Parameters
     ----------
-    screened : the screening
-    stays : the close approaches
     speed_m_s : (stay) relative speed at the closest approach [m/s]
     reach : nearest and farthest range of the lidar [m]
     max_slew_deg_s : greatest rate of the line of sight [deg/s]
-    light : what the lidar gets of a plate
-    sky : the exclusion angles
     each_side : epochs on each side of the closest approach
     """
     nearest = np.array([stay.time_s for stay in stays])

@@ -181,7 +181,6 @@ def _check_number(what: str, unit: str, value: Any) -> None:
     Parameters
     ----------
     what, unit : name and unit, for the message
-    value : to be checked
     """
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise ScenarioError(f"{what}: {quote_set(value)} is not a number; give one in {unit}, without the unit")
@@ -192,7 +191,6 @@ def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> lis
 
     Parameters
     ----------
-    objects : those of the search
     follower : number, name, element set or sets, or trajectory
     catalog : the catalogue as it was given, for error messages
     """

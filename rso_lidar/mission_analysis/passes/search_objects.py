@@ -206,14 +206,7 @@ def _add_file(found: SearchObjects, path: Any) -> None:
 
 
 def _name_body(path: str, scenario: Scenario, name: str) -> NamedTrajectory:
-    """Name a body of a scenario: a target by its name, the follower by the file as well.
-
-    Parameters
-    ----------
-    path : of the scenario's file
-    scenario : the scenario
-    name : of the body
-    """
+    """Name a body of a scenario: a target by its name, the follower by the file as well."""
     shown = f"{Path(path).stem} {name}" if name == _FOLLOWER else name
     return NamedTrajectory(shown, BodyTrajectory(scenario, name), source=_resolve(path))
 

@@ -168,7 +168,6 @@ def _sort_into_bins(label: str, edges: np.ndarray, ages: np.ndarray, differences
 
     Parameters
     ----------
-    label : of the object
     edges : of the bins [day]
     ages : (pair,) ages [day]
     differences : (pair, 6) in rtn axes [m, m/s]

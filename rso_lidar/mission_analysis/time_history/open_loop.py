@@ -62,7 +62,6 @@ def _pointing(
     scenario, ptu : the scenario, and its PTU with the paths of its files
     numbers : indices (time) of frames
     time_s : times (time) of the frames [s]
-    asked : demand of the PTU
     """
     state = motion.start(ptu, asked)
     for k, until_s in zip(numbers.tolist(), time_s.tolist(), strict=True):

@@ -190,9 +190,7 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
 
     Parameters
     ----------
-    scenario : what is flown
     time_s : (time) times of the frames [s]
-    angles : of the PTU, one for each frame
     """
     if scenario.ptu is None:
         return {}
@@ -228,8 +226,6 @@ def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -
 
     Parameters
     ----------
-    scenario : what is flown
-    truth : batch over the frames
     number : index of the target
     casts : greatest number of frames at which rays are cast
     """
@@ -323,8 +319,6 @@ def _project_bounds(scenario: Scenario, truth: Truth, number: int | None) -> tup
 
     Parameters
     ----------
-    scenario : what is flown
-    truth : batch over epochs
     number : index of the target (None: all)
 
     Returns
@@ -356,7 +350,6 @@ def _is_near(surface: Surface, place: np.ndarray, turn: np.ndarray) -> np.ndarra
 
     Parameters
     ----------
-    surface : the surface
     place, turn : (time, 3) and (time, 3, 3) lidar_from_surface
     """
     centre, radius_m = surface.sphere

@@ -173,7 +173,6 @@ def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, flo
 
     Parameters
     ----------
-    axes : the panel
     table : columns by name
     travel_rad : limits of pan and of tilt [rad]; None without limits
     """
@@ -194,7 +193,6 @@ def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
 
     Parameters
     ----------
-    axes : the panel
     table : columns by name
     max_rate_rad_s : limit of the rates [rad/s]; infinite without a limit
     """
@@ -221,7 +219,6 @@ def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
 
     Parameters
     ----------
-    axes : the panel
     table : columns by name
     half_field_rad : half of the field of view [rad]
     """
@@ -303,13 +300,7 @@ def _draw_detection(axes: Axes, table: Table) -> None:
 
 
 def _add_right_axis(axes: Axes, label: str, colour: str) -> Axes:
-    """Add a second axis at the right, with its own colour.
-
-    Parameters
-    ----------
-    axes : the panel
-    label, colour : of the new axis
-    """
+    """Add a second axis at the right, with its own colour."""
     twin = axes.twinx()
     figures.style_axes(twin, y=label)
     twin.grid(False)
@@ -322,10 +313,8 @@ def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
 
     Parameters
     ----------
-    axes : the panel
     table : columns by name
     where, value : names of the columns that say where, and which value
-    label : for the legend
     """
     at = np.flatnonzero(table[where])
     if at.size:
@@ -333,14 +322,7 @@ def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
 
 
 def _draw_limit(axes: Axes, value: float, colour: str) -> bool:
-    """Draw a limit that is finite and near to what is shown; return whether it is.
-
-    Parameters
-    ----------
-    axes : the panel
-    value : the limit
-    colour : of the line
-    """
+    """Draw a limit that is finite and near to what is shown; return whether it is."""
     low, high = axes.get_ylim()
     reach = 0.6 * (high - low)
     near = bool(np.isfinite(value) and low - reach <= value <= high + reach)

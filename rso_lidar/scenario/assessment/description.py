@@ -127,7 +127,6 @@ def _format_ends(values: np.ndarray, unit: str, digits: int) -> str:
     Parameters
     ----------
     values, unit : values (time), and their unit
-    digits : decimal places
     """
     first, last = (round(float(value), digits) + 0.0 for value in (values[0], values[-1]))  # no minus before a zero
     return f"{first:.{digits}f} -> {last:.{digits}f} {unit}"
@@ -228,14 +227,7 @@ def _describe_detection(mission: Mission) -> list[str]:
 
 
 def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[str]:
-    """Describe photons, detection and range noise of the median and the brightest pixel of a target.
-
-    Parameters
-    ----------
-    mission : what is flown
-    number : of the target
-    preview : the mission's preview
-    """
+    """Describe photons, detection and range noise of the median and the brightest pixel of a target."""
     geometry = preview.targets[number]
     lines = [
         f"budget      {geometry.name}, of flashes cast onto it as it stands about these instants, median to brightest pixel:"
@@ -265,14 +257,7 @@ def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[st
 
 
 def _describe_finding(mission: Mission, preview: Preview, number: int, row: int) -> str:
-    """Describe with which probability a target is found about one epoch.
-
-    Parameters
-    ----------
-    mission, preview : what is flown, and its preview
-    number : of the target
-    row : of the preview's epochs
-    """
+    """Describe with which probability a target is found about one epoch."""
     found = find_in_run(mission, preview, number, row, _PLACES)
     spread = f", {found.min():.2f} to {found.max():.2f}" if np.ptp(found) > 0.01 else ""
     places = f"{_PLACES} attitudes and places in the pixel grid{spread}"

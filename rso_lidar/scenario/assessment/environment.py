@@ -175,7 +175,6 @@ def _format_course(angle: np.ndarray, time_s: np.ndarray, off: str = "") -> str:
     Parameters
     ----------
     angle, time_s : angles (time) [rad] at some times (time) [s]
-    off : text after the first two
     """
     worst = find_first_least(angle)
     return f"{_format_ends(angle)}{off}, least {angle[worst] / units.DEG:.2f}° at {time_s[worst]:g} s"
@@ -211,7 +210,6 @@ def _describe_passage(what: str, begins_s: float, ends_s: float) -> str:
 
     Parameters
     ----------
-    what : name of the shadow
     begins_s, ends_s : its ends [s since start_utc], infinite where they are outside the run
     """
     if np.isinf(begins_s) and np.isinf(ends_s):

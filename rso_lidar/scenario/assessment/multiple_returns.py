@@ -65,9 +65,6 @@ def _describe_affected_parts(
 
     Parameters
     ----------
-    mission : what is flown
-    preview : its preview
-    number : of the target
     listed : least and greatest separation at which two returns are both listed [m]
     """
     target = mission.target[number]

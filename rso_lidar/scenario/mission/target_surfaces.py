@@ -150,7 +150,6 @@ def _build(form: _SurfaceForm, material: Material | None, part_materials: tuple[
 
     Parameters
     ----------
-    form : of the surface
     material, part_materials : of all parts, and of single parts by name
     """
     made = build_surface(

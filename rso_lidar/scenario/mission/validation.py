@@ -250,8 +250,6 @@ def _find_entry(entries: list[Any], step: str, where: str) -> int:
 
     Parameters
     ----------
-    entries : the list
-    step : number or name of the entry
     where : start of error messages
     """
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]

@@ -138,11 +138,9 @@ def _trace_target(
 
     Parameters
     ----------
-    name : of the target
     surfaces : of the target: its body's, and one for each hinge
     poses : tree with the lidar and the surfaces in it
     half_field : (time, 2) tangents of the half field to the right and down
-    n_epochs : number of epochs
     """
     seen, _ = poses.place("lidar", name)
     # The range rate from the follower: the PTU's rotation changes no distance.

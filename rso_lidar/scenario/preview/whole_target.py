@@ -79,7 +79,6 @@ def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: in
     ----------
     lidar, seen : the instrument, and the light of the flash
     mine : (return) whether it comes from the target
-    pixels : least number
     """
     jitter = lidar.laser.energy_jitter_fraction / math.sqrt(lidar.detector.traits.pulses)
     factors, weights = np.ones(1), np.ones(1)

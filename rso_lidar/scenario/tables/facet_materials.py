@@ -91,7 +91,6 @@ def _assign_materials(
 
     Parameters
     ----------
-    surface : the surface
     words : (facet) word of each facet
     meant : material by word; facets with another word keep their material
     wavelength_m : of the laser [m]

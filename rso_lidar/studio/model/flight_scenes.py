@@ -147,7 +147,6 @@ def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.
 
     Parameters
     ----------
-    scene, flight, row : the scene, and what it shows
     origin : of the scene (xyz) [m] in the axes of the flight
     """
     truth = flight.truth(row)
@@ -173,7 +172,6 @@ def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.nd
 
     Parameters
     ----------
-    scene, flight, row : the scene, and what it shows
     origin : of the scene (xyz) [m] in the axes of the flight
     """
     lidar, far = flight.moments[row].lidar, flight.range_m(row)

@@ -253,12 +253,7 @@ def _find_kind(members: list[Any], classes: tuple[type[Part], ...]) -> str:
 
 
 def _unwrap(annotation: Any, metadata: list[Any]) -> tuple[Any, list[Any]]:
-    """Return an annotation without `Annotated`, and the metadata; of a seam, what a text may describe.
-
-    Parameters
-    ----------
-    annotation, metadata : of a field
-    """
+    """Return an annotation without `Annotated`, and the metadata; of a seam, what a text may describe."""
     seams = [item for item in metadata if isinstance(item, Seam)]
     if seams:
         return _unwrap(seams[0].described, [])

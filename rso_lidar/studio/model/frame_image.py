@@ -218,7 +218,6 @@ def _draw_axes(draw: ImageDraw, left: int, window: Window, scheme: Scheme) -> No
 
     Parameters
     ----------
-    draw : of the image
     left, window, scheme : left edge of the panel [pixels], what it shows, and the colours
     """
     right, down, step = _box(window)

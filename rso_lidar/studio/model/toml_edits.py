@@ -100,7 +100,6 @@ def _apply(tables: Any, steps: _Steps, value: Any) -> None:
     Parameters
     ----------
     tables : changed in place
-    steps, value : the place and its new value
     """
     for step in steps[:-1]:
         tables = tables.setdefault(step, {}) if isinstance(step, str) else tables[step]
@@ -118,8 +117,6 @@ def _make_item(here: Any, steps: _Steps, value: Any) -> Any:
     Parameters
     ----------
     here : table or list that is to hold it
-    steps : its place
-    value : numbers, texts, instants, lists and tables
     """
     import tomlkit
 

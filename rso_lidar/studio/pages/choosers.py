@@ -60,7 +60,6 @@ def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None
 
     Parameters
     ----------
-    tab : whose document it changes
     changes : values by their places; None removes one
     dialog : which is closed if that is possible
     """

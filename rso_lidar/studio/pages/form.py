@@ -112,7 +112,6 @@ class TableForm:
 
         Parameters
         ----------
-        field, place, one : the field, its place, and its input
         *_ : what the event brings
         """
         document, typed = self._tab.document, one.value
@@ -129,13 +128,7 @@ class TableForm:
                 ui.notify(str(error), type="negative", multi_line=True)
 
     def _draw_table(self, field: FieldForm, place: str, depth: int) -> None:
-        """Draw an inner table: closed where it is not set, with its type to choose where there are several.
-
-        Parameters
-        ----------
-        field, place : the table, and its place
-        depth : levels above it in this form
-        """
+        """Draw an inner table: closed where it is not set, with its type to choose where there are several."""
         value = self._tab.document.get(place)
         head = field.key + (f": {value['type']}" if isinstance(value, Mapping) and "type" in value else "")
         state = "" if value is not None else " (required)" if field.required else " (default)"
@@ -154,7 +147,6 @@ class TableForm:
         Parameters
         ----------
         field, place, value : the table, its place, and what the text has there
-        depth : levels above it in this form
         """
         chosen = field.choose(value)
         with ui.row(wrap=False).classes("w-full items-center gap-1"):
@@ -177,7 +169,6 @@ class TableForm:
         Parameters
         ----------
         field, place, entries : the list, its place, and what the text has there
-        depth : levels above it in this form
         """
         for number, entry in enumerate(entries):
             chosen, here = field.choose(entry), f"{place}[{number}]"
@@ -222,14 +213,7 @@ def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:
 
 
 def _add_entry(tab: BrowserTab, field: FieldForm, place: str, cls: type[Part]) -> None:
-    """Add an entry with a free name, and its type where it has one; the check says what else it needs.
-
-    Parameters
-    ----------
-    tab : whose document it changes
-    field, place : the list, and its place
-    cls : the part that fills the entry
-    """
+    """Add an entry with a free name, and its type where it has one; the check says what else it needs."""
     change_document(tab, "add_entry", place, form_fields.make_entry(cls, field.key, tab.document.get(place) or []))
 
 

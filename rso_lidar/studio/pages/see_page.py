@@ -262,12 +262,7 @@ class SeePage:
         return made
 
     def _put(self, name: str, content: bytes, kind: str) -> str:
-        """Keep what the browser is to fetch, and return its address.
-
-        Parameters
-        ----------
-        name, content, kind : name, bytes and media type
-        """
+        """Keep what the browser is to fetch, and return its address."""
         self.version += 1
         self.shelf[name] = (content, kind)
         return f"/studio/see/{self.key}/{name}?v={self.version}"

@@ -121,12 +121,7 @@ class DispersedMission:
         return "\n".join([*lines, *(f"  {line}" for line in self.omits)])
 
     def _describe_filter(self, last: dict[str, float]) -> list[str]:
-        """Describe what the filters know at the end, and whether they know how well.
-
-        Parameters
-        ----------
-        last : tubes at the end
-        """
+        """Describe what the filters know at the end, and whether they know how well."""
         lines = ["  error of the filter     runs    linear      stated by the filters"]
         for axis in _AXES:
             runs, linear, stated = (last[f"{axis}_{word}_m"] for word in KNOWLEDGE)
@@ -279,14 +274,7 @@ def _find_target(scenario: Scenario, target: str | None) -> str:
 
 
 def _fly_blocks(made: MissionDisperser, begins: list[int], workers: int | None) -> Iterator[tuple[int, Block]]:
-    """Fly blocks of runs, and yield each with its first run when it is finished.
-
-    Parameters
-    ----------
-    made : of the scenario
-    begins : first runs of the blocks
-    workers : number of processes
-    """
+    """Fly blocks of runs, and yield each with its first run when it is finished."""
     if workers is None or workers < 2 or len(begins) < 2:
         yield from ((begin, made.fly(range(begin, begin + BLOCK))) for begin in begins)
         return
@@ -319,13 +307,7 @@ def _fly_block(made: MissionDisperser, begin: int) -> tuple[int, Block]:
 
 
 def _join(made: MissionDisperser, block: Block) -> DispersedMission:
-    """Return the result of all runs.
-
-    Parameters
-    ----------
-    made : of the scenario
-    block : columns of all runs
-    """
+    """Return the result of all runs."""
     position = made.nominal_m + block.pop("deviation_m")
     missed = block.pop("missed")
     error, stated, nees = (block.pop(name, None) for name in ("knowledge_error_m", "filter_sigma_m", "nees"))

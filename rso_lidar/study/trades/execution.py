@@ -317,7 +317,6 @@ def _tabulate_field(axis: Axis, values: list[Any], column: int) -> np.ndarray:
 
     Parameters
     ----------
-    axis : the axis of the field
     values : (row) values of the axis
     column : index of the field in the axis
     """

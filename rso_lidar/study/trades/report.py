@@ -189,14 +189,7 @@ def _explain_ranking(trade: TradeTable) -> list[str]:
 
 
 def _describe_lead(trade: TradeTable, name: str, points: np.ndarray) -> str:
-    """Describe the figure of merit by which points are the best, and the number of equal ones.
-
-    Parameters
-    ----------
-    trade : the trade study
-    name : of the figure of merit
-    points : ranking of the points
-    """
+    """Describe the figure of merit by which points are the best, and the number of equal ones."""
     means = trade.of_points(name)[0][points]
     alike = int(np.sum(means == means[0])) - 1
     return escape(name_merit(MERITS[name])) + (f" ({alike:,} more are as good)" if alike else "")
@@ -349,8 +342,6 @@ def _write_command(trade: TradeTable, row: int, frame: int) -> str:
 
     Parameters
     ----------
-    trade : the trade study
-    row : number of the row
     frame : index of the frame
     """
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))

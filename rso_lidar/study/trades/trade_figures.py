@@ -96,9 +96,6 @@ def _draw_effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray
 
     Parameters
     ----------
-    axes : the panel
-    axis : quantity along x
-    merit : quantity along y
     points : (point, 2) medians at the levels of the axis; empty for none
     """
     known, held = merit.ranked, np.isfinite(merit.values) & ~merit.ranked
@@ -144,14 +141,7 @@ def _bin_values(axis: Quantity, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scale_axis(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:
-    """Scale an axis, with its values as ticks where they are few.
-
-    Parameters
-    ----------
-    axes : the panel
-    axis : the quantity along it
-    levels : its distinct values
-    """
+    """Scale an axis, with its values as ticks where they are few."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     if not axis.numeric:
@@ -243,7 +233,6 @@ def _mean_over(merit: Quantity, one: Quantity, other: Quantity) -> np.ndarray:
 
     Parameters
     ----------
-    merit : the figure of merit
     one, other : two axes
     """
     (rows, row), (cols, col) = one.levels(), other.levels()
@@ -260,9 +249,7 @@ def _mark_cells(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
 
     Parameters
     ----------
-    axes : the panel
     table : (row, col) values
-    norm, colours : colour scale of the cells
     """
     for (row, col), value in np.ndenumerate(table):
         if np.isfinite(value):

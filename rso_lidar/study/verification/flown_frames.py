@@ -117,12 +117,7 @@ class FlownFrames(ABC):
         return self._tracks[key]
 
     def _keep(self, run: int, frame: Frame) -> None:
-        """Keep the sums of a frame.
-
-        Parameters
-        ----------
-        run, frame : number of the run, and the frame
-        """
+        """Keep the sums of a frame."""
         self._sums[run, frame.index] = sum_frame(frame, self.number, self._size_m, self.scenario.finding.pixels)
         self._ready()
 
@@ -230,12 +225,7 @@ class RecordedFrames(FlownFrames):
         return tracking(some, name, folder=self._folder, poses=poses, each=self._passing(run, some)).table
 
     def _passing(self, run: int, frames: Iterable[Frame]) -> Iterable[Frame]:
-        """Yield frames and keep the sums of each.
-
-        Parameters
-        ----------
-        run, frames : number of the run, and its frames
-        """
+        """Yield frames and keep the sums of each."""
         for frame in frames:
             self._keep(run, frame)
             yield frame

@@ -100,7 +100,6 @@ def _verify_frames(
 
     Parameters
     ----------
-    asked : the requirements
     make : makes the frames from a function that they call after each frame
     tell : called with finished frames and all
     """
@@ -146,13 +145,7 @@ def _name_place(asked: Requirements, number: int) -> str:
 
 
 def _verify_one(one: Requirement, flown: FlownFrames, figures: ComputedFigures) -> RequirementResult:
-    """Verify one requirement.
-
-    Parameters
-    ----------
-    one : the requirement
-    flown, figures : frames and computed figures of the scenario
-    """
+    """Verify one requirement."""
     evidence = _find_evidence(one, flown, figures)
     margin = one.margin(evidence.low, evidence.high)
     verdict = judge(one, evidence.low, evidence.high)
@@ -204,12 +197,7 @@ def _find_evidence(one: Requirement, flown: FlownFrames, figures: ComputedFigure
 
 
 def _column(one: Requirement, table: dict[str, np.ndarray]) -> np.ndarray:
-    """Return the column of the tracker's table that a requirement names; NaN where ICP found no pose in any frame.
-
-    Parameters
-    ----------
-    one, table : the requirement, and the table
-    """
+    """Return the column of the tracker's table that a requirement names; NaN where ICP found no pose in any frame."""
     column = one.what.column
     if column in table:
         return table[column].astype(float)
@@ -246,8 +234,6 @@ def _verify_study(
 
     Parameters
     ----------
-    asked : the requirements
-    study : the study, finished or not
     workers, threads : processes of the study, and threads of a single computation
     tell : called with finished runs and all
     trust_code, trust_fmu : as in `verify`
@@ -291,13 +277,7 @@ def _check_for_study(one: Requirement, study: Study | Trade) -> None:
 
 
 def _verify_points(one: Requirement, made: Trade, threads: int | None) -> RequirementResult:
-    """Verify a requirement at each point of a study, and return the result of the worst point.
-
-    Parameters
-    ----------
-    one, made : the requirement, and the finished study
-    threads : of a single computation
-    """
+    """Verify a requirement at each point of a study, and return the result of the worst point."""
     seeds, n_points = made.study.seeds, len(made.plan.points)
     points, unit = [], one.what.unit
     for point in range(n_points):
@@ -340,7 +320,6 @@ def _bound_point(one: Requirement, values: np.ndarray, n_points: int) -> _Bounde
     Parameters
     ----------
     one, values : the requirement, and the values of its quantity, one for each seed
-    n_points : number of points of the study
     """
     mean = float(np.mean(values)) if np.isfinite(values).all() else math.nan
     sample = f"{len(values)} run{'s' * (len(values) != 1)}"
