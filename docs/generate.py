@@ -31,7 +31,7 @@ from rso_lidar.dataset.specification.distributions import Law
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.loop.service.requests import REQUESTS, CommandRequest
-from rso_lidar.mission_analysis import WAVELENGTHS_NM, list_materials
+from rso_lidar.mission_analysis import list_materials
 from rso_lidar.part import describe_type
 from rso_lidar.records import PART_CLASSES
 from rso_lidar.scenario import load_presets
@@ -695,10 +695,19 @@ def measured_materials() -> str:
 def shipped_materials() -> str:
     """Return the materials: what each is, its kind of BRDF, reflectance, and how well that is known."""
     rows = [
-        (f"`{line.name}`", line.what, line.kind, *(f"{share:.3g}" for share in line.reflectance), line.confidence)
+        (
+            f"`{line.name}`",
+            line.what,
+            line.kind,
+            *(f"{share:.3g}" for share in line.reflectance.values()),
+            line.confidence,
+        )
         for line in list_materials()
     ]
-    return _table(("material", "what it is", "BRDF", *(f"{nm:g} nm" for nm in WAVELENGTHS_NM), "confidence"), rows)
+    return _table(
+        ("material", "what it is", "BRDF", *(f"{nm:g} nm" for nm in list_materials()[0].reflectance), "confidence"),
+        rows,
+    )
 
 
 def model_sources() -> str:

@@ -19,10 +19,15 @@ def build_globe(title: str, start_utc: datetime.datetime, targets: list[str], pl
 
     Parameters
     ----------
-    title : name of the document.
-    start_utc : start of the run.
-    targets : names of the targets.
-    place : truth, batched over epochs.
+    title : name of the document
+    start_utc : start of the run
+    targets : names of the targets
+    place : truth of the run at its epochs (time), with the lidar; not of a local world
+
+    Returns
+    -------
+    list of dict
+        The packets, as `export.write_czml` writes them.
     """
     time_s = place.time_s
     fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
