@@ -15,7 +15,6 @@ if TYPE_CHECKING:
         simulate_drive,
     )
     from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
-    from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
     from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
     from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
     from rso_lidar.motion.attitudes.fmu_attitude import FmuAttitude
@@ -51,6 +50,7 @@ if TYPE_CHECKING:
         follows_plan,
         list_commands,
     )
+    from rso_lidar.orbit import write_aem, write_attitude_csv
 else:
     __getattr__ = export_lazily(__name__)
 

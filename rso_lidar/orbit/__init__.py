@@ -33,22 +33,14 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.orbit.ccsds.attitude_file import read_attitudes, write_aem, write_attitude_csv
     from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
-    from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, elapsed_from_ps, elapsed_s, read_csv_table
+    from rso_lidar.orbit.ccsds.csv_table import read_csv_table
     from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
-    from rso_lidar.orbit.ccsds.ephemeris_arc import EPHEMERIS_EDGE_S, list_ephemeris_objects
-    from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
-    from rso_lidar.orbit.ccsds.message import (
-        CcsdsMessage,
-        CcsdsSegment,
-        check_increasing,
-        parse_number,
-        select_segments,
-        usable_span_s,
-    )
-    from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
-    from rso_lidar.orbit.ccsds.reference_frames import parse_frame
+    from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
+    from rso_lidar.orbit.ccsds.reader import read_table_text
     from rso_lidar.orbit.ccsds.state_message import read_opm
+    from rso_lidar.orbit.ccsds.table_segment import locate_epochs
     from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
     from rso_lidar.orbit.central_body import (
         EARTH,
@@ -62,12 +54,12 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
     from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
     from rso_lidar.orbit.earth.access import Access, find_access
-    from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes, gcrs_from_eme2000
+    from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes
     from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
     from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
     from rso_lidar.orbit.earth.ellipsoid import Geodetic, geodetic_from_itrs, itrs_from_geodetic
     from rso_lidar.orbit.earth.ground import GroundStation, LookAngles, find_ground_track
-    from rso_lidar.orbit.epochs import Epochs, format_epochs, format_utc, parse_epoch_ps
+    from rso_lidar.orbit.epochs import Epochs, format_utc
     from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
     from rso_lidar.orbit.propagation.integrator import OdeSolution
     from rso_lidar.orbit.propagation.j2 import (
@@ -136,7 +128,7 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.two_body.izzo import Branch
     from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
     from rso_lidar.orbit.two_body.lambert import Transfer, Way, solve_lambert, solve_lambert_all
-    from rso_lidar.orbit.two_body.orbit_axes import rtn_axes, rtn_matrix
+    from rso_lidar.orbit.two_body.orbit_axes import rtn_axes, rtn_from_lvlh_ccsds, rtn_matrix
     from rso_lidar.orbit.two_body.osculating_elements import (
         OsculatingElements,
         elements_from_state,
@@ -149,7 +141,6 @@ __all__ = [
     "CATALOG_SUFFIXES",
     "DIFFERENCE_STEP_S",
     "EARTH",
-    "EPHEMERIS_EDGE_S",
     "J2",
     "REGIMES",
     "STALE_DAYS",
@@ -158,8 +149,6 @@ __all__ = [
     "Branch",
     "Burn",
     "Catalog",
-    "CcsdsMessage",
-    "CcsdsSegment",
     "CentralBody",
     "CloseApproach",
     "ConjunctionMessage",
@@ -207,17 +196,13 @@ __all__ = [
     "angle_outside_field_rad",
     "angle_rad",
     "beta_angle_rad",
-    "check_increasing",
     "check_radius",
-    "check_unit_quaternions",
     "convert_states",
     "describe_late",
     "differentiate",
     "earth_angular_radius_rad",
     "earth_limb_angle_rad",
     "eccentric_from_mean",
-    "elapsed_from_ps",
-    "elapsed_s",
     "elements_from_state",
     "equator_axes",
     "find_access",
@@ -229,31 +214,23 @@ __all__ = [
     "find_ground_track",
     "find_minimum",
     "find_spans_below",
-    "find_table",
-    "format_epochs",
-    "format_kvn",
     "format_utc",
     "foster_probability",
     "gcrs_from_axes",
-    "gcrs_from_eme2000",
     "gcrs_from_teme",
     "geodetic_from_itrs",
     "integrate_orbit",
     "is_earth_lit",
-    "is_message",
     "itrs_from_gcrs",
     "itrs_from_geodetic",
     "line_altitude_m",
     "list_ephemeris_objects",
-    "make_header",
+    "locate_epochs",
     "make_printable",
     "mean_from_osculating",
     "mean_from_true",
     "moon_position_m",
     "osculating_from_mean",
-    "parse_epoch_ps",
-    "parse_frame",
-    "parse_number",
     "parse_text",
     "phase_angle_rad",
     "propagate_in_teme",
@@ -262,19 +239,19 @@ __all__ = [
     "propagate_two_body",
     "quasi_nonsingular_from_state",
     "quote_set",
+    "read_attitudes",
     "read_csv_table",
     "read_element_sets",
-    "read_message",
     "read_opm",
     "read_table_text",
     "rotate_to_inertial",
     "rtn_axes",
+    "rtn_from_lvlh_ccsds",
     "rtn_matrix",
     "sample_collisions",
     "screen",
     "screen_pairs",
     "select_object",
-    "select_segments",
     "shadow_margins_rad",
     "solve_lambert",
     "solve_lambert_all",
@@ -288,7 +265,8 @@ __all__ = [
     "sunlit_fraction",
     "true_from_mean",
     "two_body_rates",
-    "usable_span_s",
+    "write_aem",
+    "write_attitude_csv",
     "write_ephemeris_csv",
     "write_oem",
 ]

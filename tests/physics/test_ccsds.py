@@ -12,7 +12,9 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import AttitudeTable, Body, truth
-from rso_lidar.orbit import Ephemeris, Epochs, Kepler, gcrs_from_eme2000, read_message
+from rso_lidar.orbit import Ephemeris, Epochs, Kepler
+from rso_lidar.orbit.ccsds.reader import read_message
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 
 # 502.0-B, annex: the OEM example of two segments and a covariance, about Mars
 MARS = """CCSDS_OEM_VERS = 3.0

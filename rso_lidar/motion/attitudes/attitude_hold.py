@@ -6,26 +6,18 @@ The result at one epoch has the same bits whichever other epochs are requested.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
+from rso_lidar.orbit import rtn_from_lvlh_ccsds
 from rso_lidar.part import Part, Quaternion, Vector
 from rso_lidar.pose import build_rotation, euler_zyx
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
-
-
-@cache
-def rtn_from_lvlh_ccsds() -> Rotation:
-    """Return the rotation from CCSDS axes to rtn: z (nadir) is rtn -x, y, along -(r x v), is rtn -z, x is rtn +y."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 class FixedAttitude(Part):

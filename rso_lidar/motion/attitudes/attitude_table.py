@@ -8,9 +8,8 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitudes.attitude_file import read_attitudes
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.orbit import EPHEMERIS_EDGE_S, elapsed_s, format_utc
+from rso_lidar.orbit import format_utc, locate_epochs, read_attitudes
 from rso_lidar.part import Part, Text
 
 
@@ -76,10 +75,7 @@ class AttitudeTable(Part):
         from scipy.spatial.transform import Rotation
 
         epochs, arcs = situation.epochs, read_attitudes(self.file, self.object, self.axes)
-        which = np.full(len(epochs), -1)
-        for number, arc in enumerate(arcs):
-            time_s = elapsed_s(epochs, arc.start_utc)
-            which[(time_s >= arc.begin_s - EPHEMERIS_EDGE_S) & (time_s <= arc.end_s + EPHEMERIS_EDGE_S)] = number
+        which = locate_epochs(arcs, epochs)
         bad = which < 0
         if bad.any():
             at = epochs.time_s[np.argmax(bad)]
@@ -96,7 +92,6 @@ class AttitudeTable(Part):
         for number in np.unique(which):
             rows = which == number
             arc = arcs[number]
-            time_s = np.clip(elapsed_s(epochs, arc.start_utc)[rows], arc.begin_s, arc.end_s)
-            rotation, rate[rows] = arc.at(time_s, self.interpolation)
+            rotation, rate[rows] = arc.interpolate(arc.clip_s(epochs)[rows], self.interpolation)
             quaternion[rows] = rotation.as_quat()
         return Orientation(Rotation.from_quat(quaternion), rate, in_origin=arcs[0].in_origin)

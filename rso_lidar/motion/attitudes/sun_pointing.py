@@ -8,10 +8,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitudes.attitude_hold import rtn_from_lvlh_ccsds
 from rso_lidar.motion.attitudes.look_at import PARALLEL_RAD, aim_axes
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.orbit import format_utc, sun_position_m
+from rso_lidar.orbit import format_utc, rtn_from_lvlh_ccsds, sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector
 from rso_lidar.pose import euler_zyx, rotate_vectors
 

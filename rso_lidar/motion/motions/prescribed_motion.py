@@ -15,7 +15,7 @@ from rso_lidar.files import MOST_BYTES, explain_unreadable, read_text
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
-from rso_lidar.orbit import Epochs, check_unit_quaternions, read_csv_table
+from rso_lidar.orbit import Epochs, read_csv_table
 from rso_lidar.part import Name, Text, Vector
 from rso_lidar.shipped import find
 
@@ -205,8 +205,7 @@ def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
     table = read_csv_table(text, str(path), (PLACE, TURN), (PLACE,))
     if table.start_utc is not None:
         raise ScenarioError(f"{path}: line 1: a table of positions needs the column time_s: give it, in seconds")
-    position_m, quaternion = table.stack(PLACE), table.stack(TURN)
+    position_m = table.stack(PLACE)
     assert position_m is not None
-    if quaternion is not None:
-        quaternion = check_unit_quaternions(str(path), quaternion, table.lines)
+    quaternion = table.stack_unit_quaternions(TURN) if TURN[0] in table.columns else None
     return TableRows(table.time_s, position_m, quaternion)

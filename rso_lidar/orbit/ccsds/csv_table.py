@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.orbit.ccsds.message import check_increasing, parse_number
-from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, parse_epoch_ps, tai_ps_from_utc
+from rso_lidar.orbit.epochs import PS_PER_S, floor_to_utc_second, parse_epoch_ps, tai_ps_from_utc
 from rso_lidar.part import UNIT_NORM_WITHIN
 
 TIMES = ("time_s", "utc", "epoch")
@@ -23,12 +23,14 @@ class TimedTable:
 
     Parameters
     ----------
+    where : name of the file, for messages
     start_utc : instant from which `time_s` counts, None for the start of the run
     time_s : (row,) [s]
     columns : (row,) values by name of column
     lines : line of each row in the file
     """
 
+    where: str
     start_utc: datetime.datetime | None
     time_s: np.ndarray
     columns: dict[str, np.ndarray]
@@ -38,10 +40,9 @@ class TimedTable:
         """Return columns side by side (row, n), or None if the table lacks them."""
         return np.stack([self.columns[name] for name in names], axis=-1) if names[0] in self.columns else None
 
-
-def elapsed_s(epochs: Epochs, start_utc: datetime.datetime | None) -> np.ndarray:
-    """Return the seconds (time,) from a table's start to the epochs."""
-    return epochs.time_s if start_utc is None else epochs.since(start_utc)
+    def stack_unit_quaternions(self, names: Sequence[str]) -> np.ndarray:
+        """Return four columns side by side (row, 4); `ScenarioError` if the norm of a row is not 1."""
+        return check_unit_quaternions(self.where, np.stack([self.columns[name] for name in names], axis=-1), self.lines)
 
 
 def elapsed_from_ps(
@@ -111,7 +112,7 @@ def read_csv_table(text: str, where: str, sets: Sequence[Sequence[str]], needed:
     lines = [line for line, _ in rows[1:]]
     check_increasing(where, stamps, lines)
     start, time_s = (None, np.array(times)) if times else elapsed_from_ps(stamps)
-    return TimedTable(start, time_s, {name: np.array(values) for name, values in columns.items()}, lines)
+    return TimedTable(where, start, time_s, {name: np.array(values) for name, values in columns.items()}, lines)
 
 
 def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[int]) -> np.ndarray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import functools
-import itertools
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,13 +26,13 @@ from rso_lidar.orbit.ccsds.message import (
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
 from rso_lidar.orbit.ccsds.reference_frames import freeze_axes, parse_frame
+from rso_lidar.orbit.ccsds.table_segment import TableSegment, sort_segments
 from rso_lidar.orbit.central_body import EARTH
 from rso_lidar.orbit.earth.axes import EarthAxes
 from rso_lidar.orbit.epochs import parse_epoch_ps
 from rso_lidar.pose import length
 
 DEGREE = 7
-EPHEMERIS_EDGE_S = 1e-8  # an epoch this close outside an edge counts as on it, because dates are rounded
 PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
 SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
 _LOWEST = 0.5  # Earth radii; a table whose rows are all below is of another unit
@@ -41,25 +40,16 @@ _LEAST_HERMITE = 3  # the cubic through two rows; one row alone does not interpo
 
 
 @dataclass(frozen=True, eq=False)
-class EphemerisArc:
-    """One segment of an ephemeris: rows at `time_s` from `start_utc`, usable from `begin_s` to `end_s`.
+class EphemerisArc(TableSegment):
+    """One segment of an ephemeris.
 
     Parameters
     ----------
-    where : file and line, for messages
-    start_utc : instant from which seconds count, None for the start of the run
-    begin_s, end_s : usable span [s]
-    time_s : (row,) [s]
     position_m, velocity_m_s : (row, 3) [m], [m/s]; the velocity may be None
     frame : its axes, see `parse_frame`
     interpolation, degree : those of the file, None if it states none
     """
 
-    where: str
-    start_utc: datetime.datetime | None
-    begin_s: float
-    end_s: float
-    time_s: np.ndarray
     position_m: np.ndarray
     velocity_m_s: np.ndarray | None
     frame: EarthAxes = "gcrs"
@@ -148,11 +138,7 @@ def read_arcs(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> 
         arcs = [_read_csv(text, str(path))]
     for arc in arcs:
         _check_distance(arc)
-    arcs.sort(key=lambda arc: arc.begin_s)
-    for before, after in itertools.pairwise(arcs):
-        if after.begin_s < before.end_s - EPHEMERIS_EDGE_S:
-            raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
-    return tuple(arcs)
+    return sort_segments(arcs)
 
 
 def _check_distance(arc: EphemerisArc) -> None:

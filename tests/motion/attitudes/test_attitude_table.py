@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.motion import AttitudeTable, Body, Fixed, LvlhCcsds, Tumble, truth, write_aem, write_attitude_csv
-from rso_lidar.orbit import Epochs, Kepler, gcrs_from_eme2000
+from rso_lidar.orbit import Epochs, Kepler
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 ORBIT = Kepler(

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit import ConjunctionMessage, gcrs_from_eme2000
+from rso_lidar.orbit import ConjunctionMessage
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 from rso_lidar.shipped import shipped
 
 TEXT = shipped("tle/flyby.cdm").read_text(encoding="ascii")

@@ -14,15 +14,15 @@ from rso_lidar.orbit import (
     Epochs,
     Kepler,
     find_ground_track,
-    find_table,
     gcrs_from_axes,
-    gcrs_from_eme2000,
     gcrs_from_teme,
     write_ephemeris_csv,
     write_oem,
 )
 from rso_lidar.orbit.ccsds.ephemeris_arc import read_arcs
 from rso_lidar.orbit.ccsds.interpolation import interpolate_hermite, interpolate_lagrange
+from rso_lidar.orbit.ccsds.reader import find_table
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 from rso_lidar.records import BodyState
 from tests.orbit.earth.earth_for_tests import finals
 

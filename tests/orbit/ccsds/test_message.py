@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.orbit import Epochs, format_epochs, format_kvn, parse_epoch_ps, read_message
-from rso_lidar.orbit.epochs import PS_PER_S, format_epoch_ps
+from rso_lidar.orbit import Epochs
+from rso_lidar.orbit.ccsds.kvn import format_kvn
+from rso_lidar.orbit.ccsds.reader import read_message
+from rso_lidar.orbit.epochs import PS_PER_S, format_epoch_ps, format_epochs, parse_epoch_ps
 
 HEAD = "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2024-01-01T00:00:00\nORIGINATOR = TEST\n"
 META = "META_START\nOBJECT_NAME = A\nOBJECT_ID = 2024-001A\nMETA_STOP\n"
