@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from rso_lidar.motion.attitudes.spin import Spin, Tumble
     from rso_lidar.motion.attitudes.spin_presets import load_spin_presets
     from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
-    from rso_lidar.motion.bodies.body import RESERVED, Axes, Body
-    from rso_lidar.motion.bodies.hinge import Angle, FixedAngle, FollowSun, HingeAxes, PlannedAngle
+    from rso_lidar.motion.bodies.body import RESERVED_AXES, Axes, Body
+    from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAngle, HingeAxes, PlannedAngle
     from rso_lidar.motion.bodies.orbital_axes import find_moon_m
     from rso_lidar.motion.bodies.order import find_center_of_body, sort_bodies
     from rso_lidar.motion.body_truth import Chief, truth
@@ -38,27 +38,19 @@ if TYPE_CHECKING:
     from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, check_angles, ptu_link, sense, start, step
     from rso_lidar.motion.light_time import apply_light_time
     from rso_lidar.motion.motions.fmu_motion import FmuMotion
-    from rso_lidar.motion.motions.motion import Motion, advise_on_motion, chief_of, has_orbit, summarize_motion
+    from rso_lidar.motion.motions.motion import Motion, advise_on_motion, chief_of, summarize_motion
     from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
     from rso_lidar.motion.motions.state_space import StateSpace
     from rso_lidar.motion.mount import Mount
-    from rso_lidar.motion.proximity import (
-        find_flight,
-        find_jumps_s,
-        find_nominal_flight,
-        find_plan,
-        follows_plan,
-        list_commands,
-    )
+    from rso_lidar.motion.proximity import find_flight, find_plan, list_commands
     from rso_lidar.orbit import write_aem, write_attitude_csv
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "RESERVED",
+    "RESERVED_AXES",
     "Aim",
     "AimState",
-    "Angle",
     "Attitude",
     "AttitudeTable",
     "Axes",
@@ -76,6 +68,7 @@ __all__ = [
     "FmuMotion",
     "FollowSun",
     "FollowerMotion",
+    "HingeAngle",
     "HingeAxes",
     "Ideal",
     "LookAt",
@@ -110,12 +103,8 @@ __all__ = [
     "find_center_of_body",
     "find_dynamics_file",
     "find_flight",
-    "find_jumps_s",
     "find_moon_m",
-    "find_nominal_flight",
     "find_plan",
-    "follows_plan",
-    "has_orbit",
     "lidar_from_ptu",
     "list_commands",
     "load_spin_presets",

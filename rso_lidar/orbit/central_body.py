@@ -2,7 +2,7 @@
 
 States are always in GCRS axes from the Earth's centre. A trajectory about another body has two more members:
 `central_body`, and `center_states(epochs)` with the state of that body's centre in the same axes. Their difference,
-`states_about_center`, is what orbital axes, elements and relative motions need.
+`subtract_center`, is what orbital axes, elements and relative motions need.
 """
 
 from __future__ import annotations
@@ -94,18 +94,6 @@ def find_center_states(trajectory: Any, epochs: Epochs) -> BodyState | None:
         return None
     found: BodyState = trajectory.center_states(epochs)
     return found
-
-
-def states_about_center(trajectory: Any, epochs: Epochs) -> BodyState:
-    """Return the states (time, 3) of a trajectory relative to the centre of its central body, in GCRS axes.
-
-    Parameters
-    ----------
-    trajectory : anything that answers `states`
-    epochs : instants
-    """
-    states: BodyState = trajectory.states(epochs)
-    return subtract_center(states, find_center_states(trajectory, epochs))
 
 
 def subtract_center(states: BodyState, center: BodyState | None) -> BodyState:

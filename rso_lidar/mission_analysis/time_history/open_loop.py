@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion, orbit, rpo, units
-from rso_lidar.motion import Chief, chief_of, find_jumps_s, find_plan
+from rso_lidar.motion import Chief, chief_of, find_flight, find_plan, list_commands
 from rso_lidar.orbit import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth, tabulate_truth
 from rso_lidar.scenario import Scenario
@@ -135,8 +135,17 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
         chain.append(by_name[relative_to])
     breaks: set[float] = set()
     for body in chain:
-        breaks |= find_jumps_s(body, scenario.bodies, *scenario.span)
+        breaks |= _find_jumps_s(scenario, body)
     return breaks
+
+
+def _find_jumps_s(scenario: Scenario, body: motion.Body) -> set[float]:
+    """Find the instants [s] at which the velocity of a body jumps."""
+    flight = find_flight(body, scenario.bodies, scenario.time.start_utc)
+    if flight is not None:
+        return {one.at_s for one in flight.list_maneuvers(scenario.span[1]) if isinstance(one, orbit.Impulse)}
+    planned = {float(one.time_s) for one in list_commands(body, scenario.bodies, *scenario.span)}
+    return planned | set(getattr(body.motion, "impulses_s", ()))
 
 
 def find_umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:

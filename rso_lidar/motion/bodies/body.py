@@ -11,7 +11,7 @@ from rso_lidar.motion.motions.motion import AnyMotion, has_orbit
 from rso_lidar.motion.mount import Mount
 from rso_lidar.part import Name, Part
 
-RESERVED = ("inertial", "follower", "ptu", "lidar", "sun_direction")
+RESERVED_AXES = ("inertial", "follower", "ptu", "lidar", "sun_direction")
 
 
 class Axes(Mount):

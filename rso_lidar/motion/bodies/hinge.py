@@ -82,7 +82,7 @@ class PlannedAngle(_AngleLaw):
         return self
 
 
-Angle = Annotated[FixedAngle | FollowSun | PlannedAngle, Field(discriminator="type")]
+HingeAngle = Annotated[FixedAngle | FollowSun | PlannedAngle, Field(discriminator="type")]
 
 
 class HingeAxes(Part):
@@ -103,7 +103,7 @@ class HingeAxes(Part):
     axis: Direction = Field(
         description="Direction of the hinge line, in body axes, of any length; rotation is right-handed."
     )
-    angle: Angle = Field(description="Law of the hinge angle.")
+    angle: HingeAngle = Field(description="Law of the hinge angle.")
 
     @model_validator(mode="after")
     def _check_name_and_normal(self) -> Self:

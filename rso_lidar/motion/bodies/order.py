@@ -5,7 +5,7 @@ from graphlib import CycleError, TopologicalSorter
 
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion.attitudes.situation import laws_of, looks_at, needs_orbit
-from rso_lidar.motion.bodies.body import RESERVED, Body
+from rso_lidar.motion.bodies.body import RESERVED_AXES, Body
 from rso_lidar.motion.motions.motion import chief_of, is_attached
 from rso_lidar.orbit import CentralBody, find_center
 from rso_lidar.part import kind_of
@@ -75,8 +75,10 @@ def list_dependencies(body: Body, bodies: Sequence[Body]) -> list[Body]:
 def _by_name(bodies: Sequence[Body]) -> dict[str, Body]:
     seen: set[str] = set()
     for axes in [axes for body in bodies for axes in body.axes]:
-        if axes.name in RESERVED:
-            raise ScenarioError(f"{axes.name}: this name of axes is reserved ({', '.join(RESERVED)}); choose another")
+        if axes.name in RESERVED_AXES:
+            raise ScenarioError(
+                f"{axes.name}: this name of axes is reserved ({', '.join(RESERVED_AXES)}); choose another"
+            )
     for name in [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]:
         if name in seen:
             raise ScenarioError(f"{name}: two bodies or axes have this name; rename one")

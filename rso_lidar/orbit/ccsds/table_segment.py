@@ -40,7 +40,8 @@ class TableSegment:
 
     def clip_s(self, epochs: Epochs) -> np.ndarray:
         """Return the seconds (time,) from the segment's start to the epochs, clipped to its usable span."""
-        return np.clip(self.elapsed_s(epochs), self.begin_s, self.end_s)
+        clipped: np.ndarray = np.clip(self.elapsed_s(epochs), self.begin_s, self.end_s)
+        return clipped
 
 
 _Segment = TypeVar("_Segment", bound=TableSegment)

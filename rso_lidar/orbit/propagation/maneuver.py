@@ -177,7 +177,7 @@ class Burn(Part):
         return 1.0, since_s - 0.5 * self.rise_s
 
 
-def describe_late(maneuvers: Sequence[Impulse | Burn], end_s: float) -> list[str]:
+def describe_late_maneuvers(maneuvers: Sequence[Impulse | Burn], end_s: float) -> list[str]:
     """Report maneuvers after the last frame: one line of advice, or none.
 
     Parameters

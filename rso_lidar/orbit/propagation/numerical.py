@@ -21,7 +21,7 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.orbit.propagation.j2 import J2
-from rso_lidar.orbit.propagation.maneuver import Axes3, Burn, Impulse, describe_late
+from rso_lidar.orbit.propagation.maneuver import Axes3, Burn, Impulse, describe_late_maneuvers
 from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
 from rso_lidar.orbit.two_body.kepler import Kepler, State
 from rso_lidar.part import Part
@@ -157,7 +157,7 @@ class Numerical(Part):
         -------
         one line of advice; empty if there are none
         """
-        return describe_late(self.maneuvers, end_s)
+        return describe_late_maneuvers(self.maneuvers, end_s)
 
     @property
     def impulses_s(self) -> tuple[float, ...]:

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.errors import CatalogError
+from rso_lidar.errors import CatalogError, make_printable, quote_value
 from rso_lidar.files import MOST_BYTES, explain_unreadable, read_bytes
-from rso_lidar.orbit.sets.element_set import ElementSet, make_printable, quote_set
+from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.omm_text import Found, KvnCollector, is_csv, read_csv, read_json, read_xml
 from rso_lidar.orbit.sets.selection import select_object
 from rso_lidar.orbit.sets.tle_text import decode_text, identify_element_line, read_set
@@ -23,7 +23,7 @@ _QUOTED_FROM, _MOST_QUOTED = 20_000, 120  # characters of a text without element
 def check_path(path: Any) -> str:
     """Check that a value is a path, and return it as text."""
     if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
-        raise CatalogError(f"catalogue: {quote_set(path)} is not a path: give the path of a file of element sets")
+        raise CatalogError(f"catalogue: {quote_value(path)} is not a path: give the path of a file of element sets")
     return os.fspath(path)
 
 
@@ -113,11 +113,11 @@ def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, 
     text = decode_text(content)
     if text is None:
         raise CatalogError(f"{path}: is not UTF-8 text: give a file of two-line element sets")
-    sets, junk = parse_text(text, str(path))
+    sets, junk = parse_element_sets(text, str(path))
     return tuple(sets), tuple(junk)
 
 
-def parse_text(text: str, where: str) -> Found:
+def parse_element_sets(text: str, where: str) -> Found:
     """Parse the element sets of a text, bad ones included, with a line for each part of it that is not a record."""
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
     start = text.lstrip()

@@ -15,8 +15,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 from xml.sax.saxutils import escape
 
-from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.sets.element_set import KEYS, KNOWN, REQUIRED, ElementSet, element_set_from_omm, make_printable
+from rso_lidar.errors import CatalogError, make_printable
+from rso_lidar.orbit.sets.element_set import KEYS, KNOWN, REQUIRED, ElementSet, element_set_from_omm
 
 Found = tuple[list[ElementSet], list[str]]
 

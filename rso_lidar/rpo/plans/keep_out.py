@@ -8,7 +8,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit import angle_off_axis_rad, find_minimum, find_spans_below
+from rso_lidar.orbit import angle_rad, find_minimum, find_spans_below
 from rso_lidar.part import Vector
 from rso_lidar.rpo.plans.plan import Plan
 
@@ -35,7 +35,7 @@ class KeepOutSphere:
         distance = np.sqrt(np.sum(position_m * position_m, axis=-1))
         clear: np.ndarray = distance - self.radius_m
         if self.axis is not None:
-            aside_rad = self.half_angle_deg * units.DEG - angle_off_axis_rad(position_m, np.array(self.axis))
+            aside_rad = self.half_angle_deg * units.DEG - angle_rad(position_m, np.array(self.axis))
             # the nearest point of a cone is its apex for whatever is a right angle or more from its surface
             clear = np.maximum(clear, distance * np.sin(np.clip(aside_rad, -0.5 * np.pi, 0.5 * np.pi)))
         return clear

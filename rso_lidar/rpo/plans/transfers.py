@@ -14,7 +14,17 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, add_place
-from rso_lidar.orbit import Branch, Epochs, Trajectory, Transfer, Way, find_center, propagate_two_body, solve_lambert
+from rso_lidar.orbit import (
+    Branch,
+    Epochs,
+    Trajectory,
+    Transfer,
+    Way,
+    find_center,
+    propagate_two_body,
+    rtn_matrix,
+    solve_lambert,
+)
 from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
@@ -24,7 +34,6 @@ from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast, make
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative import hill
 from rso_lidar.rpo.relative.reference_orbit import add_relative_state, find_relative_state
-from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 
 class Hop(ProximityOperation):

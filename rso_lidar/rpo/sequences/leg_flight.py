@@ -15,6 +15,7 @@ from rso_lidar.orbit import (
     mean_from_osculating,
     osculating_from_mean,
     propagate_j2_secular,
+    rtn_matrix,
     sun_position_m,
     sunlit_fraction,
 )
@@ -22,7 +23,6 @@ from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.plans.plan import Path
 from rso_lidar.rpo.relative.relative_elements import rotate_to_equator
-from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar.rpo import (
-    ORBIT,
-    THRUST,
+    ORBIT_STATES,
+    THRUST_STATES,
     DeviationFlow,
     FilterBank,
     HeldThrustErrors,
     NavigationErrors,
-    NominalFlight,
     apply_matrix,
 )
 from rso_lidar.study.dispersions.filter_nodes import FilterNodes
+from rso_lidar.study.dispersions.nominal_flight import NominalFlight
 
 _WEAK = 1e-3  # share of the strongest direction below which a component of the aim cannot be commanded
 TIE_S = 1e-6  # instants nearer than this are one
@@ -68,7 +68,9 @@ class DispersedFlight:
             self.thrust = HeldThrustErrors(self.flow.stage_s, flight.chief_axes, flight.control_m_s2, flight.thrusters)
         # (6, 4) what the errors of held thrust do to the next node
         self.held = {
-            node: self.flow.advance(node, np.zeros((ORBIT, THRUST)), self.thrust.make_push(np.eye(THRUST)))
+            node: self.flow.advance(
+                node, np.zeros((ORBIT_STATES, THRUST_STATES)), self.thrust.make_push(np.eye(THRUST_STATES))
+            )
             for node in range(len(self.node_s) - 1)
             if self.thrust is not None and self.find_leg(node) is not None
         }
@@ -101,7 +103,7 @@ class DispersedFlight:
         numbers : (6, run) standard normal; without rows where it has no errors
         """
         if self.target_root is None:
-            return np.zeros((ORBIT, numbers.shape[1]))
+            return np.zeros((ORBIT_STATES, numbers.shape[1]))
         return apply_matrix(self.target_root, numbers)
 
     def carry_target(self, node: int, deviations: np.ndarray) -> np.ndarray:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar.orbit import Epochs
-from rso_lidar.rpo import FilterBank, NominalFlight, RelativeFilter, ScalarUpdate, Thrusters, find_clear_views
+from rso_lidar.rpo import FilterBank, RelativeFilter, ScalarUpdate, Thrusters, find_clear_views
+from rso_lidar.study.dispersions.nominal_flight import NominalFlight
 
 PER_SENSOR = 3  # standard normal numbers of a measurement
 _TIE_S = 1e-6

@@ -9,19 +9,9 @@ from sgp4.model import Satrec
 from sgp4.propagation import sgp4init
 
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit import (
-    Catalog,
-    ElementSet,
-    Epochs,
-    Fleet,
-    SetSequence,
-    propagate_in_teme,
-    propagate_sgp4,
-    screen,
-    screen_pairs,
-)
+from rso_lidar.orbit import Catalog, ElementSet, Epochs, Fleet, SetSequence, propagate_sgp4, screen, screen_pairs
 from rso_lidar.orbit.sets.decay import _SECULAR, DecayTimes, _RadiusBounds
-from rso_lidar.orbit.sets.teme import MOST_AGE_S, find_decay_times
+from rso_lidar.orbit.sets.teme import MOST_AGE_S, find_decay_times, propagate_in_teme
 
 UTC = datetime.UTC
 DAY_S = 86_400.0
