@@ -379,11 +379,29 @@ class Chief:
         return find_center(self._chain[-1].motion)
 
     def center_states(self, epochs: Epochs) -> BodyState | None:
-        """Compute the states (time, 3) of the centre of that body in GCRS axes; None for the Earth."""
+        """Compute the states of the centre of that body.
+
+        Parameters
+        ----------
+        epochs : instants.
+
+        Returns
+        -------
+        position [m] and velocity [m/s], each (time, 3), in GCRS axes; None for the Earth.
+        """
         return find_center_states(self._chain[-1].motion, epochs)
 
     def list_breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants [s] at which the states of the body, or of one of its chiefs, have a jump or a corner."""
+        """Return the instants at which the states of the body, or of one of its chiefs, have a jump or a corner.
+
+        Parameters
+        ----------
+        epochs : instants that matter.
+
+        Returns
+        -------
+        (break,) times since the `start_utc` of `epochs` [s], in any order.
+        """
         return list_breaks_s(self._chain, epochs, Chief)
 
     @property

@@ -22,12 +22,12 @@ from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.proximity import find_flight, find_plan
 from rso_lidar.orbit import Epochs
 from rso_lidar.pose import ROOT, cross, length, quaternion_xyzw, rotate_vectors
-from rso_lidar.records import ANGULAR_ACCELERATION, ATTITUDE, DYNAMICS, PLACE, SKY, BodyMotion, BodyState, Truth
+from rso_lidar.records import BodyMotion, BodyState, MotionQuantity, Truth
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-_OF_ALL = frozenset({PLACE, SKY})  # what needs the truth of all bodies
+_OF_ALL = frozenset({MotionQuantity.PLACE, MotionQuantity.SKY})  # what needs the truth of all bodies
 _STEP_S = 1e-3  # of a difference quotient: rounding of 1e-12 becomes 1e-9 of the derivative
 
 
@@ -58,7 +58,7 @@ class FollowerMotion:
         Parameters
         ----------
         time_s : (time) instants, ascending, none after the present of the course [s].
-        reads : what is read of it, of `records.telemetry.ALL_READ`.
+        reads : what is read of it, as `MotionQuantity`.
         list_ahead : lists later instants [s], for which the axes of a chief without commands are computed ahead.
 
         Returns
@@ -86,17 +86,17 @@ class FollowerMotion:
             time_s,
             unread[:, :3] if state is None else np.broadcast_to(state.position_m, shape),
             unread[:, :3] if state is None else np.broadcast_to(state.velocity_m_s, shape),
-            quaternion_xyzw(_as_rotation(matrix)) if ATTITUDE in reads else unread,
+            quaternion_xyzw(_as_rotation(matrix)) if MotionQuantity.ATTITUDE in reads else unread,
             rate,
             force,
             angular_acceleration_rad_s2=(
                 _find_angular_acceleration(course, follower, time_s, flights, rate)
-                if ANGULAR_ACCELERATION in reads
+                if MotionQuantity.ANGULAR_ACCELERATION in reads
                 else None
             ),
-            **(_find_sky(course, truth, time_s) if truth and SKY in reads else {}),
-            targets=_find_targets(truth, follower) if truth and PLACE in reads else {},
-            dynamics=_list_dynamics(time_s, flights) if DYNAMICS in reads else {},
+            **(_find_sky(course, truth, time_s) if truth and MotionQuantity.SKY in reads else {}),
+            targets=_find_targets(truth, follower) if truth and MotionQuantity.PLACE in reads else {},
+            dynamics=_list_dynamics(time_s, flights) if MotionQuantity.DYNAMICS in reads else {},
         )
 
     def _follow_rigid_body(

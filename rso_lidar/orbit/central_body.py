@@ -72,7 +72,12 @@ def check_trajectory(trajectory: Any, name: str) -> None:
 
 
 def find_center(trajectory: Any) -> CentralBody:
-    """Return the body about which a trajectory goes: the Earth, unless it states another."""
+    """Return the body about which a trajectory goes: the Earth, unless it states another.
+
+    Parameters
+    ----------
+    trajectory : any object; one about another body has the attribute `central_body`
+    """
     found = getattr(trajectory, "central_body", None)
     return found if isinstance(found, CentralBody) else EARTH
 

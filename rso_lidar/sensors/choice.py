@@ -11,7 +11,7 @@ from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Seam, kind_of, make_answer_error, name_object, read_member, to_real_array
-from rso_lidar.records import ALL_READ, BodyMotion, SensorSamples, SensorState
+from rso_lidar.records import BodyMotion, MotionQuantity, SensorSamples, SensorState
 from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
 from rso_lidar.sensors.gnss import Gnss, RelativeGnss
 from rso_lidar.sensors.inertial import Accelerometer, Gyro
@@ -100,7 +100,7 @@ class SampleSchedule(NamedTuple):
 
 def get_reads(sensor: Any) -> frozenset[str]:
     """Return what a sensor reads of the follower's motion; a user's object may read everything."""
-    return sensor.reads if isinstance(sensor, SensorPart) else ALL_READ
+    return sensor.reads if isinstance(sensor, SensorPart) else frozenset(MotionQuantity)
 
 
 def get_look_back(sensor: Any) -> int:

@@ -15,7 +15,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.motion import Mount
 from rso_lidar.part import NotNegative, Positive
-from rso_lidar.records import ANGULAR_ACCELERATION, AccelerometerSamples, BodyMotion, GyroSamples, SensorState
+from rso_lidar.records import AccelerometerSamples, BodyMotion, GyroSamples, MotionQuantity, SensorState
 from rso_lidar.sensors.random_errors import ErrorProcess
 from rso_lidar.sensors.sensor_part import ErrorTerms, SensorPart, check_correlation, flicker
 
@@ -211,7 +211,7 @@ class Accelerometer(InertialTriad):
     @property
     def reads(self) -> frozenset[str]:
         """The angular acceleration, where the mount is away from the body's origin."""
-        return frozenset({ANGULAR_ACCELERATION} if any(self.mount.position_m) else ())
+        return frozenset({MotionQuantity.ANGULAR_ACCELERATION} if any(self.mount.position_m) else ())
 
     def measure(
         self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None

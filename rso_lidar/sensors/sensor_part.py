@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Name, NotNegative, Part, Positive, Text
-from rso_lidar.records import ALL_READ, BodyMotion, SensorState
+from rso_lidar.records import BodyMotion, MotionQuantity, SensorState
 from rso_lidar.sensors.presets import merge_preset
 from rso_lidar.sensors.random_errors import ErrorModel, ErrorProcess, draw_errors, make_model
 
@@ -82,7 +82,7 @@ class SensorPart(Part):
     @property
     def reads(self) -> frozenset[str]:
         """What the sensor reads of the follower's motion, beside its angular velocity and specific force."""
-        return ALL_READ
+        return frozenset(MotionQuantity)
 
     @property
     def look_back(self) -> int:

@@ -96,7 +96,18 @@ def locate_centroid(
 
 
 def select_target_points(cloud: np.ndarray, gate_m: float) -> np.ndarray:
-    """Select the points (…) of a cloud (…, 3) that are the target's: close together, in the fullest range window."""
+    """Select the points of a cloud that are the target's: close together, in the fullest range window.
+
+    Parameters
+    ----------
+    cloud : (…, 3) points from the lidar [m]; NaN where nothing came back
+    gate_m : depth and radius of the gate [m], about the size of the target
+
+    Returns
+    -------
+    numpy.ndarray
+        (…) bool, whether a point is selected
+    """
     range_m = np.sqrt((cloud**2).sum(axis=-1))
     rising = np.sort(range_m[np.isfinite(range_m)])
     if not rising.size:

@@ -32,14 +32,32 @@ def _check_dynamics(value: Any) -> Any:
 
 
 def name_function(value: Any) -> str:
-    """Return the name of a function, such as `package.module:name`, by which it can be found again."""
+    """Return the name of a function by which it can be found again.
+
+    Parameters
+    ----------
+    value : a function ``f(t, x, u)``, or its name as a scenario gives it
+
+    Returns
+    -------
+    the name, such as `package.module:name` or `file.py:name`; that of a lambda contains "<"
+    """
     if isinstance(value, str):
         return value
     return f"{getattr(value, '__module__', '?')}:{getattr(value, '__qualname__', type(value).__qualname__)}"
 
 
 def find_dynamics_file(dynamics: Any) -> str | None:
-    """Return the Python file in the name of a function; None if the name has none."""
+    """Return the Python file in the name of a function.
+
+    Parameters
+    ----------
+    dynamics : a function ``f(t, x, u)``, or its name as a scenario gives it
+
+    Returns
+    -------
+    path as the name gives it; None for a function itself, or the name of one in a package
+    """
     place = dynamics.rpartition(":")[0] if isinstance(dynamics, str) else ""
     return place if place.endswith(".py") else None
 

@@ -65,7 +65,7 @@ class Motion(Protocol):
     - ``breaks_s(epochs)``: instants [s since `start_utc`] at which the state has a jump or a corner, or begins or ends.
       No finite difference reaches across one.
     - ``validity(epochs)``: a sentence for each limit of the model that is exceeded; it becomes a warning.
-    - ``summarize_motion(start_utc)``: the motion in a few words, for the description of a scenario.
+    - ``summarize(start_utc)``: the motion in a few words, for the description of a scenario.
 
     `examples/seams/own_motion.py` is an example.
     """
@@ -201,9 +201,7 @@ def summarize_motion(motion: Any, start_utc: datetime.datetime) -> str:
     -------
     a few words.
     """
-    text = check_text(
-        motion, "summarize_motion", call_member(motion, "summarize_motion", start_utc, default=kind_of(motion))
-    )
+    text = check_text(motion, "summarize", call_member(motion, "summarize", start_utc, default=kind_of(motion)))
     return text if chief_of(motion) is None else f"{text} relative to {chief_of(motion)}"
 
 
@@ -219,4 +217,4 @@ def advise_on_motion(part: Any, end_s: float) -> list[str]:
     -------
     one line for each mistake.
     """
-    return check_lines(part, "advise_on_motion", call_member(part, "advise_on_motion", end_s, default=[]))
+    return check_lines(part, "advise", call_member(part, "advise", end_s, default=[]))

@@ -110,7 +110,13 @@ def read_attitudes(file: str, wanted: str | None, axes: str | None) -> tuple[Att
 def _read_file(
     path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: str | None
 ) -> tuple[AttitudeSegment, ...]:
-    """Read a table of attitudes; modification time [ns] and size [bytes] are the key of the cache."""
+    """Read a table of attitudes, cached until the file changes.
+
+    Parameters
+    ----------
+    path, wanted, axes : as for `read_attitudes`
+    _modified_ns, _size : modification time and size of the file, the key of the cache
+    """
     text = read_table_text(path)
     if not is_message(text):
         if wanted is not None:
@@ -128,7 +134,13 @@ def _read_file(
 
 
 def _read_csv(text: str, where: str, axes: str) -> AttitudeSegment:
-    """Read a CSV table as one segment; quaternions in "lvlh_ccsds" axes are converted to rtn."""
+    """Read a CSV table as one segment.
+
+    Parameters
+    ----------
+    text, where : content and name of the file
+    axes : "inertial", "rtn" or "lvlh_ccsds", which are converted to rtn
+    """
     from scipy.spatial.transform import Rotation
 
     table = read_csv_table(text, where, (_QUATERNION,), (_QUATERNION,))
@@ -144,6 +156,7 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
 
     Parameters
     ----------
+    message, segment : the message and its segment
     start_utc : instant from which all times count; None for the first row of this segment
     """
     from scipy.spatial.transform import Rotation

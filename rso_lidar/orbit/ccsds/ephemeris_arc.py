@@ -98,7 +98,16 @@ class EphemerisArc(TableSegment):
 
 
 def list_ephemeris_objects(file: str) -> list[str]:
-    """List the names of the objects of an OEM; none for a CSV table, which holds one object without a name.
+    """List the names of the objects of an ephemeris.
+
+    Parameters
+    ----------
+    file : path of an OEM or of a CSV table, in the working folder or among the shipped data
+
+    Returns
+    -------
+    list of str
+        names in the order of the file; empty for a CSV table, which holds one object without a name
 
     Raises
     ------

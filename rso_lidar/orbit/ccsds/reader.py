@@ -38,6 +38,15 @@ def find_table(file: str) -> tuple[Path, int, int]:
 def read_table_text(path: Path) -> str:
     """Read the text of a table: UTF-8, or UTF-16 with its byte-order mark, and either of them compressed by gzip.
 
+    Parameters
+    ----------
+    path : path of the file
+
+    Returns
+    -------
+    str
+        its text, with line feeds only
+
     Raises
     ------
     ScenarioError

@@ -130,6 +130,15 @@ class UncertainSeparation:
 def check_radius(radius_m: Any) -> float:
     """Check the combined hard-body radius of two objects, the sum of both radii.
 
+    Parameters
+    ----------
+    radius_m : the radius [m]
+
+    Returns
+    -------
+    float
+        the same radius [m]
+
     Raises
     ------
     ScenarioError

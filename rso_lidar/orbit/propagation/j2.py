@@ -98,9 +98,13 @@ class J2(ClassicalElements):
 
 
 def quasi_nonsingular_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-    """Convert states (…, 3) [m], [m/s] to quasi-nonsingular elements.
+    """Convert states to quasi-nonsingular elements.
 
     On the equator the node is at +x. The conversion is purely geometric: a mean state gives mean elements.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (…, 3) states in axes whose z is the Earth's pole [m], [m/s]
 
     Returns
     -------
@@ -114,7 +118,16 @@ def quasi_nonsingular_from_state(position_m: np.ndarray, velocity_m_s: np.ndarra
 
 
 def state_from_quasi_nonsingular(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Convert rows (…, 6) to position [m] and velocity [m/s] (…, 3); the inverse of `quasi_nonsingular_from_state`."""
+    """Convert quasi-nonsingular elements to states; the inverse of `quasi_nonsingular_from_state`.
+
+    Parameters
+    ----------
+    rows : (…, 6) rows [a_m, latitude_rad, ex, ey, inclination_rad, raan_rad] in axes whose z is the Earth's pole
+
+    Returns
+    -------
+    position_m, velocity_m_s : (…, 3) in the same axes [m], [m/s]
+    """
     a, latitude, ex, ey, inclination, raan = np.moveaxis(np.asarray(rows, dtype=float), -1, 0)
     e, perigee = np.hypot(ex, ey), np.arctan2(ey, ex)
     return state_from_elements(

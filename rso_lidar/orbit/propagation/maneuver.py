@@ -178,12 +178,17 @@ class Burn(Part):
 
 
 def describe_late_maneuvers(maneuvers: Sequence[Impulse | Burn], end_s: float) -> list[str]:
-    """Report maneuvers after the last frame: one line of advice, or none.
+    """Describe the maneuvers that come after the last frame.
 
     Parameters
     ----------
     maneuvers : impulses and burns
     end_s : time of the last frame [s]
+
+    Returns
+    -------
+    list of str
+        one line of advice; empty if there are none
     """
     late = [one for one in maneuvers if one.edges_s[0] > end_s]
     if not late:

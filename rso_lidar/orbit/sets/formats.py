@@ -28,7 +28,22 @@ def check_path(path: Any) -> str:
 
 
 def read_element_sets(path: str | Path) -> list[ElementSet]:
-    """Read every element set of a catalogue, bad ones with their `problem`; a file without any raises `CatalogError`."""
+    """Read every element set of a file, bad ones included.
+
+    Parameters
+    ----------
+    path : path of the file, in any of the formats of `Catalog.from_file`
+
+    Returns
+    -------
+    list of ElementSet
+        sets in the order of the file, bad ones with their `problem`
+
+    Raises
+    ------
+    CatalogError
+        if the file cannot be read, or holds no record
+    """
     return list(read_file(Path(check_path(path)))[0])
 
 
@@ -118,7 +133,22 @@ def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, 
 
 
 def parse_element_sets(text: str, where: str) -> Found:
-    """Parse the element sets of a text, bad ones included, with a line for each part of it that is not a record."""
+    """Parse the element sets of a text, bad ones included.
+
+    Parameters
+    ----------
+    text : element sets as TLE, 3LE, or OMM in JSON, CSV, XML or KVN
+    where : name of the text, for messages
+
+    Returns
+    -------
+    sets, junk : the element sets, bad ones with their `problem`, and a line for each part of the text that is no record
+
+    Raises
+    ------
+    CatalogError
+        if the text is empty or holds no record
+    """
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
     start = text.lstrip()
     if not start:

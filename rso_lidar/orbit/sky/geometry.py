@@ -14,7 +14,16 @@ from rso_lidar.records import BodyState
 
 
 def angle_rad(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the angle (…) [rad] between vectors (…, 3) of any length, accurate to rounding near 0 and pi too."""
+    """Return the angle between vectors, accurate to rounding near 0 and pi too.
+
+    Parameters
+    ----------
+    a, b : (…, 3) vectors of any length in common axes
+
+    Returns
+    -------
+    (…) [rad]
+    """
     across = np.cross(a, b)
     angle: np.ndarray = np.arctan2(np.sqrt(np.sum(across * across, axis=-1)), np.sum(a * b, axis=-1))
     return angle

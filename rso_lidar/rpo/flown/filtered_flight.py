@@ -17,8 +17,6 @@ from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
 from rso_lidar.rpo.relative.deviation_flow import DeviationFlow, Path
 from rso_lidar.rpo.relative.reference_orbit import ReferenceOrbit
 
-_TIE_S = 1e-6  # instants nearer than this are one
-
 
 @dataclass(frozen=True, eq=False)
 class CarriedBurn:
@@ -118,7 +116,7 @@ class FilteredFlight:
         edges = [edge for one in self._held for edge in one.edges_s if begin_s < edge < now_s]
         middles = [one.middle_s for one in burns]
         nodes = np.unique(np.concatenate([[begin_s, now_s], instants, edges, middles]))
-        nodes = nodes[np.append(True, np.diff(nodes) > _TIE_S)]
+        nodes = nodes[np.append(True, np.diff(nodes) > DeviationFlow.TIE_S)]
         if len(nodes) < 2:
             return
         path: Path = lambda time_s: orbit(time_s)[:, :3]  # noqa: E731
@@ -133,10 +131,10 @@ class FilteredFlight:
         held = [(leg, self._find_errors(leg, flow.stage_s)) for leg in legs]
         for k in range(len(nodes) - 1):
             for burn in burns:
-                if abs(burn.middle_s - nodes[k]) <= _TIE_S:
+                if abs(burn.middle_s - nodes[k]) <= DeviationFlow.TIE_S:
                     self._add_burn(burn, axes[k])
             self._step(flow, k, held)
-            if np.any(np.abs(instants - nodes[k + 1]) <= _TIE_S):
+            if np.any(np.abs(instants - nodes[k + 1]) <= DeviationFlow.TIE_S):
                 self._measure(float(nodes[k + 1]), rows[k + 1], away_m[k + 1], clear[k + 1])
 
     def _find_axes(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -170,7 +168,7 @@ class FilteredFlight:
         thrust = None
         for leg, errors in held:
             if leg.from_s <= 0.5 * (begin_s + end_s) < leg.until_s:
-                if abs(leg.from_s - begin_s) <= _TIE_S:
+                if abs(leg.from_s - begin_s) <= DeviationFlow.TIE_S:
                     self._bank.begin_leg()
                     drawn = make_generator(self._seed, HELD_LEGS, leg.number).standard_normal(THRUST_STATES)
                     self._true_thrust = drawn[:, None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, Protocol, Self, runtime_checkable
+from typing import Annotated, ClassVar, Literal, Protocol, Self, runtime_checkable
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,7 +18,6 @@ from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 Predict = Callable[[float, Sequence[PlannedImpulse]], tuple[np.ndarray, np.ndarray]]
-_WEAK = 1e-3  # share of the strongest direction below which a component of the aim cannot be commanded
 _CLOSE_M = 1e-4  # miss at which the search for a velocity ends
 _MOST_STEPS = 25
 _SHORTEST_S = 1e-3  # from a correction to its aim
@@ -90,6 +89,7 @@ class TwoImpulseGuidance(Part):
     velocity reaches, such as the one across the track after half a revolution, is left alone.
     """
 
+    WEAK_SHARE: ClassVar[float] = 1e-3  # of the strongest direction; a weaker component of the aim is not commanded
     type: Literal["two_impulse"] = "two_impulse"
     at_s: tuple[Wait, ...] | None = Field(
         default=None, description="Instants of the corrections [s]. Give exactly one of this and `every_s`."
@@ -233,7 +233,7 @@ class Steering:
         for rows in (slice(0, 2), slice(2, 3)):
             block = self.reach_s[rows, rows] / min(self._duration_s, 1.0 / self._n)
             u, strength, w = np.linalg.svd(block)
-            usable = strength > _WEAK * max(1.0, strength[0])
+            usable = strength > TwoImpulseGuidance.WEAK_SHARE * max(1.0, strength[0])
             along = np.where(usable, (u.T @ gap_m[rows]) / np.where(usable, strength, 1.0), 0.0)
             change[rows] = w.T @ along / min(self._duration_s, 1.0 / self._n)
         return change

@@ -173,13 +173,19 @@ AnyNavigationSensor = Annotated[NavigationLidar | NavigationCamera, Field(discri
 def find_clear_views(
     sensors: tuple[NavigationLidar | NavigationCamera, ...], epochs: Epochs, target_m: np.ndarray, craft_m: np.ndarray
 ) -> np.ndarray:
-    """Find when the Sun lets sensors measure (time, sensor).
+    """Find when the Sun lets sensors measure.
 
     Parameters
     ----------
     sensors : of navigation
     epochs : instants (time,)
     target_m, craft_m : positions (time, 3) [m], inertial axes
+
+    Returns
+    -------
+    numpy.ndarray
+        (time, sensor) bool, whether the Sun is outside the sensor's exclusion angle and lights the target where that is
+        needed
     """
     sun_m = sun_position_m(epochs)
     lit = sunlit_fraction(target_m, sun_m) >= _LIT

@@ -89,7 +89,16 @@ class ReferenceOrbit:
         return BodyState(rows[:, :3], rows[:, 3:])
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants of the chief's own maneuvers [s]."""
+        """Return the instants at which the chief's own maneuvers begin, end or change.
+
+        Parameters
+        ----------
+        epochs : not used
+
+        Returns
+        -------
+        (break,) times since `start_utc` [s]
+        """
         return np.array([edge_s for one in self.maneuvers for edge_s in one.edges_s])
 
     def express(self, body: BodyState, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:

@@ -197,12 +197,17 @@ def describe_forces(forces: Forces | None) -> str:
 
 
 def format_fit_row(head: str, values: np.ndarray, form: str) -> str:
-    """Format a row of a table: a heading and numbers.
+    """Format a row of the table of a fit: a heading and numbers.
 
     Parameters
     ----------
-    head : heading.
-    values : numbers.
-    form : format of each.
+    head : heading, padded to 16 characters
+    values : (n,) numbers
+    form : format of each number, as after the colon of an f-string
+
+    Returns
+    -------
+    str
+        the row
     """
     return f"{head:<16}" + "  ".join(f"{value:{form}}" for value in values)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from rso_lidar.rpo import (
 from rso_lidar.track.least_squares.estimated_orbit import STEPS, EstimatedOrbit, propagate_state
 
 RelativeModel = Literal["nonlinear", "yamanaka_ankersen", "hill"]
-RELATIVE_MODELS: tuple[RelativeModel, ...] = ("nonlinear", "yamanaka_ankersen", "hill")
+RELATIVE_MODELS: tuple[RelativeModel, ...] = get_args(RelativeModel)
 _MOST_PASSES, _CLOSE_M = 20, 1e-7  # each pass divides the error by the ratio of orbit radius and distance
 
 
