@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
     from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
     from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
-    from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, check_angles, ptu_link, sense, start, step
+    from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, check_angles, make_ptu_link, sense, start, step
     from rso_lidar.motion.light_time import apply_light_time
     from rso_lidar.motion.motions.fmu_motion import FmuMotion
-    from rso_lidar.motion.motions.motion import Motion, advise_on_motion, chief_of, summarize_motion
+    from rso_lidar.motion.motions.motion import Motion, advise_on_motion, get_chief_name, summarize_motion
     from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
     from rso_lidar.motion.motions.state_space import StateSpace
     from rso_lidar.motion.mount import Mount
@@ -97,7 +97,6 @@ __all__ = [
     "advise_on_motion",
     "apply_light_time",
     "check_angles",
-    "chief_of",
     "compute_demand",
     "count_dynamics",
     "find_center_of_body",
@@ -105,12 +104,13 @@ __all__ = [
     "find_flight",
     "find_moon_m",
     "find_plan",
+    "get_chief_name",
     "lidar_from_ptu",
     "list_commands",
     "load_spin_presets",
     "make_demand",
+    "make_ptu_link",
     "name_function",
-    "ptu_link",
     "sense",
     "simulate_drive",
     "sort_bodies",

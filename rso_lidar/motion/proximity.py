@@ -21,13 +21,13 @@ def find_plan(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) 
 
     Parameters
     ----------
-    body : the body.
-    bodies : all bodies of the scenario.
-    start_utc : start of the plan.
+    body : the body
+    bodies : all bodies of the scenario
+    start_utc : start of the plan
 
     Returns
     -------
-    the plan; None for any other motion.
+    the plan; None for any other motion
     """
     if isinstance(body.motion, Flown):
         return body.motion.make_plan(start_utc, Chief(bodies, body.motion.relative_to))
@@ -41,13 +41,13 @@ def find_flight(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime
 
     Parameters
     ----------
-    body : the body.
-    bodies : all bodies of the scenario.
-    start_utc : start of the plan.
+    body : the body
+    bodies : all bodies of the scenario
+    start_utc : start of the plan
 
     Returns
     -------
-    the flight; None for any other motion.
+    the flight; None for any other motion
     """
     if not isinstance(body.motion, Flown):
         return None
@@ -61,14 +61,14 @@ def list_commands(
 
     Parameters
     ----------
-    body : the body.
-    bodies : all bodies of the scenario.
-    start_utc : start of the plan.
-    until_s : last instant of interest [s].
+    body : the body
+    bodies : all bodies of the scenario
+    start_utc : start of the plan
+    until_s : last instant of interest [s]
 
     Returns
     -------
-    impulses in the rtn axes of the body that is approached; none for any other motion.
+    impulses in the rtn axes of the body that is approached; none for any other motion
     """
     flight = find_flight(body, bodies, start_utc)
     if flight is not None:

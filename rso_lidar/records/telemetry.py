@@ -67,7 +67,7 @@ class BodyMotion(Record):
 
         Parameters
         ----------
-        epochs : their indices.
+        epochs : their indices
         """
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         arrays = {name: value[epochs] for name, value in values.items() if isinstance(value, np.ndarray)}
@@ -166,11 +166,11 @@ def join_samples(measured: Sequence[Mapping[str, SensorSamples]]) -> dict[str, S
 
     Parameters
     ----------
-    measured : samples of each interval, by name of the sensor.
+    measured : samples of each interval, by name of the sensor
 
     Returns
     -------
-    samples by name of the sensor.
+    samples by name of the sensor
     """
     series: dict[str, list[SensorSamples]] = {}
     for some in measured:

@@ -88,14 +88,14 @@ def tabulate_truth(
 
     Parameters
     ----------
-    truth : where everything is, a batch of epochs.
-    targets : names of the targets to tabulate.
-    utc : the instants as text (time).
-    angles : PTU angles at each instant.
+    truth : where everything is, a batch of epochs
+    targets : names of the targets to tabulate
+    utc : the instants as text (time)
+    angles : PTU angles at each instant
 
     Returns
     -------
-    The columns; ``utc`` is text, and all others are numbers.
+    The columns; ``utc`` is text, and all others are numbers
     """
     n = truth.time_s.size
     table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": utc}

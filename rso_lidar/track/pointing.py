@@ -87,12 +87,12 @@ class Pointing:
 
         Parameters
         ----------
-        toward : direction (3,) in PTU axes, of any length.
-        pan, tilt : measured angles [rad].
+        toward : direction (3,) in PTU axes, of any length
+        pan, tilt : measured angles [rad]
 
         Returns
         -------
-        pan and tilt (2,) [rad].
+        pan and tilt (2,) [rad]
         """
         x, y, z = (toward / np.linalg.norm(toward)).tolist()
         x, z = x * math.cos(tilt) - z * math.sin(tilt), x * math.sin(tilt) + z * math.cos(tilt)
@@ -110,9 +110,9 @@ class Pointing:
 
         Parameters
         ----------
-        time_s : instant of the measurement [s].
-        angle : pan and tilt (2,) to the target [rad].
-        measured : pan and tilt (2,) of the encoders [rad].
+        time_s : instant of the measurement [s]
+        angle : pan and tilt (2,) to the target [rad]
+        measured : pan and tilt (2,) of the encoders [rad]
         """
         n, dt = self._seen, time_s - self._time_s
         self._seen, self._time_s = n + 1, time_s
@@ -132,13 +132,13 @@ def find_cluster(reading: Reading, gate_m: float, min_pixels: int) -> np.ndarray
 
     Parameters
     ----------
-    reading : of the sensor.
-    gate_m : depth of the window, and greatest difference to a neighbour [m].
-    min_pixels : fewest returns that make a target.
+    reading : of the sensor
+    gate_m : depth of the window, and greatest difference to a neighbour [m]
+    min_pixels : fewest returns that make a target
 
     Returns
     -------
-    mask (row, col) of the returns, empty without a target.
+    mask (row, col) of the returns, empty without a target
     """
     ranges = reading.range_m.astype(float)
     framed = np.pad(ranges, 1, constant_values=np.nan)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion, orbit, rpo, units
-from rso_lidar.motion import Chief, chief_of, find_flight, find_plan, list_commands
+from rso_lidar.motion import Chief, find_flight, find_plan, get_chief_name, list_commands
 from rso_lidar.orbit import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth, tabulate_truth
 from rso_lidar.scenario import Scenario
@@ -92,7 +92,7 @@ def format_utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
 def find_mission_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
     """Return the plan of the follower's proximity operation about `target`; None for another motion."""
     follower = scenario.bodies[-1]
-    if chief_of(follower.motion) != target:
+    if get_chief_name(follower.motion) != target:
         return None
     with scenario.locate_errors("follower.motion"):
         return find_plan(follower, scenario.bodies, scenario.time.start_utc)
@@ -131,7 +131,7 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
     """Find the times [s] of velocity jumps of a body: its impulses, and those of bodies that its motion is relative to."""
     by_name = {body.name: body for body in scenario.bodies}
     chain: list[Any] = [by_name[name]]
-    while (relative_to := chief_of(chain[-1].motion)) is not None:
+    while (relative_to := get_chief_name(chain[-1].motion)) is not None:
         chain.append(by_name[relative_to])
     breaks: set[float] = set()
     for body in chain:

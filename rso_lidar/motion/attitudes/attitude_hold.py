@@ -51,11 +51,11 @@ class FixedAttitude(Part):
 
         Parameters
         ----------
-        time_s : instants (…) [s].
+        time_s : instants (…) [s]
 
         Returns
         -------
-        axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s].
+        axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s]
         """
         return self.rotation, np.zeros((*np.shape(time_s), 3))
 
@@ -81,7 +81,7 @@ class Rtn(Part):
 
         Returns
         -------
-        rotation rtn_from_body.
+        rotation rtn_from_body
 
         Examples
         --------
@@ -109,7 +109,7 @@ class LvlhCcsds(Part):
 
         Returns
         -------
-        rotation rtn_from_body.
+        rotation rtn_from_body
 
         Examples
         --------

@@ -59,18 +59,18 @@ class AttitudeTable(Part):
 
         Parameters
         ----------
-        situation : epochs and orbit of the body.
+        situation : epochs and orbit of the body
 
         Returns
         -------
-        attitude and body rates in the axes of the table: root or rtn.
+        attitude and body rates in the axes of the table: root or rtn
 
         Raises
         ------
         PropagationError
-            If an epoch is outside the table.
+            If an epoch is outside the table
         ScenarioError
-            If the table is in rtn axes and the body has no orbit, or if the file is invalid.
+            If the table is in rtn axes and the body has no orbit, or if the file is invalid
         """
         from scipy.spatial.transform import Rotation
 

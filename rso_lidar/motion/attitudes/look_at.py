@@ -54,19 +54,19 @@ def aim_axes(
 
     Parameters
     ----------
-    line_of_sight : (…, 3) from the body to its target, root axes [m].
-    line_of_sight_rate : (…, 3) its rate in root axes [m/s].
-    up : (…, 3) direction of any length, root axes.
-    up_rate : (…, 3) its rate [1/s in the unit of `up`]; None for a constant direction.
+    line_of_sight : (…, 3) from the body to its target, root axes [m]
+    line_of_sight_rate : (…, 3) its rate in root axes [m/s]
+    up : (…, 3) direction of any length, root axes
+    up_rate : (…, 3) its rate [1/s in the unit of `up`]; None for a constant direction
 
     Returns
     -------
-    inertial_from_body (…), and body rates (…, 3) [rad/s].
+    inertial_from_body (…), and body rates (…, 3) [rad/s]
 
     Raises
     ------
     ScenarioError
-        If the target is at the body's position, or `up` is parallel to the line of sight.
+        If the target is at the body's position, or `up` is parallel to the line of sight
 
     Examples
     --------

@@ -91,11 +91,11 @@ class Spin(Part):
 
         Parameters
         ----------
-        time_s : instants (…) [s].
+        time_s : instants (…) [s]
 
         Returns
         -------
-        axes_from_body (…), and the body rates (…, 3) [rad/s] relative to those axes.
+        axes_from_body (…), and the body rates (…, 3) [rad/s] relative to those axes
 
         Examples
         --------
@@ -183,11 +183,11 @@ class Tumble(Part):
 
         Parameters
         ----------
-        time_s : instants, a number or (time,) [s].
+        time_s : instants, a number or (time,) [s]
 
         Returns
         -------
-        inertial_from_body, and the body rates (…, 3) [rad/s].
+        inertial_from_body, and the body rates (…, 3) [rad/s]
         """
         from scipy.spatial.transform import Rotation
 

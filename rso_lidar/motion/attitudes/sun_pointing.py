@@ -58,18 +58,18 @@ class SunPointing(Part):
 
         Parameters
         ----------
-        situation : of the body, with the direction to the Sun.
+        situation : of the body, with the direction to the Sun
 
         Returns
         -------
-        attitude and body rates in root axes.
+        attitude and body rates in root axes
 
         Raises
         ------
         PropagationError
-            If the Sun is within 1e-6 rad of `up`.
+            If the Sun is within 1e-6 rad of `up`
         ScenarioError
-            If a local world has no Sun.
+            If a local world has no Sun
         """
         line, line_rate = sun_line(situation, "sun_pointing")
         up = situation.upward if self.up is None else np.broadcast_to(np.array(self.up, dtype=float), line.shape)
@@ -114,18 +114,18 @@ class Nadir(Part):
 
         Parameters
         ----------
-        situation : of the body, with its rtn axes and the direction to the Sun.
+        situation : of the body, with its rtn axes and the direction to the Sun
 
         Returns
         -------
-        attitude and body rates in rtn axes.
+        attitude and body rates in rtn axes
 
         Raises
         ------
         ScenarioError
-            If the body has no orbit.
+            If the body has no orbit
         PropagationError
-            If the Sun is within 1e-6 rad of zenith or nadir under yaw steering.
+            If the Sun is within 1e-6 rad of zenith or nadir under yaw steering
         """
         from scipy.spatial.transform import Rotation
 
@@ -181,15 +181,15 @@ def _refuse(situation: Situation, bad: np.ndarray, what: str, cure: str) -> None
 
     Parameters
     ----------
-    situation : of the body.
-    bad : mask (time) of these epochs.
-    what : what is undetermined, for the message.
-    cure : what to do, for the message.
+    situation : of the body
+    bad : mask (time) of these epochs
+    what : what is undetermined, for the message
+    cure : what to do, for the message
 
     Raises
     ------
     PropagationError
-        If `bad` is true anywhere.
+        If `bad` is true anywhere
     """
     if bad.any():
         at = situation.epochs.time_s[np.argmax(bad)]

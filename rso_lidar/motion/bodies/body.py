@@ -68,11 +68,11 @@ class Body(Part):
 
         Parameters
         ----------
-        joint : a hinge of this body.
+        joint : a hinge of this body
 
         Returns
         -------
-        ``<body>.<hinge>``.
+        ``<body>.<hinge>``
         """
         return f"{self.name}.{joint.name}"
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.motions.motion import chief_of
+from rso_lidar.motion.motions.motion import get_chief_name
 from rso_lidar.motion.motions.placement import Place
 from rso_lidar.orbit import (
     CentralBody,
@@ -32,11 +32,11 @@ def link_orbit(motion: Any, epochs: Epochs, place: Place, center: BodyState | No
 
     Parameters
     ----------
-    motion : of the body.
-    epochs : instants.
-    place : position and velocity of the body's origin in root axes.
-    center : state of the centre about which it orbits; None for the Earth, which is the origin.
-    turns : whether the rotation of the orbital plane is needed.
+    motion : of the body
+    epochs : instants
+    place : position and velocity of the body's origin in root axes
+    center : state of the centre about which it orbits; None for the Earth, which is the origin
+    turns : whether the rotation of the orbital plane is needed
     """
     state = BodyState(place.position_m, place.velocity_m_s)
     if center is not None:  # two-body motion about the Moon: the derivatives are exact
@@ -56,10 +56,10 @@ def find_turning_rad_s(
 
     Parameters
     ----------
-    state, chief : states of the body and of its chief about the centre of their central body.
-    place : motion in the chief's rtn axes, with its rates.
-    there : link from the root to these axes.
-    center, central_body : state of that centre, None for the Earth, and the body itself.
+    state, chief : states of the body and of its chief about the centre of their central body
+    place : motion in the chief's rtn axes, with its rates
+    there : link from the root to these axes
+    center, central_body : state of that centre, None for the Earth, and the body itself
     """
     assert place.rates is not None
     rho, (moved_m_s, faster) = place.position_m, place.rates
@@ -113,14 +113,14 @@ def list_breaks_s(
 
     Parameters
     ----------
-    bodies : the bodies, with the chiefs relative to which they move.
-    epochs : instants that matter.
-    make_chief : returns the trajectory of one of them, by its name.
+    bodies : the bodies, with the chiefs relative to which they move
+    epochs : instants that matter
+    make_chief : returns the trajectory of one of them, by its name
     """
     breaks = [np.empty(0)]
     for motion in (body.motion for body in bodies):
         if isinstance(motion, RtnMotion):
-            breaks.append(motion.breaks_s(epochs, make_chief(bodies, str(chief_of(motion)))))
+            breaks.append(motion.breaks_s(epochs, make_chief(bodies, str(get_chief_name(motion)))))
         else:
             breaks.append(find_breaks_s(motion, epochs))
     return np.concatenate(breaks)
@@ -133,8 +133,8 @@ def find_moon_m(bodies: Sequence[Body], epochs: Epochs) -> np.ndarray:
 
     Parameters
     ----------
-    bodies : all bodies.
-    epochs : instants.
+    bodies : all bodies
+    epochs : instants
     """
     for body in bodies:
         if (center := find_center_states(body.motion, epochs)) is not None:

@@ -48,14 +48,14 @@ def attitude_from_state(
 
     Parameters
     ----------
-    state : rows (time, n) that begin with an attitude and the body rates.
-    attitude_state : representation of the attitude.
-    label : of the dynamics, for messages.
-    time_s : instants (time) of the rows [s], for messages.
+    state : rows (time, n) that begin with an attitude and the body rates
+    attitude_state : representation of the attitude
+    label : of the dynamics, for messages
+    time_s : instants (time) of the rows [s], for messages
 
     Returns
     -------
-    axes_from_body (time), and the body rates (time, 3) [rad/s].
+    axes_from_body (time), and the body rates (time, 3) [rad/s]
 
     Raises
     ------
@@ -94,11 +94,11 @@ def matrix_from_state(
 
     Parameters
     ----------
-    state, attitude_state, label, time_s : as for `attitude_from_state`.
+    state, attitude_state, label, time_s : as for `attitude_from_state`
 
     Returns
     -------
-    axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s].
+    axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s]
     """
     if attitude_state == QUATERNION:
         return matrix_from_quaternion(state[:, :4]), state[:, 4:7]

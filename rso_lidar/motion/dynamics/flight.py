@@ -140,9 +140,9 @@ class Flight(CommandedFlight):
 
         Parameters
         ----------
-        begin_s : its start [s].
-        inputs : (m,), constant.
-        state : (n,) at `begin_s`.
+        begin_s : its start [s]
+        inputs : (m,), constant
+        state : (n,) at `begin_s`
         """
         inputs.setflags(write=False)
         f = self._function
@@ -234,7 +234,7 @@ class Flight(CommandedFlight):
 
         Parameters
         ----------
-        time_s : (time) instants [s].
+        time_s : (time) instants [s]
         """
         states = self(time_s)
         felt = np.empty((len(states), 3))

@@ -85,14 +85,14 @@ def wrap_dynamics(function: Function, label: str, n: int, answer: str = "") -> F
 
     Parameters
     ----------
-    function : f(t, x, u).
-    label : of the function, for messages.
-    n : entries of the result, which must be (n,) finite numbers.
-    answer : what the result has to be, for messages (empty: the derivatives).
+    function : f(t, x, u)
+    label : of the function, for messages
+    n : entries of the result, which must be (n,) finite numbers
+    answer : what the result has to be, for messages (empty: the derivatives)
 
     Returns
     -------
-    function with the same arguments, which raises `ScenarioError`.
+    function with the same arguments, which raises `ScenarioError`
     """
 
     def call_checked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -100,18 +100,18 @@ def wrap_dynamics(function: Function, label: str, n: int, answer: str = "") -> F
 
         Parameters
         ----------
-        t : time since `start_utc` [s].
-        x : state (n,).
-        u : inputs (m,).
+        t : time since `start_utc` [s]
+        x : state (n,)
+        u : inputs (m,)
 
         Returns
         -------
-        derivatives (n,).
+        derivatives (n,)
 
         Raises
         ------
         ScenarioError
-            If the function fails, or if its result is not (n,) finite numbers.
+            If the function fails, or if its result is not (n,) finite numbers
         """
         x = x.copy()  # f must not change the state by writing into its arguments, nor keep what changes later
         x.setflags(write=False)
@@ -189,7 +189,7 @@ class _SourceLoader(importlib.machinery.SourceFileLoader):
 
         Parameters
         ----------
-        path, data, _mode : as in `importlib.abc.SourceLoader`, ignored.
+        path, data, _mode : as in `importlib.abc.SourceLoader`, ignored
         """
 
 
@@ -199,17 +199,17 @@ def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
 
     Parameters
     ----------
-    path : of the file.
-    _modified_ns, _size : modification time and size of the file, the key of the cache.
+    path : of the file
+    _modified_ns, _size : modification time and size of the file, the key of the cache
 
     Returns
     -------
-    the module.
+    the module
 
     Raises
     ------
     ScenarioError
-        If the file cannot be imported.
+        If the file cannot be imported
     """
     name = f"rso_lidar_dynamics_{path.stem}"
     loader = _SourceLoader(name, str(path))

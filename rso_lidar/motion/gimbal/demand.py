@@ -40,11 +40,11 @@ class FixedPoint(_Point):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        pan and tilt (time, 2) [rad].
+        pan and tilt (time, 2) [rad]
         """
         return np.tile(np.array([self.pan_deg, self.tilt_deg]) * units.DEG, (len(time_s), 1))
 
@@ -103,11 +103,11 @@ class ScanPoint(_Point):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        pan and tilt (time, 2) [rad].
+        pan and tilt (time, 2) [rad]
         """
         way = np.abs(np.asarray(time_s, dtype=float)) * self.rate_deg_s
         offset = self._trace_raster(way) if self.pattern == "raster" else self._trace_spiral(way)
@@ -166,8 +166,8 @@ class DemandCurve:
 
     Parameters
     ----------
-    directions : ``directions(time_s (knot,)) -> (knot, 3)`` from the PTU to its target, mount axes, any length.
-    end_s : last instant [s] at which `directions` may be evaluated.
+    directions : ``directions(time_s (knot,)) -> (knot, 3)`` from the PTU to its target, mount axes, any length
+    end_s : last instant [s] at which `directions` may be evaluated
     """
 
     KNOT_S = 0.05

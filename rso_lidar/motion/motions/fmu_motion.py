@@ -93,7 +93,7 @@ class FmuMotion(FmuDynamics, PlacedMotion):
 
         Parameters
         ----------
-        before, after, share : as `FmuHistory.around` returns them.
+        before, after, share : as `FmuHistory.around` returns them
         """
         return interpolate_cubic(before[:, :3], after[:, :3], (before[:, 3:6], after[:, 3:6]), share, self.step_s)
 
@@ -102,12 +102,12 @@ class FmuMotion(FmuDynamics, PlacedMotion):
 
         Parameters
         ----------
-        flight : under commands; None without them.
-        time_s : instants (time,) [s].
+        flight : under commands; None without them
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        acceleration (time, 3) in `axes` [m/s2].
+        acceleration (time, 3) in `axes` [m/s2]
         """
         return (flight or self.fly_open_loop())(time_s)[:, -3:]
 
@@ -116,10 +116,10 @@ class FmuMotion(FmuDynamics, PlacedMotion):
 
         Parameters
         ----------
-        epochs : not used.
+        epochs : not used
 
         Returns
         -------
-        the instant 0 (1,) [s].
+        the instant 0 (1,) [s]
         """
         return np.zeros(1)

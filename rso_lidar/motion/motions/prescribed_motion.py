@@ -45,11 +45,11 @@ class Fixed(PlacedMotion):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        position [m] and zero velocity [m/s], each (time, 3).
+        position [m] and zero velocity [m/s], each (time, 3)
         """
         shape = (len(time_s), 3)
         return np.broadcast_to(np.array(self.position_m), shape), np.zeros(shape)
@@ -82,18 +82,18 @@ class Table(PlacedMotion):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        position [m] and velocity [m/s], each (time, 3).
+        position [m] and velocity [m/s], each (time, 3)
 
         Raises
         ------
         PropagationError
-            If an instant is outside the table.
+            If an instant is outside the table
         ScenarioError
-            If the file is invalid.
+            If the file is invalid
         """
         from scipy.interpolate import CubicSpline
 
@@ -112,16 +112,16 @@ class Table(PlacedMotion):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        parent_from_body (time), and the body rates (time, 3) [rad/s]; None for a table without quaternions.
+        parent_from_body (time), and the body rates (time, 3) [rad/s]; None for a table without quaternions
 
         Raises
         ------
         PropagationError
-            If an instant is outside the table.
+            If an instant is outside the table
         """
         from scipy.spatial.transform import Rotation, RotationSpline
 
@@ -157,9 +157,9 @@ class TableRows:
 
     Parameters
     ----------
-    time_s : (row) [s].
-    position_m : (row, 3) [m].
-    quaternion : parent_from_body (row, 4) x, y, z, w; None if the table has none.
+    time_s : (row) [s]
+    position_m : (row, 3) [m]
+    quaternion : parent_from_body (row, 4) x, y, z, w; None if the table has none
     """
 
     time_s: np.ndarray
@@ -185,17 +185,17 @@ def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
 
     Parameters
     ----------
-    path : of the file.
-    _modified_ns, _size : modification time and size of the file, the key of the cache.
+    path : of the file
+    _modified_ns, _size : modification time and size of the file, the key of the cache
 
     Returns
     -------
-    rows of the table.
+    rows of the table
 
     Raises
     ------
     ScenarioError
-        If the file is invalid.
+        If the file is invalid
     """
     text = read_text(path, MOST_BYTES, ScenarioError, "CSV file")
     if "\0" in text:

@@ -113,11 +113,11 @@ class StateSpace(StateSpaceModel, PlacedMotion):
 
         Parameters
         ----------
-        epochs : not used.
+        epochs : not used
 
         Returns
         -------
-        the instant 0 (1,) [s].
+        the instant 0 (1,) [s]
         """
         return np.zeros(1)
 
@@ -138,12 +138,12 @@ class StateSpace(StateSpaceModel, PlacedMotion):
 
         Parameters
         ----------
-        flight : of this model.
-        time_s : instants (time,) [s].
+        flight : of this model
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        axes_from_body (time), and the body rates (time, 3) [rad/s].
+        axes_from_body (time), and the body rates (time, 3) [rad/s]
         """
         return attitude_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)
 
@@ -152,11 +152,11 @@ class StateSpace(StateSpaceModel, PlacedMotion):
 
         Parameters
         ----------
-        flight : of this model.
-        time_s : instants (time,) [s].
+        flight : of this model
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s].
+        axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s]
         """
         return matrix_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)
