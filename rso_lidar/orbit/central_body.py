@@ -62,11 +62,11 @@ def check_trajectory(trajectory: Any, name: str) -> None:
     kind, chief = type(trajectory).__name__, getattr(trajectory, "relative_to", None)
     if isinstance(chief, str):
         raise ScenarioError(
-            f"{name}: {kind} is relative to '{chief}' and has no states alone: give "
+            f"{name}: {kind} is relative to '{chief}' and has no states alone; give "
             "types.SimpleNamespace(states=lambda at: rl.truth(scenario, at).states['follower'])"
         )
     raise ScenarioError(
-        f"{name}: {kind} has no method states: give a motion about the Earth such as Tle or Kepler, an Ephemeris, or "
+        f"{name}: {kind} has no method states; give a motion about the Earth such as Tle or Kepler, an Ephemeris, or "
         "for an element set SetSequence((elements,))"
     )
 

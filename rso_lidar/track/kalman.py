@@ -115,7 +115,7 @@ def filter_positions(
     if position_m.shape != (n, AXES) or np.shape(covariance_m2) != (n, AXES, AXES):
         raise ScenarioError(f"kalman: {n} instants need positions ({n}, 3) and covariances ({n}, 3, 3)")
     if np.any(np.diff(time_s) <= 0.0):
-        raise ScenarioError("kalman: instants must ascend: sort them")
+        raise ScenarioError("kalman: instants must ascend; sort them")
     if not (acceleration_m_s2_sqrt_hz >= 0.0 and speed_m_s > 0.0):
         raise ScenarioError("kalman: give an acceleration that is not negative and a speed above 0")
     estimates, covariances = np.full((n, 2 * AXES), np.nan), np.full((n, 2 * AXES, 2 * AXES), np.nan)

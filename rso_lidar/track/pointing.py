@@ -53,7 +53,7 @@ class Pointing:
         self._reach, self._boresight_tilt = math.hypot(x, z), math.atan2(z, x)
         if self._reach < 1e-6:
             raise ScenarioError(
-                "Pointing: the mount turns the lidar along the tilt axis, so tilt cannot aim it: turn it"
+                "Pointing: the mount turns the lidar along the tilt axis, so tilt cannot aim it; turn it"
             )
         self._called_s = math.nan
         self._forget()
@@ -62,7 +62,7 @@ class Pointing:
         """Return the command for the next flash; it is empty if the target has been lost for longer than `coast_s`."""
         time_s, measured = observation.time_s, observation.pan_tilt_rad
         if measured is None:
-            raise ScenarioError("Pointing: the observation has no pan and tilt: give the scenario a [ptu]")
+            raise ScenarioError("Pointing: the observation has no pan and tilt; give the scenario a [ptu]")
         interval_s = time_s - self._called_s if self._called_s < time_s else 0.0
         self._called_s = time_s
         seen = find_cluster(observation.reading, self.gate_m, self.min_pixels)

@@ -81,13 +81,13 @@ class AttitudeTable(Part):
             at = epochs.time_s[np.argmax(bad)]
             first, last = arcs[0], arcs[-1]
             raise PropagationError(
-                f"table {self.file}: has no attitude at {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g}: it "
+                f"table {self.file}: has no attitude at {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g}; it "
                 f"spans {format_utc(first.start_utc or epochs.start_utc, first.begin_s)} to "
                 f"{format_utc(last.start_utc or epochs.start_utc, last.end_s)}; shift or shorten the run",
                 bad,
             )
         if arcs[0].in_origin and not situation.orbits:
-            raise ScenarioError(f"table {self.file}: is in rtn axes, and this body does not orbit: use inertial ones")
+            raise ScenarioError(f"table {self.file}: is in rtn axes, and this body does not orbit; use inertial ones")
         quaternion, rate = np.empty((len(epochs), 4)), np.empty((len(epochs), 3))
         for number in np.unique(which):
             rows = which == number

@@ -80,7 +80,7 @@ def aim_axes(
     distance = np.linalg.norm(line_of_sight, axis=-1, keepdims=True)
     if not np.all(distance > 0.0):
         raise ScenarioError(
-            "look_at: the target is at the position of the body: look at another target, or move one of them"
+            "look_at: the target is at the position of the body; look at another target, or move one of them"
         )
     x = line_of_sight / distance
     x_rate = (line_of_sight_rate - x * _dot(x, line_of_sight_rate)) / distance
@@ -89,7 +89,7 @@ def aim_axes(
     length = np.linalg.norm(across, axis=-1, keepdims=True)
     if not np.all(length > PARALLEL_RAD * np.linalg.norm(up, axis=-1, keepdims=True)):
         raise ScenarioError(
-            f"look_at: up is parallel to the line of sight (within {PARALLEL_RAD:g} rad): "
+            f"look_at: up is parallel to the line of sight (within {PARALLEL_RAD:g} rad); "
             "give an `up` (root axes) across it"
         )
     across_rate = np.cross(up, x_rate)

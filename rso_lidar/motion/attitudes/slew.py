@@ -145,13 +145,13 @@ class Slew(Part):
                 what, unit = (("rate", "deg/s"), ("acceleration", "deg/s2"))[k]
                 raise ScenarioError(
                     f"slew: one of its two laws alone reaches {own[k] / units.DEG:.4g} {unit}, and max_{what} is "
-                    f"{limit[k] / units.DEG:.4g} {unit}: raise the limit, or choose slower laws"
+                    f"{limit[k] / units.DEG:.4g} {unit}; raise the limit, or choose slower laws"
                 )
             # Stretching leaves the laws' share; the rest falls as 1/k in rate and as 1/k^2 in acceleration.
             more = np.maximum(demand - own, 0.0) / (limit - own)
             profile = profile.stretch(max(1.005, min(float(more[0]), 4.0), min(math.sqrt(more[1]), 4.0)))
         raise ScenarioError(
-            "slew: no duration meets its limits, because its two laws almost reach them: raise max_rate_deg_s or "
+            "slew: no duration meets its limits, because its two laws almost reach them; raise max_rate_deg_s or "
             "max_acceleration_deg_s2"
         )
 

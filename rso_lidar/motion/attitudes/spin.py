@@ -57,7 +57,7 @@ class Spin(Part):
     @model_validator(mode="after")
     def _one_start(self) -> Self:
         if self.direction is not None and self.quaternion_xyzw != _IDENTITY:
-            raise ValueError("direction and quaternion_xyzw both state where the axis points: give one")
+            raise ValueError("direction and quaternion_xyzw both state where the axis points; give one")
         return self
 
     @property

@@ -44,7 +44,7 @@ class SunPointing(Part):
         a, b = np.array(self.axis), np.array(self.up_axis)
         if np.linalg.norm(np.cross(a, b)) <= PARALLEL_RAD * np.linalg.norm(a) * np.linalg.norm(b):
             raise ValueError(
-                "axis and up_axis are parallel, which leaves roll undetermined: give an up_axis across axis"
+                "axis and up_axis are parallel, which leaves roll undetermined; give an up_axis across axis"
             )
         return self
 
@@ -130,7 +130,7 @@ class Nadir(Part):
         from scipy.spatial.transform import Rotation
 
         if not situation.orbits:
-            raise ScenarioError("nadir: needs a body that orbits: use 'fixed', 'spin' or 'look_at'")
+            raise ScenarioError("nadir: needs a body that orbits; use 'fixed', 'spin' or 'look_at'")
         after, rtn_from_lvlh = euler_zyx(self.euler_zyx_deg), rtn_from_lvlh_ccsds()
         if not self.yaw_steering:
             return Orientation(rtn_from_lvlh * after, np.zeros(3), in_origin=True)
@@ -162,7 +162,7 @@ def sun_line(situation: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:
     In a local world the Sun is a constant direction, the same for every body.
     """
     if situation.sun_m is None:
-        raise ScenarioError(f"{law}: this local world has no Sun: give [world] sun_direction, or use another attitude")
+        raise ScenarioError(f"{law}: this local world has no Sun; give [world] sun_direction, or use another attitude")
     if situation.local:
         return situation.sun_m, np.zeros_like(situation.sun_m)
     after, before = (sun_position_m(situation.epochs.shift(step)) for step in (_STEP_S, -_STEP_S))

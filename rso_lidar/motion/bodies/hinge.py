@@ -75,10 +75,10 @@ class PlannedAngle(_AngleLaw):
     def _check_pairs(self) -> Self:
         if len(self.time_s) != len(self.angle_deg) or not self.time_s:
             raise ValueError(
-                "time_s and angle_deg: must have the same number of entries, at least one: add those missing"
+                "time_s and angle_deg: must have the same number of entries, at least one; add those missing"
             )
         if any(after <= before for before, after in zip(self.time_s, self.time_s[1:], strict=False)):
-            raise ValueError("time_s: must ascend: sort it")
+            raise ValueError("time_s: must ascend; sort it")
         return self
 
 

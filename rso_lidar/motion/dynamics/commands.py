@@ -86,7 +86,7 @@ def check_inputs(inputs: np.ndarray, held: np.ndarray, label: str) -> np.ndarray
     row = np.asarray(inputs, dtype=float)
     if row.shape != held.shape or not np.isfinite(row).all():
         raise ScenarioError(
-            f"command: inputs of {label} are {row.tolist()!s:.60}: give {len(held)} finite numbers, one for each of its "
+            f"command: inputs of {label} are {row.tolist()!s:.60}; give {len(held)} finite numbers, one for each of its "
             "`inputs`"
         )
     return row

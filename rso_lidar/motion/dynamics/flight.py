@@ -209,7 +209,7 @@ class Flight(CommandedFlight):
         if lost.any():
             raise PropagationError(
                 f"{self.model.label}: the states from {self._lost_s[0]:g} to {self._lost_s[1]:g} s are no longer kept, "
-                f"because more than {_KEPT} commands followed: request later instants",
+                f"because more than {_KEPT} commands followed; request later instants",
                 lost,
             )
 

@@ -23,11 +23,11 @@ def _check_dynamics(value: Any) -> Any:
     if isinstance(value, str):
         place, colon, name = value.rpartition(":")
         if not (colon and place and name.isidentifier()):
-            raise ValueError(f"'{value}' names no function: write 'file.py:name' or 'package.module:name'")
+            raise ValueError(f"'{value}' names no function; write 'file.py:name' or 'package.module:name'")
     elif not callable(value):
         raise ValueError(f"needs 'file.py:name', 'package.module:name' or a function f(t, x, u), not {value!r:.60}")
     elif not isinstance(value, Hashable):
-        raise ValueError(f"{value!r:.60} cannot be hashed: give it a __hash__, as @dataclass(frozen=True) does")
+        raise ValueError(f"{value!r:.60} cannot be hashed; give it a __hash__, as @dataclass(frozen=True) does")
     return value
 
 

@@ -91,9 +91,9 @@ class ScanPoint(_Point):
     def _check_size(self) -> Self:
         box = (self.half_width_deg, self.half_height_deg)
         if self.pattern == "raster" and (None in box or self.radius_deg is not None):
-            raise ValueError("a raster has a size of half_width_deg and half_height_deg: give those two only")
+            raise ValueError("a raster has a size of half_width_deg and half_height_deg; give those two only")
         if self.pattern == "spiral" and (self.radius_deg is None or box != (None, None)):
-            raise ValueError("a spiral has a size of radius_deg: give that only")
+            raise ValueError("a spiral has a size of radius_deg; give that only")
         if max(self.half_height_deg or 0.0, self.radius_deg or 0.0) > 1e5 * self.step_deg:
             raise ValueError("step_deg makes over 100,000 lines or turns; make it larger")
         return self

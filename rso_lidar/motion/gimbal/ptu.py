@@ -180,7 +180,7 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
         If the command is not an angle
     """
     if until_s < state.time_s:
-        raise ValueError(f"ptu: cannot step back from {state.time_s:g} s to {until_s:g} s: start from t = 0 to go back")
+        raise ValueError(f"ptu: cannot step back from {state.time_s:g} s to {until_s:g} s; start from t = 0 to go back")
     command = check_angles(command or Command())
     latency = round(ptu.errors.command_latency_s * TICKS_PER_S)
     commands = _select_commands(state, command, latency)
@@ -261,7 +261,7 @@ def check_angles(command: Command) -> Command:
         number = isinstance(angle, int | float | np.floating | np.integer) and not isinstance(angle, bool)
         if angle is not None and not (number and abs(angle) <= GREATEST):
             raise ScenarioError(
-                f"command: {name} is {angle!r:.60}: return an angle, or None to keep the scenario's demand"
+                f"command: {name} is {angle!r:.60}; return an angle, or None to keep the scenario's demand"
             )
     return Command(command.pan_rad, command.tilt_rad)
 

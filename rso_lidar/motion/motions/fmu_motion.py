@@ -55,7 +55,7 @@ class FmuMotion(FmuDynamics, PlacedMotion):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if (self.axes == "rtn") != (self.relative_to is not None):
-            raise ValueError('axes = "rtn" and relative_to belong together: give both, or neither')
+            raise ValueError('axes = "rtn" and relative_to belong together; give both, or neither')
         if self.is_commanded and self.orbits and _ACCELERATION not in self.outputs:
             raise ValueError(
                 f"outputs: '{_ACCELERATION}' is missing, which a motion under commands needs in {self.axes} axes; name the "

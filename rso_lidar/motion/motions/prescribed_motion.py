@@ -135,7 +135,7 @@ class Table(PlacedMotion):
     def _rows(self) -> TableRows:
         path = find(self.file)
         if path is None:
-            raise ScenarioError(f"{self.file}: no such file: check the path of this table")
+            raise ScenarioError(f"{self.file}: no such file; check the path of this table")
         return read_table(path)
 
     def _inside(self, time_s: np.ndarray, rows: TableRows) -> np.ndarray:
@@ -199,12 +199,12 @@ def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
     """
     text = read_text(path, MOST_BYTES, ScenarioError, "CSV file")
     if "\0" in text:
-        raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")
+        raise ScenarioError(f"{path}: is not UTF-8 text; name a CSV file")
     if not text.strip():
-        raise ScenarioError(f"{path}: is empty: give a header line and at least two rows")
+        raise ScenarioError(f"{path}: is empty; give a header line and at least two rows")
     table = read_csv_table(text, str(path), (PLACE, TURN), (PLACE,))
     if table.start_utc is not None:
-        raise ScenarioError(f"{path}: line 1: a table of positions needs the column time_s: give it, in seconds")
+        raise ScenarioError(f"{path}: line 1: a table of positions needs the column time_s; give it, in seconds")
     position_m = table.stack(PLACE)
     assert position_m is not None
     quaternion = table.stack_unit_quaternions(TURN) if TURN[0] in table.columns else None

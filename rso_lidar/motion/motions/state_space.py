@@ -70,10 +70,10 @@ class StateSpace(StateSpaceModel, PlacedMotion):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if (self.axes == "rtn") != (self.relative_to is not None):
-            raise ValueError('axes = "rtn" and relative_to belong together: give both, or neither')
+            raise ValueError('axes = "rtn" and relative_to belong together; give both, or neither')
         if not self.turns and self.attitude_state != QUATERNION:
             raise ValueError(
-                'attitude_state: a translation has no attitude: set layout = "rigid_body", or leave it out'
+                'attitude_state: a translation has no attitude; set layout = "rigid_body", or leave it out'
             )
         needs = PLACE + (count_entries(self.attitude_state) + 3 if self.turns else 0)
         if len(self.initial_state) < needs:

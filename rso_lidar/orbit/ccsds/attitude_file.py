@@ -120,16 +120,16 @@ def _read_file(
     text = read_table_text(path)
     if not is_message(text):
         if wanted is not None:
-            raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
+            raise ScenarioError(f"{path}: a CSV table holds one object and no name; leave out object '{wanted}'")
         return (_read_csv(text, str(path), axes or "inertial"),)
     if axes is not None:
-        raise ScenarioError(f"{path}: an AEM states its own axes: leave out axes '{axes}'")
+        raise ScenarioError(f"{path}: an AEM states its own axes; leave out axes '{axes}'")
     message = read_message(text, "AEM", str(path))
     arcs: list[AttitudeSegment] = []
     for segment in select_segments(message, wanted):
         arcs.append(_read_segment(message, segment, arcs[0].start_utc if arcs else None))
     if len({arc.in_origin for arc in arcs}) > 1:
-        raise ScenarioError(f"{path}: has segments in inertial axes and in rtn axes: write all in the same axes")
+        raise ScenarioError(f"{path}: has segments in inertial axes and in rtn axes; write all in the same axes")
     return sort_segments(arcs)
 
 
@@ -165,19 +165,19 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
     kind = message.require(segment, "ATTITUDE_TYPE")
     if kind.value.upper() not in _KINDS:
         raise ScenarioError(
-            f"{message.where}: line {kind.line}: ATTITUDE_TYPE {kind.value} is not supported: "
+            f"{message.where}: line {kind.line}: ATTITUDE_TYPE {kind.value} is not supported; "
             "write the attitudes as QUATERNION"
         )
     system = message.time_system(segment)
     scalar_first = _is_scalar_first(message, segment)
     if len(segment.rows) < 2:
-        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows: it needs at least two")
+        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows; it needs at least two")
     stamps, values, lines = [], [], []
     for line, cells in segment.rows:
         here = f"{message.where}: line {line}"
         if len(cells) < 5 or (len(cells) > 5 and kind.value.upper() == "QUATERNION"):
             raise ScenarioError(
-                f"{here}: has {len(cells)} words: a row of {kind.value} begins with an epoch and 4 numbers"
+                f"{here}: has {len(cells)} words; a row of {kind.value} begins with an epoch and 4 numbers"
             )
         stamps.append(parse_epoch_ps(cells[0], system, here))
         values.append([parse_number(here, "the quaternion", cell) for cell in cells[1:5]])
@@ -206,7 +206,7 @@ def _is_scalar_first(message: CcsdsMessage, segment: CcsdsSegment) -> bool:
         return False
     if entry.value.upper() not in ("FIRST", "LAST"):
         raise ScenarioError(
-            f"{message.where}: line {entry.line}: QUATERNION_TYPE {entry.value}: write FIRST or LAST (the scalar)"
+            f"{message.where}: line {entry.line}: QUATERNION_TYPE {entry.value}; write FIRST or LAST (the scalar)"
         )
     return entry.value.upper() == "FIRST"
 
@@ -217,7 +217,7 @@ def _read_axes(message: CcsdsMessage, segment: CcsdsSegment) -> tuple[str, bool]
     bodily = [key for key, end in ends.items() if end.value.upper().replace(" ", "_").startswith("SC_BODY")]
     if len(bodily) != 1:
         raise ScenarioError(
-            f"{message.where}: line {ends['B'].line}: REF_FRAME_A {ends['A'].value}, REF_FRAME_B {ends['B'].value}: one of "
+            f"{message.where}: line {ends['B'].line}: REF_FRAME_A {ends['A'].value}, REF_FRAME_B {ends['B'].value}; one of "
             "them must be SC_BODY"
         )
     other = ends["A" if bodily == ["B"] else "B"]
@@ -228,7 +228,7 @@ def _read_axes(message: CcsdsMessage, segment: CcsdsSegment) -> tuple[str, bool]
         axes = parse_frame(other.value, f"{message.where}: line {other.line}")
         if axes not in ("gcrs", "eme2000"):
             raise ScenarioError(
-                f"{message.where}: line {other.line}: an attitude in {other.value} is not supported: write it in GCRF or "
+                f"{message.where}: line {other.line}: an attitude in {other.value} is not supported; write it in GCRF or "
                 "EME2000"
             )
     entry = segment.meta.get("ATTITUDE_DIR")
@@ -239,7 +239,7 @@ def _read_axes(message: CcsdsMessage, segment: CcsdsSegment) -> tuple[str, bool]
     direction = entry.value.upper() if entry is not None else "A2B"
     if direction not in ("A2B", "B2A"):
         line = entry.line if entry is not None else segment.line
-        raise ScenarioError(f"{message.where}: line {line}: ATTITUDE_DIR {direction}: write A2B or B2A")
+        raise ScenarioError(f"{message.where}: line {line}: ATTITUDE_DIR {direction}; write A2B or B2A")
     return axes, (direction == "A2B") == (bodily == ["A"])
 
 

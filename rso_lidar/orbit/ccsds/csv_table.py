@@ -88,19 +88,19 @@ def read_csv_table(text: str, where: str, sets: Sequence[Sequence[str]], needed:
     try:
         rows = [(k, cells) for k, cells in enumerate(csv.reader(text.split("\n")), start=1) if "".join(cells).strip()]
     except csv.Error as error:
-        raise ScenarioError(f"{where}: cannot be read as CSV ({error}): write plain rows of numbers") from None
+        raise ScenarioError(f"{where}: cannot be read as CSV ({error}); write plain rows of numbers") from None
     at = f"{where}: line {rows[0][0]}"
     header = [cell.strip() for cell in rows[0][1]]
     time_column = _find_time_column(at, header, sets, needed)
     if len(rows) < 3:
-        raise ScenarioError(f"{where}: has {len(rows) - 1} rows: a table needs at least two")
+        raise ScenarioError(f"{where}: has {len(rows) - 1} rows; a table needs at least two")
     columns: dict[str, list[float]] = {name: [] for name in header if name != time_column}
     stamps: list[int] = []
     times: list[float] = []
     for line, cells in rows[1:]:
         at = f"{where}: line {line}"
         if len(cells) != len(header):
-            raise ScenarioError(f"{at}: has {len(cells)} cells, the header {len(header)}: give one for each column")
+            raise ScenarioError(f"{at}: has {len(cells)} cells, the header {len(header)}; give one for each column")
         for name, cell in zip(header, cells, strict=True):
             if name != time_column:
                 columns[name].append(parse_number(at, name, cell))
@@ -138,7 +138,7 @@ def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[i
     if len(wrong):
         k = int(wrong[0])
         raise ScenarioError(
-            f"{where}: line {lines[k]}: the quaternion's norm is {norms[k]:.6g}, not 1: divide by it, or correct the row"
+            f"{where}: line {lines[k]}: the quaternion's norm is {norms[k]:.6g}, not 1; divide by it, or correct the row"
         )
     return quaternion
 
@@ -169,15 +169,15 @@ def _find_time_column(
             guess = did_you_mean(name, known) or f"; known columns: {', '.join(known)}"
             raise ScenarioError(f"{where}: unknown column '{name}'{guess}")
         if header.count(name) > 1:
-            raise ScenarioError(f"{where}: column '{name}' is given twice: remove one")
+            raise ScenarioError(f"{where}: column '{name}' is given twice; remove one")
     times = [name for name in TIMES if name in header]
     if len(times) != 1:
-        raise ScenarioError(f"{where}: needs one column of time ({' or '.join(TIMES)}), not {len(times)}: give one")
+        raise ScenarioError(f"{where}: needs one column of time ({' or '.join(TIMES)}), not {len(times)}; give one")
     for group in sets:
         missing = [name for name in group if name not in header]
         if 0 < len(missing) < len(group):
-            raise ScenarioError(f"{where}: column {', '.join(missing)} is missing: give all of {', '.join(group)}")
+            raise ScenarioError(f"{where}: column {', '.join(missing)} is missing; give all of {', '.join(group)}")
     if sum(group[0] in header for group in needed) != 1:
         choice = " or ".join(", ".join(group) for group in needed)
-        raise ScenarioError(f"{where}: needs the columns {choice}, one set of them: correct the header")
+        raise ScenarioError(f"{where}: needs the columns {choice}, one set of them; correct the header")
     return times[0]

@@ -74,10 +74,10 @@ class EphemerisArc(TableSegment):
             return method, min(order, len(self.time_s) - 1)
         if method != "hermite":
             raise ScenarioError(
-                f"{self.where}: INTERPOLATION {method} is not supported: set `interpolation` to choose one"
+                f"{self.where}: INTERPOLATION {method} is not supported; set `interpolation` to choose one"
             )
         if self.velocity_m_s is None:
-            raise ScenarioError(f"{self.where}: 'hermite' needs velocities, which it lacks: choose 'lagrange'")
+            raise ScenarioError(f"{self.where}: 'hermite' needs velocities, which it lacks; choose 'lagrange'")
         return method, min(max(order, _LEAST_HERMITE), 2 * len(self.time_s) - 1)
 
     def interpolate(self, time_s: np.ndarray, method: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
@@ -142,7 +142,7 @@ def read_arcs(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> 
     if is_message(text):
         arcs = _read_message(read_message(text, "OEM", str(path)), wanted)
     elif wanted is not None:
-        raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
+        raise ScenarioError(f"{path}: a CSV table holds one object and no name; leave out object '{wanted}'")
     else:
         arcs = [_read_csv(text, str(path))]
     for arc in arcs:
@@ -157,7 +157,7 @@ def _check_distance(arc: EphemerisArc) -> None:
     if high_m < _LOWEST * EARTH.radius_m or low_m > EARTH.reach_m:
         raise ScenarioError(
             f"{arc.where}: its positions are {low_m / units.KM:,.0f} to {high_m / units.KM:,.0f} km from the Earth's "
-            "centre, where nothing orbits it: correct their unit"
+            "centre, where nothing orbits it; correct their unit"
         )
 
 
@@ -167,7 +167,7 @@ def _read_csv(text: str, where: str) -> EphemerisArc:
     position = metres if metres is not None else np.asarray(kilometres) * units.KM
     speeds = [table.stack(names) for names in SPEEDS]
     if speeds[0] is not None and speeds[1] is not None:
-        raise ScenarioError(f"{where}: has velocities in m/s and in km/s: give one set of columns")
+        raise ScenarioError(f"{where}: has velocities in m/s and in km/s; give one set of columns")
     velocity = speeds[0] if speeds[1] is None else speeds[1] * units.KM
     time_s = table.time_s
     return EphemerisArc(where, table.start_utc, time_s[0], time_s[-1], time_s, position, velocity)
@@ -204,12 +204,12 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
     frame = parse_frame(reference.value, f"{message.where}: line {reference.line}")
     system = message.time_system(segment)
     if len(segment.rows) < 2:
-        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows: it needs at least two")
+        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows; it needs at least two")
     stamps, values = [], []
     for line, cells in segment.rows:
         here = f"{message.where}: line {line}"
         if len(cells) not in (7, 10):
-            raise ScenarioError(f"{here}: has {len(cells)} words: a row is an epoch, 3 km, 3 km/s (and 3 km/s2)")
+            raise ScenarioError(f"{here}: has {len(cells)} words; a row is an epoch, 3 km, 3 km/s (and 3 km/s2)")
         stamps.append(parse_epoch_ps(cells[0], system, here))
         names = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
         values.append([parse_number(here, name, cell) for name, cell in zip(names, cells[1:7], strict=True)])
@@ -228,7 +228,7 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
     if degree is not None:
         if not re.fullmatch(r"[0-9]{1,4}", degree.value) or not 1 <= int(degree.value) <= GREATEST_DEGREE:
             raise ScenarioError(
-                f"{message.where}: line {degree.line}: INTERPOLATION_DEGREE {degree.value}: write 1 to {GREATEST_DEGREE}"
+                f"{message.where}: line {degree.line}: INTERPOLATION_DEGREE {degree.value}; write 1 to {GREATEST_DEGREE}"
             )
         order = int(degree.value)
     word = method.value.lower() if method is not None else None

@@ -52,7 +52,7 @@ def sort_segments(segments: Iterable[_Segment]) -> tuple[_Segment, ...]:
     ordered = tuple(sorted(segments, key=lambda segment: segment.begin_s))
     for before, after in itertools.pairwise(ordered):
         if after.begin_s < before.end_s - EDGE_S:
-            raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
+            raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}; correct their USEABLE_ times")
     return ordered
 
 

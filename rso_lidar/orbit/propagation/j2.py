@@ -60,7 +60,7 @@ class J2(ClassicalElements):
     @model_validator(mode="after")
     def _check_closed(self) -> Self:
         if self.eccentricity >= 1.0:
-            raise ValueError("eccentricity: an open orbit has no mean elements: give its motion as type 'numerical'")
+            raise ValueError("eccentricity: an open orbit has no mean elements; give its motion as type 'numerical'")
         return self
 
     def states(self, epochs: Epochs) -> BodyState:
@@ -86,13 +86,13 @@ class J2(ClassicalElements):
         if days > _LONG_DAYS:
             sentences.append(
                 f"j2: propagated {days:.1f} days from its epoch; what it leaves out (J3, drag, Sun and Moon) moves a "
-                "low orbit by 1 to 10 km a day: use type 'numerical'"
+                "low orbit by 1 to 10 km a day; use type 'numerical'"
             )
         height_m = self.perigee_m - units.EARTH_RADIUS_M
         if height_m < _LOW_M:
             sentences.append(
                 f"j2: the perigee is {height_m / units.KM:.0f} km high; below {_LOW_M / units.KM:g} km drag, which it "
-                "leaves out, matters within a day: use type 'numerical' with forces.drag"
+                "leaves out, matters within a day; use type 'numerical' with forces.drag"
             )
         return sentences
 
@@ -183,7 +183,7 @@ def mean_from_osculating(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np
     bad = ~(apart < 1e-9)
     if bad.any():
         raise PropagationError(
-            "mean elements: this state has none (an open orbit, or one inside the Earth): use type 'numerical'",
+            "mean elements: this state has none (an open orbit, or one inside the Earth); use type 'numerical'",
             np.atleast_1d(bad),
         )
     return mean

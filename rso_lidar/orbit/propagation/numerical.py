@@ -91,7 +91,7 @@ class Numerical(Part):
         for k, one in enumerate(self.maneuvers):
             if one.axes == "chief_rtn":
                 raise ValueError(
-                    f"maneuvers[{k}].axes: 'chief_rtn' are the axes of another body, and 'numerical' is relative to none: "
+                    f"maneuvers[{k}].axes: 'chief_rtn' are the axes of another body, and 'numerical' is relative to none; "
                     "use 'rtn', 'vnc' or 'inertial', or the motion 'nonlinear'"
                 )
         return self
@@ -254,7 +254,7 @@ class IntegratedOrbit:
             bad = way * times >= way * by_s
             where = f"falls below {self._floor_m / units.KM:g} km" if self._floor_m else "meets the Earth"
             raise PropagationError(
-                f"numerical: {where} by {by_s:.0f} s after the start, before {int(bad.sum())} of {len(bad)} epochs: end the "
+                f"numerical: {where} by {by_s:.0f} s after the start, before {int(bad.sum())} of {len(bad)} epochs; end the "
                 "run before that, or raise the orbit",
                 bad,
             ) from None

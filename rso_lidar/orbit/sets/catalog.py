@@ -84,7 +84,7 @@ class Catalog:
         """
         if not isinstance(text, str):
             raise CatalogError(
-                f"{where}: is {quote_value(text)}, not text: give a str, or from_file the path of a file"
+                f"{where}: is {quote_value(text)}, not text; give a str, or from_file the path of a file"
             )
         return cls._of(*parse_element_sets(text, where), where)
 
@@ -117,7 +117,7 @@ class Catalog:
             else:
                 problems.append(
                     f"{entry.where}: {entry.label} has other elements than at {first.where.rpartition(': ')[2]} for "
-                    "the same epoch, which are kept: remove one"
+                    "the same epoch, which are kept; remove one"
                 )
         return cls(tuple(kept.values()), (*problems, *junk), duplicates, where)
 
@@ -158,22 +158,22 @@ class Catalog:
             if a condition makes no sense
         """
         if name is not None and not isinstance(name, str):
-            raise CatalogError(f"name: {quote_value(name)} is not text: give a part of a name")
+            raise CatalogError(f"name: {quote_value(name)} is not text; give a part of a name")
         if regime is not None and regime not in self.REGIMES:
-            raise CatalogError(f"regime: '{regime}' is unknown: use one of {', '.join(self.REGIMES)}")
+            raise CatalogError(f"regime: '{regime}' is unknown; use one of {', '.join(self.REGIMES)}")
         if (max_age_days is None) != (at is None):
             raise CatalogError(
-                "max_age_days: needs the instant from which it counts: give max_age_days and at together"
+                "max_age_days: needs the instant from which it counts; give max_age_days and at together"
             )
         if max_age_days is not None and not (isinstance(max_age_days, numbers.Real) and max_age_days >= 0.0):
-            raise CatalogError(f"max_age_days: {quote_value(max_age_days)} is not an age: give 0 or more days")
+            raise CatalogError(f"max_age_days: {quote_value(max_age_days)} is not an age; give 0 or more days")
         if epoch_within is not None:
             if not isinstance(epoch_within, Sequence) or isinstance(epoch_within, str) or len(epoch_within) != 2:
                 raise CatalogError(
-                    f"epoch_within: {quote_value(epoch_within)} is not a span: give two times, first and last"
+                    f"epoch_within: {quote_value(epoch_within)} is not a span; give two times, first and last"
                 )
             if _check_datetime("epoch_within", epoch_within[0]) > _check_datetime("epoch_within", epoch_within[1]):
-                raise CatalogError("epoch_within: ends before it begins: give the earlier time first")
+                raise CatalogError("epoch_within: ends before it begins; give the earlier time first")
         if at is not None:
             _check_datetime("at", at)
         kept: Iterable[ElementSet] = self.sets
@@ -237,16 +237,16 @@ class Catalog:
             text = format_tles(self.sets, self.where)
         else:
             known = ", ".join(self.SUFFIXES)
-            raise CatalogError(f"{path}: '{suffix}' is not a format of catalogues: use one of {known}")
+            raise CatalogError(f"{path}: '{suffix}' is not a format of catalogues; use one of {known}")
         with write_atomically(path) as draft:
             draft.write_text(text, encoding="utf-8")
 
 
 def _check_datetime(what: str, at: Any) -> datetime.datetime:
     if not isinstance(at, datetime.datetime):
-        raise CatalogError(f"{what}: {quote_value(at)} is not a time: give a datetime with its time zone")
+        raise CatalogError(f"{what}: {quote_value(at)} is not a time; give a datetime with its time zone")
     if at.tzinfo is None:
-        raise CatalogError(f"{what}: a time without an offset is ambiguous: give it a time zone, such as UTC")
+        raise CatalogError(f"{what}: a time without an offset is ambiguous; give it a time zone, such as UTC")
     return at
 
 
@@ -257,7 +257,7 @@ def _check_numbers(wanted: Any) -> set[int]:
     for number in found:
         if isinstance(number, bool) or not isinstance(number, numbers.Integral):
             raise CatalogError(
-                f"norad_id: {quote_value(number)} is not a catalogue number: give a whole number, such as 25544"
+                f"norad_id: {quote_value(number)} is not a catalogue number; give a whole number, such as 25544"
             )
     return {int(number) for number in found}
 

@@ -23,7 +23,7 @@ _QUOTED_FROM, _MOST_QUOTED = 20_000, 120  # characters of a text without element
 def check_path(path: Any) -> str:
     """Check that a value is a path, and return it as text."""
     if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
-        raise CatalogError(f"catalogue: {quote_value(path)} is not a path: give the path of a file of element sets")
+        raise CatalogError(f"catalogue: {quote_value(path)} is not a path; give the path of a file of element sets")
     return os.fspath(path)
 
 
@@ -96,7 +96,7 @@ def read_file(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
     try:
         status = path.stat()
         if path.is_dir():
-            raise CatalogError(f"{path}: is a folder: give the path of a file of element sets")
+            raise CatalogError(f"{path}: is a folder; give the path of a file of element sets")
         return _read(path, status.st_mtime_ns, status.st_size)
     except (OSError, ValueError) as error:
         if isinstance(error, CatalogError):
@@ -124,10 +124,10 @@ def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, 
     """
     content = read_bytes(path, MOST_BYTES, CatalogError, "catalogue")
     if content.startswith((b"\x1f\x8b", b"PK\x03\x04")):
-        raise CatalogError(f"{path}: is compressed ({'zip' if content[:1] == b'P' else 'gzip'}): decompress it")
+        raise CatalogError(f"{path}: is compressed ({'zip' if content[:1] == b'P' else 'gzip'}); decompress it")
     text = decode_text(content)
     if text is None:
-        raise CatalogError(f"{path}: is not UTF-8 text: give a file of two-line element sets")
+        raise CatalogError(f"{path}: is not UTF-8 text; give a file of two-line element sets")
     sets, junk = parse_element_sets(text, str(path))
     return tuple(sets), tuple(junk)
 
@@ -152,7 +152,7 @@ def parse_element_sets(text: str, where: str) -> Found:
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
     start = text.lstrip()
     if not start:
-        raise CatalogError(f"{where}: is empty: give a file of two-line element sets")
+        raise CatalogError(f"{where}: is empty; give a file of two-line element sets")
     first = next((line for line in start.split("\n") if line.strip() and not line.startswith("#")), "")
     if re.match(r"[\[{]\s*[{}\]\"]", start):
         found = read_json(text, where)
@@ -185,7 +185,7 @@ def _make_refusal(where: str, text: str) -> CatalogError:
         quoted = f"{quoted[: _MOST_QUOTED - 3]}..."
     what = f", but '{quoted}'" if quoted else ""
     return CatalogError(
-        f"{where}: does not contain a two-line element set or an OMM{what}: fetch it again, or give another file"
+        f"{where}: does not contain a two-line element set or an OMM{what}; fetch it again, or give another file"
     )
 
 
@@ -234,7 +234,7 @@ def read_lines(lines: Iterable[str], where: str) -> Found:
         if name is not None:
             junk.append(
                 f"{where}: line {name[0]}: '{make_printable(name[1][:40])}' is not an element line, and no "
-                "element line follows it: remove it"
+                "element line follows it; remove it"
             )
 
     at = 0

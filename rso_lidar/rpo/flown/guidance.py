@@ -118,12 +118,12 @@ class TwoImpulseGuidance(Part):
     @model_validator(mode="after")
     def _one_schedule(self) -> Self:
         if (self.at_s is None) == (self.every_s is None):
-            raise ValueError("needs exactly one of at_s and every_s: give one of them")
+            raise ValueError("needs exactly one of at_s and every_s; give one of them")
         if self.at_s is not None and any(b <= a for a, b in zip(self.at_s, self.at_s[1:], strict=False)):
-            raise ValueError("at_s: the corrections are not in order of time: sort them, each instant once")
+            raise ValueError("at_s: the corrections are not in order of time; sort them, each instant once")
         if self.forces is not None and self.model != "forces":
             raise ValueError(
-                "forces: 'clohessy_wiltshire' predicts without forces: leave them out, or set model = \"forces\""
+                "forces: 'clohessy_wiltshire' predicts without forces; leave them out, or set model = \"forces\""
             )
         return self
 
@@ -166,7 +166,7 @@ class TwoImpulseGuidance(Part):
             return []
         return [
             f"guidance: an update each {self.every_s:g} s for an aim {self.horizon_s:g} s ahead multiplies an error across "
-            f"the track by {abs(math.sin(left) / math.sin(ahead)):.2f}: make horizon_s shorter than a quarter of a "
+            f"the track by {abs(math.sin(left) / math.sin(ahead)):.2f}; make horizon_s shorter than a quarter of a "
             f"revolution, {0.5 * math.pi / mean_motion_rad_s:.0f} s"
         ]
 
@@ -330,7 +330,7 @@ def check_impulses(guidance: object, found: object, now_s: float) -> tuple[Plann
         if (size := float(np.linalg.norm(delta_v))) > FASTEST_M_S:
             raise ScenarioError(
                 f"{name_object(guidance)}: replan() wants {size:.3g} m/s at {one.time_s:g} s, more than "
-                f"{FASTEST_M_S:g} m/s: correct it, or give the correction more time before its aim"
+                f"{FASTEST_M_S:g} m/s; correct it, or give the correction more time before its aim"
             )
         if size > _CARRIED_OUT_M_S:
             checked.append(PlannedImpulse(float(one.time_s), delta_v))

@@ -234,7 +234,7 @@ class PlanFlight:
         assert guidance is not None
         if len(self._updates_s) >= _MOST_UPDATES:
             raise ScenarioError(
-                f"guidance: more than {_MOST_UPDATES:,} updates by {now_s:g} s: leave more time between them"
+                f"guidance: more than {_MOST_UPDATES:,} updates by {now_s:g} s; leave more time between them"
             )
         position, velocity = self._know(now_s)
         self._updates_s.append(now_s)

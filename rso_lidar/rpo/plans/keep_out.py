@@ -118,5 +118,5 @@ class KeepOutSphere:
         corridor = "" if self.axis is None else " and outside its corridor"
         return ScenarioError(
             f"keep_out_m: at {at_s:.1f} s the path is {nearest_m:.4g} m from the body ({where} m in rtn), inside the "
-            f"sphere of {self.radius_m:g} m{corridor}: go round it, end farther out, or make the sphere smaller"
+            f"sphere of {self.radius_m:g} m{corridor}; go round it, end farther out, or make the sphere smaller"
         )

@@ -134,7 +134,7 @@ def describe_validity(
     if e > ECCENTRIC:
         sentences.append(
             f"hill: the chief's eccentricity is {e:.4f}; above {ECCENTRIC:g} Clohessy-Wiltshire, which takes it as "
-            f"circular, is off by up to {30.0 * e:.0%} of the separation for each revolution: "
+            f"circular, is off by up to {30.0 * e:.0%} of the separation for each revolution; "
             f"use yamanaka_ankersen{elements} or nonlinear"
         )
     return sentences
@@ -252,7 +252,7 @@ def mean_motion_of_state(position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3
     alpha = float(2.0 / np.linalg.norm(position_m) - np.sum(velocity_m_s * velocity_m_s) / gm_m3_s2)
     if alpha <= 0.0:
         raise ScenarioError(
-            "relative_to: its orbit is open and has no mean motion: use motion 'nonlinear' about it, or 'state'"
+            "relative_to: its orbit is open and has no mean motion; use motion 'nonlinear' about it, or 'state'"
         )
     return math.sqrt(gm_m3_s2 * alpha**3)
 
@@ -302,7 +302,7 @@ def describe_flattening(
     if share <= TURNED:
         return []
     if center is not EARTH:
-        better = "its other harmonics, which are as large, are left out too: take the result as an estimate"
+        better = "its other harmonics, which are as large, are left out too; take the result as an estimate"
     return [
         f"{name}: in {swept_rad / math.tau:.1f} revolutions {center.name}'s flattening (J2), which this model leaves out, "
         f"moves the body by up to {share:.0%} of the separation: {better}"

@@ -55,7 +55,7 @@ class Nonlinear(RelativeState):
         for key in ("forces", "maneuvers"):
             if getattr(self, key):
                 raise ScenarioError(
-                    f"{key}: are integrated with the Earth's gravity, and '{self.relative_to}' orbits about {center.name}: "
+                    f"{key}: are integrated with the Earth's gravity, and '{self.relative_to}' orbits about {center.name}; "
                     "leave them out"
                 )
 

@@ -65,7 +65,7 @@ class YamanakaAnkersen(RelativeState):
             sentences.append(
                 f"yamanaka_ankersen: the separation reaches {farthest_m / units.KM:.1f} km; beyond {FAR_M / units.KM:g} km "
                 f"the neglected second order, here up to some {off_m:.3g} m for each "
-                f"revolution, matters: use nonlinear{' or relative_elements' if center is EARTH else ''}"
+                f"revolution, matters; use nonlinear{' or relative_elements' if center is EARTH else ''}"
             )
         return sentences + describe_flattening("yamanaka_ankersen", epochs, *start, center=center)
 
@@ -121,7 +121,7 @@ class _ChiefOrbit:
         self.e = math.hypot(e_cos, e_sin)
         if alpha <= 0.0 or self.e >= 1.0:
             raise ScenarioError(
-                "relative_to: its orbit is open, and yamanaka_ankersen is for ellipses: use motion 'nonlinear'"
+                "relative_to: its orbit is open, and yamanaka_ankersen is for ellipses; use motion 'nonlinear'"
             )
         self.true_rad = math.atan2(e_sin, e_cos)
         self.k2 = math.sqrt(gm / p**3)

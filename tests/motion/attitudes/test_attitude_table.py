@@ -85,7 +85,7 @@ def test_the_first_version_must_say_its_direction(tmp_path):
     # 504.0-B-1 makes ATTITUDE_DIR obligatory; 504.0-B-2 has none, and always goes from A to B
     path = saved(tmp_path, HEAD + segment(rows(QUARTER), ATTITUDE_DIR=None))
     with pytest.raises(
-        ScenarioError, match="line 4: the metadata lack ATTITUDE_DIR, which the standard requires: add it"
+        ScenarioError, match="line 4: the metadata lack ATTITUDE_DIR, which the standard requires; add it"
     ) as error:
         flown(AttitudeTable(file=path), [0.0])
     assert "\n" not in str(error.value)

@@ -94,7 +94,7 @@ def test_outside_the_span(tmp_path):
     ("text", "message"),
     [
         ("", "is empty"),
-        (f"{HEADER}\n0,0,0,0\n", "has 1 rows: a table needs at least two"),
+        (f"{HEADER}\n0,0,0,0\n", "has 1 rows; a table needs at least two"),
         ("time_s,x_m,y_m\n0,0,0\n1,0,0\n", "line 1: column z_m is missing"),
         ("t_s,x_m,y_m,z_m\n0,0,0,0\n1,0,0,0\n", "line 1: unknown column 't_s'; did you mean 'time_s'"),
         (f"{HEADER},x_m\n0,0,0,0,0\n1,0,0,0,0\n", "line 1: column 'x_m' is given twice"),
@@ -102,7 +102,7 @@ def test_outside_the_span(tmp_path):
         (f"{HEADER}\n0,0,0,0\n\n1,0,zero,0\n", "line 4: y_m 'zero' is not a number"),
         (f"{HEADER}\n0,0,0,0\n1,0,nan,0\n", "line 3: y_m is nan: give a finite number"),
         (f"{HEADER}\n0,0,0,0\n1,0,0\n", "line 3: has 3 cells, the header 4"),
-        (f"{HEADER}\n0,0,0,0\n2,0,0,0\n1,0,0,0\n", "line 4: its epoch is before that of the row before: sort the rows"),
+        (f"{HEADER}\n0,0,0,0\n2,0,0,0\n1,0,0,0\n", "line 4: its epoch is before that of the row before; sort the rows"),
         (f"{HEADER}\n0,0,0,0\n0,0,0,0\n", "line 3: its epoch occurs twice, in the row before, too"),
         (f"{HEADER},qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,2\n", "line 3: the quaternion's norm is 2, not 1"),
     ],

@@ -93,7 +93,7 @@ def test_maneuvers_are_named_as_not_flown(tmp_path):
         (
             "CCSDS_OPM_VERS = 3.0",
             "CCSDS_OPM_VERS = 9.0",
-            "CCSDS_OPM_VERS 9.0 is not supported: write 1.0 or 2.0 or 3.0",
+            "CCSDS_OPM_VERS 9.0 is not supported; write 1.0 or 2.0 or 3.0",
         ),
         ("CENTER_NAME = EARTH", "CENTER_NAME = MOON", "line 7: CENTER_NAME MOON: only EARTH"),
         ("REF_FRAME = GCRF", "REF_FRAME = MOON_ME", "line 8: reference frame MOON_ME is not supported"),
@@ -101,9 +101,9 @@ def test_maneuvers_are_named_as_not_flown(tmp_path):
         ("EPOCH = 2022-12-18", "EPOCH = 2022-13-18", "line 10: epoch '2022-13-18"),
         ("X = 6503.514000", "X = 6503514 [m]", "line 11: X in m: write it in km"),
         ("X = 6503.514000", "X = NaN", "line 11: X is NaN: give a finite number"),
-        ("X = 6503.514000", "X = 6503\nX = 6504", "line 12: X is given twice: remove one"),
+        ("X = 6503.514000", "X = 6503\nX = 6504", "line 12: X is given twice; remove one"),
         ("X = 6503.514000", "X = 1.0", "its state is no orbit: .*inside"),
-        ("Z_DOT = -4.191076", "", "the message lacks Z_DOT, which the standard requires: add it"),
+        ("Z_DOT = -4.191076", "", "the message lacks Z_DOT, which the standard requires; add it"),
         ("ORIGINATOR = JAXA", "from JAXA", "line 3: 'from JAXA' is not KEYWORD = value"),
     ],
 )
