@@ -210,9 +210,9 @@ def test_xml(tmp_path):
         (HEAD + segment(rows(QUARTER), QUATERNION_TYPE=None), "line 4: the metadata lack QUATERNION_TYPE"),
         (
             HEAD + segment(rows(QUARTER), QUATERNION_TYPE="MIDDLE"),
-            "line 13: QUATERNION_TYPE MIDDLE: write FIRST or LAST",
+            "line 13: QUATERNION_TYPE MIDDLE; write FIRST or LAST",
         ),
-        (HEAD + segment(rows(QUARTER), ATTITUDE_DIR="AB"), "line 10: ATTITUDE_DIR AB: write A2B or B2A"),
+        (HEAD + segment(rows(QUARTER), ATTITUDE_DIR="AB"), "line 10: ATTITUDE_DIR AB; write A2B or B2A"),
         (HEAD + segment(rows(QUARTER), REF_FRAME_B="STAR_TRACKER_1"), "one of them must be SC_BODY"),
         (HEAD + segment(rows(QUARTER), REF_FRAME_A="ITRF-97"), "line 8: an attitude in ITRF-97 is not supported"),
         (HEAD + segment(rows(QUARTER), REF_FRAME_A="TEME"), "line 8: an attitude in TEME"),

@@ -100,7 +100,7 @@ def test_outside_the_span(tmp_path):
         (f"{HEADER},x_m\n0,0,0,0,0\n1,0,0,0,0\n", "line 1: column 'x_m' is given twice"),
         (f"{HEADER},qx,qy,qz\n0,0,0,0,0,0,0\n1,0,0,0,0,0,0\n", "line 1: column qw is missing"),
         (f"{HEADER}\n0,0,0,0\n\n1,0,zero,0\n", "line 4: y_m 'zero' is not a number"),
-        (f"{HEADER}\n0,0,0,0\n1,0,nan,0\n", "line 3: y_m is nan: give a finite number"),
+        (f"{HEADER}\n0,0,0,0\n1,0,nan,0\n", "line 3: y_m is nan; give a finite number"),
         (f"{HEADER}\n0,0,0,0\n1,0,0\n", "line 3: has 3 cells, the header 4"),
         (f"{HEADER}\n0,0,0,0\n2,0,0,0\n1,0,0,0\n", "line 4: its epoch is before that of the row before; sort the rows"),
         (f"{HEADER}\n0,0,0,0\n0,0,0,0\n", "line 3: its epoch occurs twice, in the row before, too"),

@@ -102,7 +102,7 @@ def test_terms_of_velocity_may_be_left_out_but_not_a_part_of_them():
         ),
         ("MISS_DISTANCE = 120", "as far as 120", "CDM: line 7: 'as far as 120 .m.' is not KEYWORD = value"),
         ("RELATIVE_SPEED = 25 [m/s]", "COLLISION_PROBABILITY = 1.5", "CDM: line 8: COLLISION_PROBABILITY is 1.5: give"),
-        ("CATALOG_NAME = SATCAT", "ORBIT_CENTER = MOON", "CDM: line 12: ORBIT_CENTER MOON: only EARTH"),
+        ("CATALOG_NAME = SATCAT", "ORBIT_CENTER = MOON", "CDM: line 12: ORBIT_CENTER MOON; only EARTH"),
         ("HBR = 6 [m]", "HBR = -6 [m]", "CDM: line 9: HBR is -6: give"),
     ],
 )

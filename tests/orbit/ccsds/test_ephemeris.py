@@ -317,7 +317,7 @@ def test_xml_rows_are_read_by_name(tmp_path):
                 [row(minute, *place, *push) for minute in range(3)],
                 "line 2: the stateVector lacks X_DOT, Y_DOT, Z_DOT: give",
             ),
-            ([row(minute, *speed) for minute in range(3)], "the stateVector lacks X, Y, Z: give all"),
+            ([row(minute, *speed) for minute in range(3)], "the stateVector lacks X, Y, Z; give all"),
             ([whole[0], [*row(1, *place, *speed), ("X", 7100)], whole[2]], "line 3: X is given twice; remove one"),
         ]
     ):
@@ -349,7 +349,7 @@ def test_a_number_is_written_in_ascii_digits(tmp_path, word):
         (HEAD + segment(straight(range(5)), "MOON_ME"), "line 8: reference frame MOON_ME is not supported"),
         (
             HEAD + segment(straight(range(5)), center="MARS BARYCENTER"),
-            "line 7: CENTER_NAME MARS BARYCENTER: only EARTH",
+            "line 7: CENTER_NAME MARS BARYCENTER; only EARTH",
         ),
         (HEAD + segment(straight(range(5)), system="TDB"), "line 9: TIME_SYSTEM TDB is not supported"),
         (HEAD + segment(straight(range(5))).replace("REF_FRAME = GCRF\n", ""), "line 4: the metadata lack REF_FRAME"),

@@ -105,7 +105,7 @@ def test_blocks_comments_and_covariance():
         ("<aem version='2.0'></aem>", "does not contain <oem>"),
         (
             "<!DOCTYPE html><html><p>403 Forbidden</html>",
-            r"is a web page \(HTML\) and no OEM: fetch the file again",
+            r"is a web page \(HTML\) and no OEM; fetch the file again",
         ),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><oem version='2.0'/>", "DOCTYPE"),
         (
@@ -148,7 +148,7 @@ def test_xml_is_read_by_local_names_within_its_own_message():
         (segment,) = message.segments
         assert segment.rows == [(1, ["2026-05-01", "0", "1", "2", "3", "4", "5"])]
         assert {key: entry.value for key, entry in segment.meta.items()} == {"OBJECT_NAME": "A"}
-    with pytest.raises(ScenarioError, match=r"a.xml: holds several <oem>: split it"):
+    with pytest.raises(ScenarioError, match=r"a.xml: holds several <oem>; split it"):
         read_message(f"<ndm>{plain}{prefixed}</ndm>", "OEM", "a.xml")
 
 

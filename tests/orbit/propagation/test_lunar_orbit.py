@@ -151,7 +151,7 @@ def test_bad_input_is_told(tmp_path):
         orbiter(kernel_file=None)
     with pytest.raises(ScenarioError, match=r"the perigee is 37\.4 km below the Moon's surface"):
         orbiter(semi_major_axis_km=1700.0)
-    with pytest.raises(ScenarioError, match="inside the Moon: give metres from the centre"):
+    with pytest.raises(ScenarioError, match="inside the Moon; give metres from the centre"):
         LunarState(epoch_utc=START, position_m=(1e6, 0, 0), velocity_m_s=(0, 1, 0), kernel_file="a.bsp")
     with pytest.raises(ScenarioError, match="a fall through the Moon's centre"):
         LunarState(epoch_utc=START, position_m=(2e6, 0, 0), velocity_m_s=(1, 0, 0), kernel_file="a.bsp")

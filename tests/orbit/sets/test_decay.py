@@ -90,7 +90,7 @@ def test_all_ways_to_a_state_say_the_same():
             ask()
         assert caught.value.bad.tolist() == bad
     with pytest.raises(
-        PropagationError, match=r"has decayed .*, SGP4 error 6, by 2026-05-01T14:33:54.330Z: use epochs"
+        PropagationError, match=r"has decayed .*, SGP4 error 6, by 2026-05-01T14:33:54.330Z; use epochs"
     ):
         propagate_sgp4(HIGH_DRAG, Epochs(EPOCH, day_s[3:]))
     assert "by 2026-05-01T14:33:54.330Z (elements of 2026-04-30T12:00Z)" in fleet.describe_loss(0, 5.0 * DAY_S, 6)[1]

@@ -142,11 +142,11 @@ def test_epochs_that_are_none(text, why):
         ),
         (
             {"BSTAR": None, "MEAN_MOTION": "x", "INCLINATION": "y"},
-            "BSTAR is missing; MEAN_MOTION 'x' is not a number; INCLINATION 'y' is not a number: correct the record",
+            "BSTAR is missing; MEAN_MOTION 'x' is not a number; INCLINATION 'y' is not a number; correct the record",
         ),
         (
             dict.fromkeys(("MEAN_MOTION", "ECCENTRICITY", "INCLINATION", "MEAN_ANOMALY", "BSTAR"), "x"),
-            "MEAN_ANOMALY 'x' is not a number; BSTAR 'x' is not a number: correct the record",
+            "MEAN_ANOMALY 'x' is not a number; BSTAR 'x' is not a number; correct the record",
         ),
     ],
 )
