@@ -5,16 +5,21 @@ A message reads *where: what: what to do*. The command line prints it as one lin
 """
 
 import difflib
+import re
 import warnings
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
 MOST_CHARACTERS = 1000  # of a message on the command line: five rows of a terminal of 200 columns
 _MOST_OF_PROBLEMS = 800  # characters of those that a message lists; the rest is for the place and the cure
+
+# C0 and C1 controls, the separators of lines and paragraphs, and the marks of writing direction.
+_UNPRINTED = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb]+")
 
 
 class RsoLidarError(Exception):
@@ -228,6 +233,26 @@ def join_problems(problems: Iterable[str], separator: str = "; ") -> str:
         count += 1
     more = f" (and {len(texts) - count} more)" if count < len(texts) else ""
     return f"{separator.join(texts[:count])}{more}"
+
+
+def make_printable(text: str) -> str:
+    r"""Make one printable line of a text: control characters become a space, and unpaired surrogates a '?'.
+
+    >>> make_printable("A\nB \ud800")
+    'A B ?'
+    """
+    if text.isprintable():
+        return text
+    return _UNPRINTED.sub(" ", text.encode("utf-8", "replace").decode("utf-8")).strip()
+
+
+def quote_value(value: Any) -> str:
+    """Quote a value for a message, cut to 40 characters."""
+    try:
+        text = " ".join(str(value).split())
+    except (ValueError, RecursionError):  # an integer of thousands of digits
+        text = type(value).__name__
+    return f"'{text[:37]}...'" if len(text) > 40 else f"'{text}'"
 
 
 def _is_one_slip(word: str, meant: str) -> bool:

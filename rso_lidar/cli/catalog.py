@@ -14,7 +14,7 @@ from rso_lidar.cli.completion import list_regimes
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.orbit import CATALOG_SUFFIXES, REGIMES, Catalog, ElementSet, SetSequence, read_element_sets
+from rso_lidar.orbit import Catalog, ElementSet, SetSequence, read_element_sets
 from rso_lidar.scene import format_count
 from rso_lidar.study import estimate_set_errors
 
@@ -57,15 +57,15 @@ def catalog(
         raise ScenarioError("--near and --max-age-days go together: give the time, and how far from it")
     if max_age_days is not None and not 0.0 <= max_age_days < math.inf:
         raise ScenarioError(f"--max-age-days {max_age_days:g}: is not an age; give 0 or more days")
-    if regime is not None and regime not in REGIMES:
-        guess = did_you_mean(regime, REGIMES)
-        raise ScenarioError(f"--regime {regime}: unknown regime{guess or ';'} (known: {', '.join(REGIMES)})")
+    if regime is not None and regime not in Catalog.REGIMES:
+        guess = did_you_mean(regime, Catalog.REGIMES)
+        raise ScenarioError(f"--regime {regime}: unknown regime{guess or ';'} (known: {', '.join(Catalog.REGIMES)})")
     numbers = _parse_numbers(ids or [])
     for option, wanted in (("--jumps", jumps), ("--errors", errors)):
         if wanted and not numbers:
             raise ScenarioError(f"{option}: is about one object; name it with --id")
     if output is not None:
-        output = check_writable(output, CATALOG_SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, Catalog.SUFFIXES, overwrite=overwrite)
     at = None if near is None else parse_instant("--near", near)
     whole = Catalog.from_file(file)
     _check_known(whole, file, numbers)

@@ -5,7 +5,7 @@ from typing import get_args
 
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.export import FORMATS
-from rso_lidar.orbit import REGIMES
+from rso_lidar.orbit import Catalog
 from rso_lidar.records import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.scenario import find_examples, load_presets
 from rso_lidar.scene import models, own_models
@@ -45,7 +45,7 @@ def list_own_models(incomplete: str) -> list[str]:
 
 def list_regimes(incomplete: str) -> list[str]:
     """Return the regimes of orbits."""
-    return _select(REGIMES, incomplete)
+    return _select(Catalog.REGIMES, incomplete)
 
 
 def list_classes(incomplete: str) -> list[str]:

@@ -12,7 +12,7 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.evaluation import find_true_relative_state, fit_own_orbit, fit_relative_orbit
 from rso_lidar.orbit import Forces
-from rso_lidar.track import MEASUREMENT_GATE, RELATIVE_MODELS, RelativeOrbitFit, chi_square_bounds, format_fit_row
+from rso_lidar.track import MEASUREMENT_GATE, RELATIVE_MODELS
 
 _MANY = 0.1  # share of outliers at which the forces are the likely reason; the gate alone rejects under 1 %
 
@@ -109,7 +109,7 @@ def fit(
             )
             fits = [one.statistics for one in (found.own, found.fit) if one is not None]
             truth = find_true_relative_state(some, found.target, found.fit.epoch_s)
-            lines = found.describe().splitlines() + ([] if truth is None else describe_error(found.fit, truth))
+            lines = found.describe().splitlines() + ([] if truth is None else found.fit.describe_error(*truth))
     for line in lines:
         echo(line)
     for used in fits:
@@ -118,19 +118,3 @@ def fit(
                 f"note: {used.n_rejected:,} of {len(used.used):,} measurements do not fit these forces; where the recorded "
                 "motion is two-body (kepler, state and hill motions are), give --zonal-degree 0"
             )
-
-
-def describe_error(fit: RelativeOrbitFit, truth: tuple[np.ndarray, np.ndarray]) -> list[str]:
-    """Describe the error of a relative orbit against the true state, and its NEES.
-
-    Parameters
-    ----------
-    fit : the relative orbit
-    truth : true position [m] and velocity [m/s] in the same axes
-    """
-    low, high = chi_square_bounds(6)
-    return [
-        format_fit_row("error [m]", fit.position_m - truth[0], "12.4f"),
-        format_fit_row("error [m/s]", fit.velocity_m_s - truth[1], "12.6f"),
-        f"NEES {fit.normalize_error(*truth):.2f}, 6 expected (95 % bounds {low:.2f} to {high:.2f})",
-    ]

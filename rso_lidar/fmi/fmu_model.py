@@ -58,17 +58,17 @@ class FmuModel(Part):
 
         Parameters
         ----------
-        step_s : grid of the run [s].
+        step_s : grid of the run [s]
 
         Returns
         -------
         FmuRun
-            Not yet initialised.
+            Not yet initialised
 
         Raises
         ------
         ScenarioError
-            If the FMU cannot be run, or the mapping does not fit it.
+            If the FMU cannot be run, or the mapping does not fit it
         """
         path = Path(self.file)
         run = FmuRun(path)
@@ -99,8 +99,8 @@ class FmuModel(Part):
 
         Parameters
         ----------
-        file : of the FMU, for messages.
-        inputs : names of the variables that are mapped as inputs.
+        file : of the FMU, for messages
+        inputs : names of the variables that are mapped as inputs
         """
         for place, name in enumerate(inputs):
             if name in inputs[:place]:
@@ -123,10 +123,10 @@ class FmuModel(Part):
 
         Parameters
         ----------
-        file, place : of the mapping, for messages.
-        mapping : names of variables, or numbers, by quantity.
-        known : unit and number of elements of each quantity.
-        description : of the FMU.
+        file, place : of the mapping, for messages
+        mapping : names of variables, or numbers, by quantity
+        known : unit and number of elements of each quantity
+        description : of the FMU
         """
         for name in mapping:
             if name not in known:
@@ -168,9 +168,9 @@ def _check_variable(file: str, name: str, variables: dict[str, Any]) -> None:
 
     Parameters
     ----------
-    file : of the FMU, for the message.
-    name : of the variable.
-    variables : of the FMU, by name.
+    file : of the FMU, for the message
+    name : of the variable
+    variables : of the FMU, by name
     """
     if name not in variables:
         raise ScenarioError(f"{file}: the FMU has no variable '{name}'{did_you_mean(name, variables) or '; check it'}")

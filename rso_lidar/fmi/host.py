@@ -94,12 +94,12 @@ class Host:
 
         Parameters
         ----------
-        interface : "co_simulation" or "model_exchange".
-        step_s : grid of the run [s].
-        tolerance : relative, for the FMU's own integration.
-        start : names of variables and their start values.
-        inputs, outputs : names of the variables that are set and read.
-        first : inputs (input,) at t = 0.
+        interface : "co_simulation" or "model_exchange"
+        step_s : grid of the run [s]
+        tolerance : relative, for the FMU's own integration
+        start : names of variables and their start values
+        inputs, outputs : names of the variables that are set and read
+        first : inputs (input,) at t = 0
         """
         from fmpy.fmi2 import FMU2Model, FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
         from fmpy.fmi3 import FMU3Model, FMU3Slave
@@ -265,8 +265,8 @@ class Host:
 
         Parameters
         ----------
-        begin_s, end_s : the ticks [s].
-        row : inputs (input,), held.
+        begin_s, end_s : the ticks [s]
+        row : inputs (input,), held
         """
         fmu = self.instance
         if tuple(row) != self._row:
@@ -305,9 +305,9 @@ class Host:
 
         Parameters
         ----------
-        states : continuous states (state,) at the beginning.
-        begin_s, end_s : ends of the step [s].
-        signs : whether the indicators (indicator,) were positive at the beginning.
+        states : continuous states (state,) at the beginning
+        begin_s, end_s : ends of the step [s]
+        signs : whether the indicators (indicator,) were positive at the beginning
         """
         h = end_s - begin_s
         if self._n:

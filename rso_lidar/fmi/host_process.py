@@ -26,12 +26,12 @@ class HostProcess:
 
     Parameters
     ----------
-    path : of the FMU.
+    path : of the FMU
 
     Raises
     ------
     ScenarioError
-        If fmpy is not installed, the process cannot be started, or the file is not an FMU for this machine.
+        If fmpy is not installed, the process cannot be started, or the file is not an FMU for this machine
     """
 
     def __init__(self, path: Path) -> None:
@@ -53,12 +53,12 @@ class HostProcess:
 
         Parameters
         ----------
-        name : of a method of `host.Host`.
-        given : its arguments.
+        name : of a method of `host.Host`
+        given : its arguments
 
         Returns
         -------
-        what the method returned.
+        what the method returned
 
         Raises
         ------

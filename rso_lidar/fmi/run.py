@@ -41,10 +41,10 @@ class FmuPoint:
 
     Parameters
     ----------
-    run : of which it is a point.
-    tick : number of steps since t = 0.
-    state : of the FMU; None if it cannot give it.
-    begin : start values and inputs with which the run began.
+    run : of which it is a point
+    tick : number of steps since t = 0
+    state : of the FMU; None if it cannot give it
+    begin : start values and inputs with which the run began
     """
 
     def __init__(self, run: FmuRun, tick: int, state: bytes | None, begin: Any) -> None:
@@ -66,8 +66,8 @@ def _rebuild(
 
     Parameters
     ----------
-    path, checksums, settings : of the run.
-    tick, state, begin : of the point.
+    path, checksums, settings : of the run
+    tick, state, begin : of the point
 
     Raises
     ------
@@ -88,12 +88,12 @@ class FmuRun:
 
     Parameters
     ----------
-    path : of the FMU.
+    path : of the FMU
 
     Raises
     ------
     ScenarioError
-        If it is not an FMU that runs on this machine.
+        If it is not an FMU that runs on this machine
     """
 
     settings: FmuSettings
@@ -121,17 +121,17 @@ class FmuRun:
 
         Parameters
         ----------
-        first : inputs (input,) at t = 0.
-        start : further start values of variables, in the units of the FMU.
+        first : inputs (input,) at t = 0
+        start : further start values of variables, in the units of the FMU
 
         Returns
         -------
-        the point at t = 0, and the outputs (output,) there.
+        the point at t = 0, and the outputs (output,) there
 
         Raises
         ------
         ScenarioError
-            If the FMU fails.
+            If the FMU fails
         """
         made = self.settings
         given = (
@@ -153,18 +153,18 @@ class FmuRun:
 
         Parameters
         ----------
-        point : of this run.
-        held : inputs (step, input), each held over a step.
-        keep_state : whether a later run may go on from the point again.
+        point : of this run
+        held : inputs (step, input), each held over a step
+        keep_state : whether a later run may go on from the point again
 
         Returns
         -------
-        the point after the last step, and the outputs (step, output) after each.
+        the point after the last step, and the outputs (step, output) after each
 
         Raises
         ------
         ScenarioError
-            If the FMU fails, or cannot go back to the point.
+            If the FMU fails, or cannot go back to the point
         """
         self._go_to(point)
         rows = self._process.ask("advance", self._to_fmu(np.asarray(held, dtype=float)))
@@ -179,12 +179,12 @@ class FmuRun:
 
         Parameters
         ----------
-        point : the present one, or one that has its state.
+        point : the present one, or one that has its state
 
         Raises
         ------
         ScenarioError
-            If the FMU cannot give its state.
+            If the FMU cannot give its state
         """
         if point.tick == 0 or point.state is not None:
             return point

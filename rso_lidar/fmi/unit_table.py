@@ -48,11 +48,11 @@ def find_conversion(
 
     Parameters
     ----------
-    where : the FMU and the variable, for messages.
-    declared : unit that the FMU declares; None if it declares none.
-    stated : unit that the user states; None if none.
-    definitions : exponents, factor and offset of the FMU's units by name; None for a name without them.
-    wanted : unit of the quantity in the package, an SI unit of this module.
+    where : the FMU and the variable, for messages
+    declared : unit that the FMU declares; None if it declares none
+    stated : unit that the user states; None if none
+    definitions : exponents, factor and offset of the FMU's units by name; None for a name without them
+    wanted : unit of the quantity in the package, an SI unit of this module
 
     Returns
     -------
@@ -61,7 +61,7 @@ def find_conversion(
     Raises
     ------
     ScenarioError
-        If there is no unit, or one of another dimension, or the two contradict each other.
+        If there is no unit, or one of another dimension, or the two contradict each other
     """
     if declared is not None and stated is not None and declared != stated:
         raise ScenarioError(

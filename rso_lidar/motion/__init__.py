@@ -15,7 +15,6 @@ if TYPE_CHECKING:
         simulate_drive,
     )
     from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
-    from rso_lidar.motion.attitudes.attitude_file import write_aem, write_attitude_csv
     from rso_lidar.motion.attitudes.attitude_hold import FixedAttitude, LvlhCcsds, Rtn
     from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
     from rso_lidar.motion.attitudes.fmu_attitude import FmuAttitude
@@ -25,8 +24,8 @@ if TYPE_CHECKING:
     from rso_lidar.motion.attitudes.spin import Spin, Tumble
     from rso_lidar.motion.attitudes.spin_presets import load_spin_presets
     from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
-    from rso_lidar.motion.bodies.body import RESERVED, Axes, Body
-    from rso_lidar.motion.bodies.hinge import Angle, FixedAngle, FollowSun, HingeAxes, PlannedAngle
+    from rso_lidar.motion.bodies.body import RESERVED_AXES, Axes, Body
+    from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAngle, HingeAxes, PlannedAngle
     from rso_lidar.motion.bodies.orbital_axes import find_moon_m
     from rso_lidar.motion.bodies.order import find_center_of_body, sort_bodies
     from rso_lidar.motion.body_truth import Chief, truth
@@ -36,29 +35,22 @@ if TYPE_CHECKING:
     from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
     from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
     from rso_lidar.motion.gimbal.fmu_drive import FmuDrive
-    from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, check_angles, ptu_link, sense, start, step
+    from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, check_angles, make_ptu_link, sense, start, step
     from rso_lidar.motion.light_time import apply_light_time
     from rso_lidar.motion.motions.fmu_motion import FmuMotion
-    from rso_lidar.motion.motions.motion import Motion, advise_on_motion, chief_of, has_orbit, summarize_motion
+    from rso_lidar.motion.motions.motion import Motion, advise_on_motion, get_chief_name, summarize_motion
     from rso_lidar.motion.motions.prescribed_motion import Fixed, Table
     from rso_lidar.motion.motions.state_space import StateSpace
     from rso_lidar.motion.mount import Mount
-    from rso_lidar.motion.proximity import (
-        find_flight,
-        find_jumps_s,
-        find_nominal_flight,
-        find_plan,
-        follows_plan,
-        list_commands,
-    )
+    from rso_lidar.motion.proximity import find_flight, find_plan, list_commands
+    from rso_lidar.orbit import write_aem, write_attitude_csv
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "RESERVED",
+    "RESERVED_AXES",
     "Aim",
     "AimState",
-    "Angle",
     "Attitude",
     "AttitudeTable",
     "Axes",
@@ -76,6 +68,7 @@ __all__ = [
     "FmuMotion",
     "FollowSun",
     "FollowerMotion",
+    "HingeAngle",
     "HingeAxes",
     "Ideal",
     "LookAt",
@@ -104,24 +97,20 @@ __all__ = [
     "advise_on_motion",
     "apply_light_time",
     "check_angles",
-    "chief_of",
     "compute_demand",
     "count_dynamics",
     "find_center_of_body",
     "find_dynamics_file",
     "find_flight",
-    "find_jumps_s",
     "find_moon_m",
-    "find_nominal_flight",
     "find_plan",
-    "follows_plan",
-    "has_orbit",
+    "get_chief_name",
     "lidar_from_ptu",
     "list_commands",
     "load_spin_presets",
     "make_demand",
+    "make_ptu_link",
     "name_function",
-    "ptu_link",
     "sense",
     "simulate_drive",
     "sort_bodies",

@@ -15,7 +15,7 @@ from rso_lidar.errors import ScenarioError, suppress_warnings
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.body_truth import Flights, truth
 from rso_lidar.motion.gimbal.demand import Demand, DemandCurve, TrackPoint, find_pan_tilt
-from rso_lidar.motion.gimbal.ptu import Ptu, PtuState, ptu_link, sense, start, step
+from rso_lidar.motion.gimbal.ptu import Ptu, PtuState, make_ptu_link, sense, start, step
 from rso_lidar.motion.mount import Mount
 from rso_lidar.orbit import Epochs
 from rso_lidar.pose import Link, PoseTree, pose, rotate_vectors
@@ -31,7 +31,7 @@ def lidar_from_ptu() -> Rotation:
 
     Returns
     -------
-    the constant rotation lidar_from_ptu.
+    the constant rotation lidar_from_ptu
     """
     from scipy.spatial.transform import Rotation
 
@@ -54,17 +54,17 @@ def make_demand(
 
     Parameters
     ----------
-    ptu : the pan-tilt unit.
-    bodies : all bodies.
-    start_utc : start of the run.
-    end_s : last instant at which the demand is evaluated [s].
-    local : whether the world is local, without an Earth.
-    sun_direction : direction to the Sun of a local world; None for none.
-    flights : of commanded state-space models; None for none.
+    ptu : the pan-tilt unit
+    bodies : all bodies
+    start_utc : start of the run
+    end_s : last instant at which the demand is evaluated [s]
+    local : whether the world is local, without an Earth
+    sun_direction : direction to the Sun of a local world; None for none
+    flights : of commanded state-space models; None for none
 
     Returns
     -------
-    demand ``(time,) -> (time, 2)``: pan and tilt [rad] at times since `start_utc` [s].
+    demand ``(time,) -> (time, 2)``: pan and tilt [rad] at times since `start_utc` [s]
     """
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand
@@ -83,7 +83,7 @@ class FollowingDemand:
 
     Parameters
     ----------
-    directions : ``directions(time_s (time,)) -> (time, 3)`` from the PTU to its target, mount axes, any length.
+    directions : ``directions(time_s (time,)) -> (time, 3)`` from the PTU to its target, mount axes, any length
     """
 
     def __init__(self, directions: Callable[[np.ndarray], np.ndarray]) -> None:
@@ -103,13 +103,13 @@ def compute_demand(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarra
 
     Parameters
     ----------
-    ptu : the pan-tilt unit.
-    bodies : all bodies.
-    course : truth of the bodies.
+    ptu : the pan-tilt unit
+    bodies : all bodies
+    course : truth of the bodies
 
     Returns
     -------
-    demanded pan and tilt (time, 2) [rad].
+    demanded pan and tilt (time, 2) [rad]
     """
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand(course.time_s)
@@ -131,16 +131,16 @@ def simulate_drive(
 
     Parameters
     ----------
-    ptu : the pan-tilt unit.
-    bodies : all bodies.
-    course : truth of the bodies.
-    start_utc : start of the run.
-    local : whether the world is local, without an Earth.
-    sun_direction : direction to the Sun of a local world; None for none.
+    ptu : the pan-tilt unit
+    bodies : all bodies
+    course : truth of the bodies
+    start_utc : start of the run
+    local : whether the world is local, without an Earth
+    sun_direction : direction to the Sun of a local world; None for none
 
     Returns
     -------
-    pan and tilt (time, 2) [rad], and their rates (time, 2) [rad/s].
+    pan and tilt (time, 2) [rad], and their rates (time, 2) [rad/s]
     """
     times = course.time_s
     follow = make_demand(ptu, bodies, start_utc, float(times[-1]), local=local, sun_direction=sun_direction)
@@ -158,13 +158,13 @@ def _find_target_vectors(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.
 
     Parameters
     ----------
-    ptu : the pan-tilt unit, which tracks.
-    bodies : all bodies.
-    course : truth of the bodies.
+    ptu : the pan-tilt unit, which tracks
+    bodies : all bodies
+    course : truth of the bodies
 
     Returns
     -------
-    vectors (time, 3) in the axes of the mount [m].
+    vectors (time, 3) in the axes of the mount [m]
     """
     assert isinstance(ptu.point, TrackPoint)
     origins = {body.name: body.origin for body in bodies}
@@ -207,11 +207,11 @@ class Aim:
 
         Parameters
         ----------
-        ptu : the pan-tilt unit; None for a lidar fixed to the follower.
-        mount : of the lidar.
-        bodies, start_utc, local, sun_direction, flights : as for `make_demand`.
-        end_s : time of the last flash [s].
-        exposure_s : time during which the pulses of a flash are sent [s].
+        ptu : the pan-tilt unit; None for a lidar fixed to the follower
+        mount : of the lidar
+        bodies, start_utc, local, sun_direction, flights : as for `make_demand`
+        end_s : time of the last flash [s]
+        exposure_s : time during which the pulses of a flash are sent [s]
         """
         self._ptu, self._mount, self._exposure_s = ptu, mount, exposure_s
         self._trail: list[tuple[PtuState, Command | None]] = []
@@ -228,13 +228,13 @@ class Aim:
 
         Parameters
         ----------
-        course : truth of the bodies at the next flash.
-        command : acts from the present instant on.
-        rng : random generator of this flash, for jitter and encoder noise.
+        course : truth of the bodies at the next flash
+        command : acts from the present instant on
+        rng : random generator of this flash, for jitter and encoder noise
 
         Returns
         -------
-        the same truth with the axes of PTU and lidar, and the angles of the PTU.
+        the same truth with the axes of PTU and lidar, and the angles of the PTU
         """
         self.advance(course.time_s, command)
         if self._ptu is None:
@@ -250,8 +250,8 @@ class Aim:
 
         Parameters
         ----------
-        time_s : the instant [s]; nothing happens if the PTU is there already, after an exposure.
-        command : acts from the present instant on.
+        time_s : the instant [s]; nothing happens if the PTU is there already, after an exposure
+        command : acts from the present instant on
         """
         if self._ptu is None or time_s < self._state.time_s:
             return
@@ -265,11 +265,11 @@ class Aim:
 
         Parameters
         ----------
-        course : truth of the bodies.
+        course : truth of the bodies
 
         Returns
         -------
-        the same truth with the axes of PTU and lidar.
+        the same truth with the axes of PTU and lidar
         """
         angle = rate = np.zeros(2)
         if self._ptu is not None:
@@ -284,11 +284,11 @@ class Aim:
 
         Parameters
         ----------
-        course : truth of the bodies at these instants, ascending (time), all after the flash before.
+        course : truth of the bodies at these instants, ascending (time), all after the flash before
 
         Returns
         -------
-        the same truths with the axes of PTU and lidar.
+        the same truths with the axes of PTU and lidar
         """
         angles = rates = np.zeros((len(course.time_s), 2))
         if self._ptu is not None:
@@ -318,12 +318,12 @@ class Aim:
 
         Parameters
         ----------
-        state : from `save`, of the pointing of the same PTU.
+        state : from `save`, of the pointing of the same PTU
 
         Raises
         ------
         ScenarioError
-            If only one of the two has a PTU.
+            If only one of the two has a PTU
         """
         if (self._ptu is None) != (not state.trail):
             raise ScenarioError(
@@ -347,20 +347,20 @@ def add_lidar(
 
     Parameters
     ----------
-    poses : tree with the axes of the follower.
-    ptu : the pan-tilt unit; None for a lidar fixed to the follower.
-    pan_tilt_rad : pan and tilt (…, 2) [rad].
-    rate_rad_s : their rates (…, 2) [rad/s].
-    mount : of the lidar.
+    poses : tree with the axes of the follower
+    ptu : the pan-tilt unit; None for a lidar fixed to the follower
+    pan_tilt_rad : pan and tilt (…, 2) [rad]
+    rate_rad_s : their rates (…, 2) [rad/s]
+    mount : of the lidar
 
     Returns
     -------
-    tree with the axes of the PTU, if there is one, and of the lidar.
+    tree with the axes of the PTU, if there is one, and of the lidar
     """
     carrier = "follower"
     if ptu is not None:
         angles = np.moveaxis(pan_tilt_rad, -1, 0)
-        link = ptu_link(ptu.mount, angles[0], angles[1], *np.moveaxis(rate_rad_s, -1, 0))
+        link = make_ptu_link(ptu.mount, angles[0], angles[1], *np.moveaxis(rate_rad_s, -1, 0))
         poses, carrier = poses.with_node("ptu", "follower", link), "ptu"
     return poses.with_node("lidar", carrier, _lidar_link(mount))
 

@@ -19,7 +19,7 @@ from rso_lidar.motion.bodies.hinge import find_sun_in_body
 from rso_lidar.motion.bodies.orbital_axes import find_turning_rad_s, link_orbit, list_breaks_s
 from rso_lidar.motion.bodies.order import list_dependencies, sort_bodies
 from rso_lidar.motion.dynamics.commands import CommandedFlight, CommandedModel
-from rso_lidar.motion.motions.motion import chief_of, list_exceeded_limits, states_of
+from rso_lidar.motion.motions.motion import get_chief_name, list_exceeded_limits, states_of
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
 from rso_lidar.motion.sun_vectors import SunVectors
 from rso_lidar.orbit import (
@@ -58,16 +58,16 @@ def truth(
 
     Parameters
     ----------
-    bodies : all bodies.
-    epochs : instants.
-    local : whether the world is local, without an Earth.
-    sun_direction : direction to the Sun of a local world, of any length, in root axes; None for none.
-    flights : of commanded state-space models, by the names in `Command.inputs`; None for none.
+    bodies : all bodies
+    epochs : instants
+    local : whether the world is local, without an Earth
+    sun_direction : direction to the Sun of a local world, of any length, in root axes; None for none
+    flights : of commanded state-space models, by the names in `Command.inputs`; None for none
     rates : whether the rates of the axes are needed. If False, only poses and states are valid, which is faster.
 
     Returns
     -------
-    truth of all epochs; ``truth.at(k)`` is that of one.
+    truth of all epochs; ``truth.at(k)`` is that of one
     """
     here = _Evaluation(tuple(bodies), epochs, local, SunVectors(epochs, local, sun_direction), flights or {}, rates)
     tree = PoseTree({}, {})
@@ -147,7 +147,7 @@ class _Evaluation:
         """Return whether a body moves relative to a chief, and no body in the chain of chiefs is under command."""
         if not isinstance(body.motion, RtnMotion):
             return False
-        while (relative_to := chief_of(body.motion)) is not None:
+        while (relative_to := get_chief_name(body.motion)) is not None:
             body = self.by_name[relative_to]
             if body.name in self.flights:
                 return False
@@ -155,7 +155,7 @@ class _Evaluation:
 
     def turns(self, body: Body) -> bool:
         """Return whether the rotation of a body's orbital plane is needed, for rates or for a body relative to it."""
-        return self.rates or any(chief_of(other.motion) == body.name for other in self.bodies)
+        return self.rates or any(get_chief_name(other.motion) == body.name for other in self.bodies)
 
     def flight_of(self, body: Body, model: CommandedModel) -> CommandedFlight:
         """Return the flight of a model of a body, with or without commands."""
@@ -180,7 +180,7 @@ class _Evaluation:
 
     def add_origin(self, tree: PoseTree, body: Body) -> PoseTree:
         """Add the axes at the origin of a body to a tree, and keep states and rates of an orbit."""
-        place, relative_to = self._place(tree, body), chief_of(body.motion)
+        place, relative_to = self._place(tree, body), get_chief_name(body.motion)
         if not body.orbits:
             link = Link((place.position_m, np.eye(3)), place.velocity_m_s, np.zeros(3))
             return tree.with_node(body.origin, relative_to or ROOT, link)
@@ -200,7 +200,7 @@ class _Evaluation:
             return motion.place(self.epochs, flight)
         known: tuple[Any, ...] = (self.epochs,)
         if isinstance(motion, RtnMotion):
-            known = self.epochs, self.chief(tree, str(chief_of(motion)))
+            known = self.epochs, self.chief(tree, str(get_chief_name(motion)))
             place = Place(*motion.relative(*known))
         else:
             state = states_of(motion, self.epochs)
@@ -218,14 +218,14 @@ class _Evaluation:
 
         Parameters
         ----------
-        tree : with the axes of the chief.
-        body : the body that moves relative to the chief.
-        chief : name of the chief.
-        place : position and velocity in the chief's rtn axes.
+        tree : with the axes of the chief
+        body : the body that moves relative to the chief
+        chief : name of the chief
+        place : position and velocity in the chief's rtn axes
 
         Returns
         -------
-        the tree with the rtn axes of the body.
+        the tree with the rtn axes of the body
         """
         there, turning, (rho, rho_rate, rates) = tree.link(ROOT, self.by_name[chief].origin), self.turning[chief], place
         moved_m_s = rho_rate if rates is None else rates[0]
@@ -331,11 +331,11 @@ class Chief:
 
     Parameters
     ----------
-    bodies : all bodies.
-    name : of the chief.
-    local : whether the world is local, without an Earth.
-    flights : of commanded state-space models; None for none.
-    known : epochs at which the states are known already, and these states.
+    bodies : all bodies
+    name : of the chief
+    local : whether the world is local, without an Earth
+    flights : of commanded state-space models; None for none
+    known : epochs at which the states are known already, and these states
     """
 
     def __init__(
@@ -356,11 +356,11 @@ class Chief:
 
         Parameters
         ----------
-        epochs : instants.
+        epochs : instants
 
         Returns
         -------
-        position [m] and velocity [m/s], each (time, 3), in GCRS axes.
+        position [m] and velocity [m/s], each (time, 3), in GCRS axes
         """
         for at, states in self._known:
             if at.start_utc == epochs.start_utc and np.array_equal(at.time_s, epochs.time_s):
@@ -379,11 +379,29 @@ class Chief:
         return find_center(self._chain[-1].motion)
 
     def center_states(self, epochs: Epochs) -> BodyState | None:
-        """Compute the states (time, 3) of the centre of that body in GCRS axes; None for the Earth."""
+        """Compute the states of the centre of that body.
+
+        Parameters
+        ----------
+        epochs : instants
+
+        Returns
+        -------
+        position [m] and velocity [m/s], each (time, 3), in GCRS axes; None for the Earth
+        """
         return find_center_states(self._chain[-1].motion, epochs)
 
     def list_breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants [s] at which the states of the body, or of one of its chiefs, have a jump or a corner."""
+        """Return the instants at which the states of the body, or of one of its chiefs, have a jump or a corner.
+
+        Parameters
+        ----------
+        epochs : instants that matter
+
+        Returns
+        -------
+        (break,) times since the `start_utc` of `epochs` [s], in any order
+        """
         return list_breaks_s(self._chain, epochs, Chief)
 
     @property
@@ -398,6 +416,6 @@ class Chief:
     def _chain(self) -> list[Body]:
         """The body and the chain of its chiefs, without their attitudes."""
         chain = [self._by_name[self._name]]
-        while (relative_to := chief_of(chain[-1].motion)) is not None:
+        while (relative_to := get_chief_name(chain[-1].motion)) is not None:
             chain.append(self._by_name[relative_to])
         return [body.replace(attitude=None, axes=()) for body in chain]

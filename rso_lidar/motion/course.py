@@ -37,12 +37,12 @@ class Course:
 
     Parameters
     ----------
-    bodies : all bodies.
-    epochs : of the flashes.
-    local : whether the world is local, without an Earth.
-    sun_direction : direction to the Sun of a local world; None for none.
-    commanded : whether a controller may give inputs to state-space models and FMUs.
-    exposure_s : time during which the pulses of a flash are sent, half of it before and half after its epoch [s].
+    bodies : all bodies
+    epochs : of the flashes
+    local : whether the world is local, without an Earth
+    sun_direction : direction to the Sun of a local world; None for none
+    commanded : whether a controller may give inputs to state-space models and FMUs
+    exposure_s : time during which the pulses of a flash are sent, half of it before and half after its epoch [s]
     """
 
     def __init__(
@@ -71,17 +71,17 @@ class Course:
 
         Parameters
         ----------
-        row : number of the flash.
+        row : number of the flash
         command : given at the present instant, which is that of the previous call. Its inputs hold from there on.
 
         Returns
         -------
-        truth at the flash, without PTU and lidar.
+        truth at the flash, without PTU and lidar
 
         Raises
         ------
         ScenarioError
-            If the command gives inputs to an unknown model, or inputs of the wrong number.
+            If the command gives inputs to an unknown model, or inputs of the wrong number
         """
         self.advance(float(self._epochs.time_s[row]), command)
         if self._whole is not None:
@@ -96,13 +96,13 @@ class Course:
 
         Parameters
         ----------
-        time_s : instant [s], the present one from here on.
-        command : as for `at`.
+        time_s : instant [s], the present one from here on
+        command : as for `at`
 
         Raises
         ------
         ScenarioError
-            As `at`.
+            As `at`
         """
         for name, inputs in self.read_inputs(command).items():
             self.flights[name].hold(self._now_s, inputs)
@@ -113,12 +113,12 @@ class Course:
 
         Parameters
         ----------
-        command : as for `at`.
+        command : as for `at`
 
         Raises
         ------
         ScenarioError
-            As `at`.
+            As `at`
         """
         given = None if command is None else command.inputs
         if given is not None and not isinstance(given, Mapping):
@@ -139,7 +139,7 @@ class Course:
 
         Parameters
         ----------
-        time_s : the instant [s].
+        time_s : the instant [s]
         """
         return self.moving(np.array([time_s])).at(0)
 
@@ -148,12 +148,12 @@ class Course:
 
         Parameters
         ----------
-        time_s : (time) instants [s].
-        for_body : the only body that is needed, with those on which it depends (None: all).
+        time_s : (time) instants [s]
+        for_body : the only body that is needed, with those on which it depends (None: all)
 
         Returns
         -------
-        truth of the instants.
+        truth of the instants
         """
         bodies = self.bodies
         if for_body is not None:
@@ -169,7 +169,7 @@ class Course:
 
         Parameters
         ----------
-        body : one of the bodies.
+        body : one of the bodies
         """
         found = {}
         for name, model in body.models.items():
@@ -186,12 +186,12 @@ class Course:
 
         Parameters
         ----------
-        state : from `save`, of a course with the same bodies.
+        state : from `save`, of a course with the same bodies
 
         Raises
         ------
         ScenarioError
-            If the state has other state-space models.
+            If the state has other state-space models
         """
         if state.flights.keys() != self.flights.keys():
             raise ScenarioError(
@@ -209,12 +209,12 @@ class Course:
 
         Parameters
         ----------
-        row : number of the flash.
-        offsets_s : (time) instants after the flash, ascending; negative ones are before it [s].
+        row : number of the flash
+        offsets_s : (time) instants after the flash, ascending; negative ones are before it [s]
 
         Returns
         -------
-        batch of truths, without PTU and lidar.
+        batch of truths, without PTU and lidar
         """
         self._now_s = max(self._now_s, float(self._epochs.time_s[row] + offsets_s[-1]))
         if self._whole is None:

@@ -16,18 +16,18 @@ from rso_lidar.motion.course import Course
 from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.motion.motions.fmu_motion import FmuMotion
-from rso_lidar.motion.motions.motion import chief_of
+from rso_lidar.motion.motions.motion import get_chief_name
 from rso_lidar.motion.motions.placement import PlacedMotion
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.proximity import find_flight, find_plan
 from rso_lidar.orbit import Epochs
 from rso_lidar.pose import ROOT, cross, length, quaternion_xyzw, rotate_vectors
-from rso_lidar.records import ANGULAR_ACCELERATION, ATTITUDE, DYNAMICS, PLACE, SKY, BodyMotion, BodyState, Truth
+from rso_lidar.records import BodyMotion, BodyState, MotionQuantity, Truth
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-_OF_ALL = frozenset({PLACE, SKY})  # what needs the truth of all bodies
+_OF_ALL = frozenset({MotionQuantity.PLACE, MotionQuantity.SKY})  # what needs the truth of all bodies
 _STEP_S = 1e-3  # of a difference quotient: rounding of 1e-12 becomes 1e-9 of the derivative
 
 
@@ -42,7 +42,7 @@ class FollowerMotion:
 
     Parameters
     ----------
-    course : of the run.
+    course : of the run
     """
 
     def __init__(self, course: Course) -> None:
@@ -57,13 +57,13 @@ class FollowerMotion:
 
         Parameters
         ----------
-        time_s : (time) instants, ascending, none after the present of the course [s].
-        reads : what is read of it, of `records.telemetry.ALL_READ`.
-        list_ahead : lists later instants [s], for which the axes of a chief without commands are computed ahead.
+        time_s : (time) instants, ascending, none after the present of the course [s]
+        reads : what is read of it, as `MotionQuantity`
+        list_ahead : lists later instants [s], for which the axes of a chief without commands are computed ahead
 
         Returns
         -------
-        motion at these instants; `targets` holds the other bodies, and `dynamics` the state-space models.
+        motion at these instants; `targets` holds the other bodies, and `dynamics` the state-space models
         """
         course, follower = self._course, self._follower
         flights = course.flights_of(follower)
@@ -86,17 +86,17 @@ class FollowerMotion:
             time_s,
             unread[:, :3] if state is None else np.broadcast_to(state.position_m, shape),
             unread[:, :3] if state is None else np.broadcast_to(state.velocity_m_s, shape),
-            quaternion_xyzw(_as_rotation(matrix)) if ATTITUDE in reads else unread,
+            quaternion_xyzw(_as_rotation(matrix)) if MotionQuantity.ATTITUDE in reads else unread,
             rate,
             force,
             angular_acceleration_rad_s2=(
                 _find_angular_acceleration(course, follower, time_s, flights, rate)
-                if ANGULAR_ACCELERATION in reads
+                if MotionQuantity.ANGULAR_ACCELERATION in reads
                 else None
             ),
-            **(_find_sky(course, truth, time_s) if truth and SKY in reads else {}),
-            targets=_find_targets(truth, follower) if truth and PLACE in reads else {},
-            dynamics=_list_dynamics(time_s, flights) if DYNAMICS in reads else {},
+            **(_find_sky(course, truth, time_s) if truth and MotionQuantity.SKY in reads else {}),
+            targets=_find_targets(truth, follower) if truth and MotionQuantity.PLACE in reads else {},
+            dynamics=_list_dynamics(time_s, flights) if MotionQuantity.DYNAMICS in reads else {},
         )
 
     def _follow_rigid_body(
@@ -106,12 +106,12 @@ class FollowerMotion:
 
         Parameters
         ----------
-        motion, flight : state-space model of place and attitude, and its flight.
-        time_s, list_ahead : as for `find`.
+        motion, flight : state-space model of place and attitude, and its flight
+        time_s, list_ahead : as for `find`
 
         Returns
         -------
-        inertial_from_body (time, 3, 3), angular velocity (time, 3) [rad/s] and specific force (time, 3) [m/s2] in body axes.
+        inertial_from_body (time, 3, 3), angular velocity (time, 3) [rad/s] and specific force (time, 3) [m/s2] in body axes
         """
         axes_from_body, rate = motion.find_matrices(flight, time_s)
         assert isinstance(flight, Flight)
@@ -133,8 +133,8 @@ class FollowerMotion:
 
         Parameters
         ----------
-        name : of the chief.
-        time_s, list_ahead : as for `find`.
+        name : of the chief
+        time_s, list_ahead : as for `find`
         """
         known_s, matrix, turning = self._ahead
         rows = known_s.searchsorted(time_s)
@@ -159,13 +159,13 @@ def leave_turning_axes(
 
     Parameters
     ----------
-    inertial_from_axes, turning : (time, 3, 3) of the axes, and their angular velocity (time, 3) in themselves [rad/s].
-    axes_from_body, rate : (time, 3, 3), and the angular velocity (time, 3) relative to the axes, in body axes [rad/s].
-    force : (time, 3) a vector in the axes.
+    inertial_from_axes, turning : (time, 3, 3) of the axes, and their angular velocity (time, 3) in themselves [rad/s]
+    axes_from_body, rate : (time, 3, 3), and the angular velocity (time, 3) relative to the axes, in body axes [rad/s]
+    force : (time, 3) a vector in the axes
 
     Returns
     -------
-    inertial_from_body (time, 3, 3), angular velocity relative to inertial axes (time, 3) and the vector, both in body axes.
+    inertial_from_body (time, 3, 3), angular velocity relative to inertial axes (time, 3) and the vector, both in body axes
     """
     matrix, total, turned = np.empty_like(axes_from_body), np.empty_like(rate), np.empty_like(force)
     for k in range(len(rate)):
@@ -190,8 +190,8 @@ def states_specific_force(follower: Body, *, local: bool) -> bool:
 
     Parameters
     ----------
-    follower : the body.
-    local : whether the world is local, without gravitation.
+    follower : the body
+    local : whether the world is local, without gravitation
     """
     motion = follower.motion
     if isinstance(motion, FmuMotion):
@@ -206,11 +206,11 @@ def count_dynamics(follower: Body) -> dict[str, int]:
 
     Parameters
     ----------
-    follower : the body.
+    follower : the body
 
     Returns
     -------
-    numbers of entries by the name of the array, such as ``motion.state``.
+    numbers of entries by the name of the array, such as ``motion.state``
     """
     sizes: dict[str, int] = {}
     for place, model in (("motion", follower.motion), ("attitude", follower.attitude)):
@@ -224,7 +224,7 @@ def _find_sky(course: Course, truth: Truth, time_s: np.ndarray) -> dict[str, np.
 
     Parameters
     ----------
-    course, truth, time_s : the run, and its truth at the instants (time) [s].
+    course, truth, time_s : the run, and its truth at the instants (time) [s]
     """
     shape = (len(time_s), 3)
     if course.is_local:
@@ -254,10 +254,10 @@ def _find_specific_force(
 
     Parameters
     ----------
-    course : of the run.
-    truth : batch at the instants.
-    time_s : (time) instants [s].
-    flights : of the follower's models, as ``motion`` and ``attitude``.
+    course : of the run
+    truth : batch at the instants
+    time_s : (time) instants [s]
+    flights : of the follower's models, as ``motion`` and ``attitude``
     """
     motion, flight = course.bodies[-1].motion, flights.get("motion")
     if isinstance(flight, Flight):
@@ -272,7 +272,7 @@ def _find_specific_force(
         return _differentiate(course, lambda at: at.states["follower"].velocity_m_s, time_s)
     else:  # under commands the thrust is unknown, unless the FMU states it
         return np.full((len(time_s), 3), 0.0 if flight is None else np.nan)
-    chief = chief_of(motion)
+    chief = get_chief_name(motion)
     if chief is None:
         return thrust
     origin = next(body.origin for body in course.bodies if body.name == chief)
@@ -289,15 +289,15 @@ def _find_angular_acceleration(
 
     Parameters
     ----------
-    course : of the run.
-    follower : the body.
-    time_s : (time) instants [s].
-    flights : of the follower's models, as ``motion`` and ``attitude``.
-    rate : angular velocity relative to inertial axes (time, 3), in body axes [rad/s].
+    course : of the run
+    follower : the body
+    time_s : (time) instants [s]
+    flights : of the follower's models, as ``motion`` and ``attitude``
+    rate : angular velocity relative to inertial axes (time, 3), in body axes [rad/s]
 
     Returns
     -------
-    It comes from the dynamics of the attitude where the follower has them, else from a difference quotient over 1 ms.
+    It comes from the dynamics of the attitude where the follower has them, else from a difference quotient over 1 ms
     """
     for place in ("attitude", "motion"):
         flight = flights.get(place)
@@ -313,9 +313,9 @@ def _differentiate(course: Course, read: Callable[[Truth], np.ndarray], time_s: 
 
     Parameters
     ----------
-    course : of the run.
-    read : value (time, 3) of a batch of truths.
-    time_s : (time) instants [s].
+    course : of the run
+    read : value (time, 3) of a batch of truths
+    time_s : (time) instants [s]
     """
 
     def values(at_s: np.ndarray) -> np.ndarray:

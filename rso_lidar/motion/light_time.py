@@ -29,18 +29,18 @@ def apply_light_time(truth: Truth, names: Iterable[str]) -> Truth:
 
     Parameters
     ----------
-    truth : at emission, with the lidar and all rates; one epoch or a batch.
-    names : of the axes that light meets, such as those of all surfaces.
+    truth : at emission, with the lidar and all rates; one epoch or a batch
+    names : of the axes that light meets, such as those of all surfaces
 
     Returns
     -------
     The same truth, in which the named axes are children of the lidar's. Time, states and all other axes are those at
-    emission.
+    emission
 
     Raises
     ------
     ScenarioError
-        If a body moves at the speed of light or faster.
+        If a body moves at the speed of light or faster
     """
     carrier = truth.poses.link(ROOT, "lidar")
     velocity_m_s = rotate_vectors(np.swapaxes(carrier.matrix, -1, -2), carrier.velocity_m_s)
@@ -56,9 +56,9 @@ def _see(poses: PoseTree, name: str, lidar_m_s: np.ndarray, lidar_rad_s: np.ndar
 
     Parameters
     ----------
-    poses : tree at emission.
-    name : of the axes.
-    lidar_m_s, lidar_rad_s : (…, 3) velocity and angular velocity of the lidar relative to the root, in lidar axes.
+    poses : tree at emission
+    name : of the axes
+    lidar_m_s, lidar_rad_s : (…, 3) velocity and angular velocity of the lidar relative to the root, in lidar axes
     """
     here = poses.link("lidar", name)
     place_m = here.translation_m
@@ -89,8 +89,8 @@ def flight_time_s(place_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    place_m : (…, 3) where the point is as the light leaves, from there [m].
-    velocity_m_s : (…, 3) of the point, slower than light [m/s].
+    place_m : (…, 3) where the point is as the light leaves, from there [m]
+    velocity_m_s : (…, 3) of the point, slower than light [m/s]
     """
     along = dot(place_m, velocity_m_s)
     slower = units.SPEED_OF_LIGHT_M_S**2 - dot(velocity_m_s, velocity_m_s)

@@ -35,7 +35,7 @@ class Mount(Part):
     @model_validator(mode="after")
     def _one_rotation(self) -> Self:
         if self.quaternion_xyzw is not None and self.euler_zyx_deg is not None:
-            raise ValueError("quaternion_xyzw and euler_zyx_deg both state the rotation: give one")
+            raise ValueError("quaternion_xyzw and euler_zyx_deg both state the rotation; give one")
         return self
 
     @property

@@ -21,9 +21,9 @@ class SunVectors:
 
     Parameters
     ----------
-    epochs : instants.
-    local : whether the world is local, without an Earth; it then has a Sun only if one is given.
-    given : direction to the Sun of a local world, of any length, in root axes; None where there is none.
+    epochs : instants
+    local : whether the world is local, without an Earth; it then has a Sun only if one is given
+    given : direction to the Sun of a local world, of any length, in root axes; None where there is none
     """
 
     epochs: Epochs
@@ -67,8 +67,8 @@ class SunVectors:
 
         Parameters
         ----------
-        state : of the body, from the Earth's centre.
-        moon : state of the Moon, for a body that orbits about it; for others its shadow is left out.
+        state : of the body, from the Earth's centre
+        moon : state of the Moon, for a body that orbits about it; for others its shadow is left out
         """
         if self.local or self.position_m is None:
             return np.ones(len(self.epochs))

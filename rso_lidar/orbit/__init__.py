@@ -33,41 +33,26 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
+    from rso_lidar.orbit.ccsds.attitude_file import read_attitudes, write_aem, write_attitude_csv
     from rso_lidar.orbit.ccsds.conjunction_message import ConjunctionMessage, ConjunctionObject
-    from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, elapsed_from_ps, elapsed_s, read_csv_table
+    from rso_lidar.orbit.ccsds.csv_table import read_csv_table
     from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
-    from rso_lidar.orbit.ccsds.ephemeris_arc import EPHEMERIS_EDGE_S, list_ephemeris_objects
-    from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
-    from rso_lidar.orbit.ccsds.message import (
-        CcsdsMessage,
-        CcsdsSegment,
-        check_increasing,
-        parse_number,
-        select_segments,
-        usable_span_s,
-    )
-    from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
-    from rso_lidar.orbit.ccsds.reference_frames import parse_frame
+    from rso_lidar.orbit.ccsds.ephemeris_arc import list_ephemeris_objects
+    from rso_lidar.orbit.ccsds.reader import read_table_text
     from rso_lidar.orbit.ccsds.state_message import read_opm
+    from rso_lidar.orbit.ccsds.table_segment import locate_epochs
     from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
-    from rso_lidar.orbit.central_body import (
-        EARTH,
-        CentralBody,
-        find_center,
-        find_center_states,
-        states_about_center,
-        subtract_center,
-    )
+    from rso_lidar.orbit.central_body import EARTH, CentralBody, find_center, find_center_states, subtract_center
     from rso_lidar.orbit.collision.foster import foster_probability
     from rso_lidar.orbit.collision.monte_carlo import SampledProbability, sample_collisions
     from rso_lidar.orbit.collision.uncertain_state import UncertainSeparation, UncertainState, check_radius
     from rso_lidar.orbit.earth.access import Access, find_access
-    from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes, gcrs_from_eme2000
+    from rso_lidar.orbit.earth.axes import convert_states, gcrs_from_axes
     from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
     from rso_lidar.orbit.earth.earth_rotation import itrs_from_gcrs
     from rso_lidar.orbit.earth.ellipsoid import Geodetic, geodetic_from_itrs, itrs_from_geodetic
     from rso_lidar.orbit.earth.ground import GroundStation, LookAngles, find_ground_track
-    from rso_lidar.orbit.epochs import Epochs, format_epochs, format_utc, parse_epoch_ps
+    from rso_lidar.orbit.epochs import Epochs, format_utc
     from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
     from rso_lidar.orbit.propagation.integrator import OdeSolution
     from rso_lidar.orbit.propagation.j2 import (
@@ -79,39 +64,34 @@ if TYPE_CHECKING:
         state_from_quasi_nonsingular,
     )
     from rso_lidar.orbit.propagation.lunar_orbit import LunarKepler, LunarState
-    from rso_lidar.orbit.propagation.maneuver import Axes3, Burn, Impulse, describe_late, rotate_to_inertial
+    from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, describe_late_maneuvers, rotate_to_inertial
     from rso_lidar.orbit.propagation.numerical import (
         ForceModel,
         Initial,
         IntegratedOrbit,
         Maneuver,
         Numerical,
-        Thrust,
         integrate_orbit,
     )
     from rso_lidar.orbit.screening.all_pairs import PairScreening, screen_pairs
     from rso_lidar.orbit.screening.close_approach import CloseApproach
     from rso_lidar.orbit.screening.conjunctions import ScreeningResult, screen
-    from rso_lidar.orbit.screening.scheduled_fleet import ScheduledFleet
     from rso_lidar.orbit.screening.trajectory_piece import NamedTrajectory
-    from rso_lidar.orbit.sets.catalog import CATALOG_SUFFIXES, REGIMES, Catalog
-    from rso_lidar.orbit.sets.element_set import ElementSet, make_printable, quote_set
+    from rso_lidar.orbit.sets.catalog import Catalog
+    from rso_lidar.orbit.sets.element_set import ElementSet
     from rso_lidar.orbit.sets.fleet import Fleet
-    from rso_lidar.orbit.sets.formats import parse_text, read_element_sets
+    from rso_lidar.orbit.sets.formats import parse_element_sets, read_element_sets
     from rso_lidar.orbit.sets.selection import select_object
     from rso_lidar.orbit.sets.set_sequence import SetSequence
     from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
-    from rso_lidar.orbit.sets.teme import STALE_DAYS, find_failures, gcrs_from_teme, propagate_in_teme, propagate_sgp4
+    from rso_lidar.orbit.sets.teme import STALE_DAYS, gcrs_from_teme, propagate_sgp4
     from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses, shadow_margins_rad, sunlit_fraction
     from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
     from rso_lidar.orbit.sky.geometry import (
-        angle_off_axis_rad,
-        angle_outside_field_rad,
         angle_rad,
         beta_angle_rad,
         earth_angular_radius_rad,
         earth_limb_angle_rad,
-        is_earth_lit,
         line_altitude_m,
         phase_angle_rad,
     )
@@ -119,24 +99,12 @@ if TYPE_CHECKING:
     from rso_lidar.orbit.sky.moon import moon_position_m
     from rso_lidar.orbit.sky.precession import equator_axes
     from rso_lidar.orbit.sky.sun import sun_position_m
-    from rso_lidar.orbit.trajectory import (
-        DIFFERENCE_STEP_S,
-        Trajectory,
-        differentiate,
-        find_breaks_s,
-        state_rates,
-        two_body_rates,
-    )
-    from rso_lidar.orbit.two_body.anomaly import (
-        eccentric_from_mean,
-        mean_from_true,
-        start_eccentric_anomaly,
-        true_from_mean,
-    )
+    from rso_lidar.orbit.trajectory import Trajectory, differentiate, find_breaks_s, state_rates, two_body_rates
+    from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, solve_kepler, true_from_mean
     from rso_lidar.orbit.two_body.izzo import Branch
     from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
     from rso_lidar.orbit.two_body.lambert import Transfer, Way, solve_lambert, solve_lambert_all
-    from rso_lidar.orbit.two_body.orbit_axes import rtn_axes, rtn_matrix
+    from rso_lidar.orbit.two_body.orbit_axes import rtn_axes, rtn_from_lvlh_ccsds, rtn_matrix
     from rso_lidar.orbit.two_body.osculating_elements import (
         OsculatingElements,
         elements_from_state,
@@ -146,20 +114,13 @@ else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "CATALOG_SUFFIXES",
-    "DIFFERENCE_STEP_S",
     "EARTH",
-    "EPHEMERIS_EDGE_S",
     "J2",
-    "REGIMES",
     "STALE_DAYS",
     "Access",
-    "Axes3",
     "Branch",
     "Burn",
     "Catalog",
-    "CcsdsMessage",
-    "CcsdsSegment",
     "CentralBody",
     "CloseApproach",
     "ConjunctionMessage",
@@ -192,32 +153,24 @@ __all__ = [
     "PairScreening",
     "RadiationPressure",
     "SampledProbability",
-    "ScheduledFleet",
     "ScreeningResult",
     "SetSequence",
     "State",
-    "Thrust",
     "Tle",
     "Trajectory",
     "Transfer",
     "UncertainSeparation",
     "UncertainState",
     "Way",
-    "angle_off_axis_rad",
-    "angle_outside_field_rad",
     "angle_rad",
     "beta_angle_rad",
-    "check_increasing",
     "check_radius",
-    "check_unit_quaternions",
     "convert_states",
-    "describe_late",
+    "describe_late_maneuvers",
     "differentiate",
     "earth_angular_radius_rad",
     "earth_limb_angle_rad",
     "eccentric_from_mean",
-    "elapsed_from_ps",
-    "elapsed_s",
     "elements_from_state",
     "equator_axes",
     "find_access",
@@ -225,70 +178,57 @@ __all__ = [
     "find_center",
     "find_center_states",
     "find_eclipses",
-    "find_failures",
     "find_ground_track",
     "find_minimum",
     "find_spans_below",
-    "find_table",
-    "format_epochs",
-    "format_kvn",
     "format_utc",
     "foster_probability",
     "gcrs_from_axes",
-    "gcrs_from_eme2000",
     "gcrs_from_teme",
     "geodetic_from_itrs",
     "integrate_orbit",
-    "is_earth_lit",
-    "is_message",
     "itrs_from_gcrs",
     "itrs_from_geodetic",
     "line_altitude_m",
     "list_ephemeris_objects",
-    "make_header",
-    "make_printable",
+    "locate_epochs",
     "mean_from_osculating",
     "mean_from_true",
     "moon_position_m",
     "osculating_from_mean",
-    "parse_epoch_ps",
-    "parse_frame",
-    "parse_number",
-    "parse_text",
+    "parse_element_sets",
     "phase_angle_rad",
-    "propagate_in_teme",
     "propagate_j2_secular",
     "propagate_sgp4",
     "propagate_two_body",
     "quasi_nonsingular_from_state",
-    "quote_set",
+    "read_attitudes",
     "read_csv_table",
     "read_element_sets",
-    "read_message",
     "read_opm",
     "read_table_text",
     "rotate_to_inertial",
     "rtn_axes",
+    "rtn_from_lvlh_ccsds",
     "rtn_matrix",
     "sample_collisions",
     "screen",
     "screen_pairs",
     "select_object",
-    "select_segments",
     "shadow_margins_rad",
+    "solve_kepler",
     "solve_lambert",
     "solve_lambert_all",
-    "start_eccentric_anomaly",
     "state_from_elements",
     "state_from_quasi_nonsingular",
     "state_rates",
-    "states_about_center",
     "subtract_center",
     "sun_position_m",
     "sunlit_fraction",
     "true_from_mean",
     "two_body_rates",
-    "usable_span_s",
+    "write_aem",
+    "write_attitude_csv",
     "write_ephemeris_csv",
     "write_oem",
 ]

@@ -2,7 +2,7 @@
 
 States are always in GCRS axes from the Earth's centre. A trajectory about another body has two more members:
 `central_body`, and `center_states(epochs)` with the state of that body's centre in the same axes. Their difference,
-`states_about_center`, is what orbital axes, elements and relative motions need.
+`subtract_center`, is what orbital axes, elements and relative motions need.
 """
 
 from __future__ import annotations
@@ -62,17 +62,22 @@ def check_trajectory(trajectory: Any, name: str) -> None:
     kind, chief = type(trajectory).__name__, getattr(trajectory, "relative_to", None)
     if isinstance(chief, str):
         raise ScenarioError(
-            f"{name}: {kind} is relative to '{chief}' and has no states alone: give "
+            f"{name}: {kind} is relative to '{chief}' and has no states alone; give "
             "types.SimpleNamespace(states=lambda at: rl.truth(scenario, at).states['follower'])"
         )
     raise ScenarioError(
-        f"{name}: {kind} has no method states: give a motion about the Earth such as Tle or Kepler, an Ephemeris, or "
+        f"{name}: {kind} has no method states; give a motion about the Earth such as Tle or Kepler, an Ephemeris, or "
         "for an element set SetSequence((elements,))"
     )
 
 
 def find_center(trajectory: Any) -> CentralBody:
-    """Return the body about which a trajectory goes: the Earth, unless it states another."""
+    """Return the body about which a trajectory goes: the Earth, unless it states another.
+
+    Parameters
+    ----------
+    trajectory : any object; one about another body has the attribute `central_body`
+    """
     found = getattr(trajectory, "central_body", None)
     return found if isinstance(found, CentralBody) else EARTH
 
@@ -94,18 +99,6 @@ def find_center_states(trajectory: Any, epochs: Epochs) -> BodyState | None:
         return None
     found: BodyState = trajectory.center_states(epochs)
     return found
-
-
-def states_about_center(trajectory: Any, epochs: Epochs) -> BodyState:
-    """Return the states (time, 3) of a trajectory relative to the centre of its central body, in GCRS axes.
-
-    Parameters
-    ----------
-    trajectory : anything that answers `states`
-    epochs : instants
-    """
-    states: BodyState = trajectory.states(epochs)
-    return subtract_center(states, find_center_states(trajectory, epochs))
 
 
 def subtract_center(states: BodyState, center: BodyState | None) -> BodyState:

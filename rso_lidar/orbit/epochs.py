@@ -296,11 +296,11 @@ def parse_epoch_ps(text: str, system: str, where: str) -> int:
     """
     match = _CALENDAR.fullmatch(text) or _DAY_OF_YEAR.fullmatch(text)
     if match is None:
-        raise ScenarioError(f"{where}: epoch '{text:.40}': write 2024-09-17T12:00:00.000 or 2024-261T12:00:00.000")
+        raise ScenarioError(f"{where}: epoch '{text:.40}'; write 2024-09-17T12:00:00.000 or 2024-261T12:00:00.000")
     *date, hour, minute, second, fraction, _zulu = match.groups()
     year = int(date[0])
     if not _FIRST_YEAR <= year <= _LAST_YEAR:
-        raise ScenarioError(f"{where}: epoch '{text}' is not between {_FIRST_YEAR} and {_LAST_YEAR}: correct the year")
+        raise ScenarioError(f"{where}: epoch '{text}' is not between {_FIRST_YEAR} and {_LAST_YEAR}; correct the year")
     try:
         if len(date) == 3:
             day = datetime.date(year, int(date[1]), int(date[2]))
@@ -309,11 +309,11 @@ def parse_epoch_ps(text: str, system: str, where: str) -> int:
             if day.year != year:
                 raise ValueError
     except ValueError:
-        raise ScenarioError(f"{where}: epoch '{text}': this day does not exist: correct the date") from None
+        raise ScenarioError(f"{where}: epoch '{text}': this day does not exist; correct the date") from None
     in_day = int(hour) * 3600 + int(minute) * 60 + int(second)
     leap = int(second) == 60 and system == "UTC" and in_day == 86_400 and _day_length_s(day) == 86_401
     if int(hour) > 23 or int(minute) > 59 or (int(second) > 59 and not leap):
-        raise ScenarioError(f"{where}: epoch '{text}': this time of day does not exist: correct it")
+        raise ScenarioError(f"{where}: epoch '{text}': this time of day does not exist; correct it")
     ps = int(f"{fraction or '':0<12.12}")
     if system == "UTC":
         return (_midnight_s(day) + in_day) * PS_PER_S + ps

@@ -104,8 +104,8 @@ def find_breaks_s(trajectory: Any, epochs: Epochs) -> np.ndarray:
 
     Parameters
     ----------
-    trajectory : any object with the method `states`.
-    epochs : instants that matter.
+    trajectory : any object with the method `states`
+    epochs : instants that matter
     """
     found = call_member(trajectory, "breaks_s", epochs, default=())
     breaks = to_real_array(found)

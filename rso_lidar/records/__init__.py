@@ -28,16 +28,11 @@ if TYPE_CHECKING:
         classify_size,
     )
     from rso_lidar.records.telemetry import (
-        ALL_READ,
-        ANGULAR_ACCELERATION,
-        ATTITUDE,
-        DYNAMICS,
-        PLACE,
-        SKY,
         AccelerometerSamples,
         BodyMotion,
         GnssSamples,
         GyroSamples,
+        MotionQuantity,
         RelativeGnssSamples,
         SensorSamples,
         SensorState,
@@ -51,23 +46,16 @@ if TYPE_CHECKING:
         ViewingGeometry,
         compute_viewing_geometry,
         find_shadow_spans_s,
-        join_viewing_geometry,
         tabulate_truth,
     )
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "ALL_READ",
-    "ANGULAR_ACCELERATION",
-    "ATTITUDE",
-    "DYNAMICS",
     "FRAGMENT_LENGTHS_M",
     "OTHER",
     "PART_CLASSES",
-    "PLACE",
     "SCHEMA_VERSION",
-    "SKY",
     "AccelerometerSamples",
     "ArraySpec",
     "BodyMotion",
@@ -83,6 +71,7 @@ __all__ = [
     "Hinge",
     "Hits",
     "Labels",
+    "MotionQuantity",
     "ObjectClass",
     "Observation",
     "Oversampled",
@@ -116,7 +105,6 @@ __all__ = [
     "compute_viewing_geometry",
     "find_shadow_spans_s",
     "join_samples",
-    "join_viewing_geometry",
     "rotation_error_rad",
     "specs",
     "tabulate_truth",

@@ -186,15 +186,15 @@ class Photons(Record):
 
         Parameters
         ----------
-        pulses : number of pulses of the frame.
+        pulses : number of pulses of the frame
 
         Returns
         -------
-        Photons of one pulse after another.
+        Photons of one pulse after another
 
         Raises
         ------
-        RecordError : if the light is of another number of pulses.
+        RecordError : if the light is of another number of pulses
         """
         epoch, energy, late_s = self.list_pulses(pulses)
         jitters = self.pulse_energy_fraction is not None
@@ -212,11 +212,11 @@ class Photons(Record):
 
         Parameters
         ----------
-        pulses : number of pulses of the frame.
+        pulses : number of pulses of the frame
 
         Raises
         ------
-        RecordError : if the light is of another number of pulses.
+        RecordError : if the light is of another number of pulses
         """
         for values in (self.pulse_epoch, self.pulse_energy_fraction, self.pulse_late_s):
             if values is not None and len(values) != pulses:

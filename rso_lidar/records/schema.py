@@ -29,16 +29,16 @@ def array(dims: str, dtype: str, unit: str, meaning: str, *, optional: bool = Fa
 
     Parameters
     ----------
-    dims : names of the dimensions, separated by blanks; ``…`` first for any number of epochs.
-    dtype : of NumPy, such as ``"f4"``.
-    unit : as in the CF conventions, such as ``"m s-1"``.
-    meaning : a phrase for files, docs and labels on screen.
-    optional : whether the field may be None, its default.
+    dims : names of the dimensions, separated by blanks; ``…`` first for any number of epochs
+    dtype : of NumPy, such as ``"f4"``
+    unit : as in the CF conventions, such as ``"m s-1"``
+    meaning : a phrase for files, docs and labels on screen
+    optional : whether the field may be None, its default
 
     Returns
     -------
     dataclasses.Field
-        To be assigned in the class, as in ``range_m: np.ndarray = array("row col", "f4", "m", "slant range")``.
+        To be assigned in the class, as in ``range_m: np.ndarray = array("row col", "f4", "m", "slant range")``
     """
     spec = ArraySpec(tuple(dims.split()), np.dtype(dtype), unit, meaning)
     metadata = {"array": spec}
@@ -53,7 +53,7 @@ def specs(record: type) -> Mapping[str, ArraySpec]:
 
     Parameters
     ----------
-    record : the class.
+    record : the class
     """
     if record not in _specs:
         found = {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
@@ -73,12 +73,12 @@ def _check_conversion(values: Any, dtype: np.dtype[Any]) -> None:
 
     Parameters
     ----------
-    values : array, or what becomes one.
-    dtype : to which they are converted.
+    values : array, or what becomes one
+    dtype : to which they are converted
 
     Raises
     ------
-    ValueError : if they are complex, or numbers that an integer type does not hold, such as 12.7.
+    ValueError : if they are complex, or numbers that an integer type does not hold, such as 12.7
     """
     given = getattr(values, "dtype", None)
     if given is None:
@@ -100,13 +100,13 @@ def _check_shapes(record: type, shapes: tuple[tuple[int, ...] | None, ...]) -> N
 
     Parameters
     ----------
-    record : the class.
-    shapes : of each array, in the order of the statements; None for a field without one.
+    record : the class
+    shapes : of each array, in the order of the statements; None for a field without one
 
     Raises
     ------
     RecordError
-        If the number of dimensions is wrong, or one dimension has two sizes.
+        If the number of dimensions is wrong, or one dimension has two sizes
     """
     sizes: dict[str, int] = {"xyz": 3, "quaternion": 4}
     for (name, spec), given in zip(specs(record).items(), shapes, strict=True):
@@ -149,8 +149,8 @@ class Record:
 
         Parameters
         ----------
-        name, value : of the field.
-        dtype : as stated.
+        name, value : of the field
+        dtype : as stated
         """
         try:
             if getattr(value, "dtype", None) is not dtype:

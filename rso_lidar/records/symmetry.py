@@ -74,7 +74,7 @@ class Symmetry(Part):
 
         Parameters
         ----------
-        step_deg : greatest step between samples of a continuous group [deg].
+        step_deg : greatest step between samples of a continuous group [deg]
         """
         if not 0.0 < step_deg <= 180.0:
             raise ScenarioError(f"step_deg: {step_deg:g} is not a step; give a number above 0, at most 180")
@@ -98,7 +98,7 @@ class Symmetry(Part):
 
         Parameters
         ----------
-        rotations_xyzw : (k, 4) quaternions x, y, z, w.
+        rotations_xyzw : (k, 4) quaternions x, y, z, w
         """
         from scipy.spatial.transform import Rotation
 
@@ -115,12 +115,12 @@ def rotation_error_rad(a_xyzw: Any, b_xyzw: Any, symmetry: Symmetry | None = Non
 
     Parameters
     ----------
-    a_xyzw, b_xyzw : (…, 4) unit quaternions x, y, z, w of lidar_from_target, in any order.
-    symmetry : of the target, in target axes; None for a target without symmetry.
+    a_xyzw, b_xyzw : (…, 4) unit quaternions x, y, z, w of lidar_from_target, in any order
+    symmetry : of the target, in target axes; None for a target without symmetry
 
     Returns
     -------
-    (…) angles from 0 to π [rad].
+    (…) angles from 0 to π [rad]
 
     Examples
     --------
@@ -150,9 +150,9 @@ def _least_angle(length: np.ndarray, phase_rad: np.ndarray, rest: np.ndarray, fo
 
     Parameters
     ----------
-    length, phase_rad : length and phase of the part that contains the scalar part after a rotation of the group.
-    rest : length of the other part.
-    fold : number of rotations of the group that turn the part, 0 for any angle.
+    length, phase_rad : length and phase of the part that contains the scalar part after a rotation of the group
+    rest : length of the other part
+    fold : number of rotations of the group that turn the part, 0 for any angle
     """
     off = np.zeros(phase_rad.shape)
     if fold:

@@ -92,7 +92,11 @@ class Hinge(Part):
 
 
 def classify_size(longest_m: float) -> SizeClass:
-    """Return the size class of a target by its longest side [m].
+    """Return the size class of a target by its longest side.
+
+    Parameters
+    ----------
+    longest_m : the longest side [m]
 
     >>> classify_size(0.34), classify_size(20.98)
     ('small', 'large')

@@ -5,17 +5,25 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
 from rso_lidar.records.schema import Record, array, specs
 from rso_lidar.records.truth import BodyState
 
-# What a sensor may read of a `BodyMotion` beside angular velocity and specific force. PLACE: position, velocity and
-# targets. SKY: the directions, and the angular radius of the Earth.
-ATTITUDE, PLACE, SKY, DYNAMICS = "attitude", "place", "sky", "dynamics"
-ANGULAR_ACCELERATION = "angular_acceleration"
-ALL_READ = frozenset({ATTITUDE, PLACE, SKY, DYNAMICS, ANGULAR_ACCELERATION})
+
+class MotionQuantity(StrEnum):
+    """What a sensor may read of a `BodyMotion` beside angular velocity and specific force.
+
+    `PLACE` is position, velocity and targets. `SKY` is the directions, and the angular radius of the Earth.
+    """
+
+    ATTITUDE = "attitude"
+    PLACE = "place"
+    SKY = "sky"
+    DYNAMICS = "dynamics"
+    ANGULAR_ACCELERATION = "angular_acceleration"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,7 +67,7 @@ class BodyMotion(Record):
 
         Parameters
         ----------
-        epochs : their indices.
+        epochs : their indices
         """
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         arrays = {name: value[epochs] for name, value in values.items() if isinstance(value, np.ndarray)}
@@ -158,11 +166,11 @@ def join_samples(measured: Sequence[Mapping[str, SensorSamples]]) -> dict[str, S
 
     Parameters
     ----------
-    measured : samples of each interval, by name of the sensor.
+    measured : samples of each interval, by name of the sensor
 
     Returns
     -------
-    samples by name of the sensor.
+    samples by name of the sensor
     """
     series: dict[str, list[SensorSamples]] = {}
     for some in measured:

@@ -71,7 +71,7 @@ class Truth:
 
         Parameters
         ----------
-        a, b : names of axes, such as "lidar" and "tdrs"; "inertial" is the root.
+        a, b : names of axes, such as "lidar" and "tdrs"; "inertial" is the root
 
         Returns
         -------
@@ -83,7 +83,7 @@ class Truth:
         Raises
         ------
         ScenarioError
-            If there are no axes of that name.
+            If there are no axes of that name
         """
         return self.poses.pose(a, b)
 
@@ -92,14 +92,14 @@ class Truth:
 
         Parameters
         ----------
-        a, b : names of axes, such as "lidar" and "tdrs"; "inertial" is the root.
+        a, b : names of axes, such as "lidar" and "tdrs"; "inertial" is the root
 
         Returns
         -------
         velocity_m_s
-            (…, 3) of the origin of b, in axes a [m/s]; it contains the transport term where a rotates.
+            (…, 3) of the origin of b, in axes a [m/s]; it contains the transport term where a rotates
         angular_velocity_rad_s
-            (…, 3) in axes b [rad/s].
+            (…, 3) in axes b [rad/s]
         """
         link: Link = self.poses.link(a, b)
         return link.velocity_m_s, link.angular_velocity_rad_s
@@ -116,7 +116,7 @@ class Truth:
 
         Parameters
         ----------
-        epochs : the epochs.
+        epochs : the epochs
         """
         return Truth(
             self.time_s[epochs],
@@ -132,7 +132,7 @@ class Truth:
 
         Parameters
         ----------
-        epoch : index of the epoch.
+        epoch : index of the epoch
         """
         return Truth(
             float(self.time_s[epoch]),

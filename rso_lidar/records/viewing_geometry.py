@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,9 +37,19 @@ class ViewingGeometry:
 
 
 def compute_viewing_geometry(truth: Truth, target: str) -> ViewingGeometry:
-    """Compute the viewing geometry of `target` at one epoch (arrays of length 1), or at a batch of epochs.
+    """Compute the viewing geometry of a target at one epoch or at a batch of epochs.
 
     The relative velocity includes the lidar's rotation. That part is across the line of sight and changes no range rate.
+
+    Parameters
+    ----------
+    truth : where everything is
+    target : name of the target
+
+    Returns
+    -------
+    ViewingGeometry
+        its arrays are (time,), of length 1 for one epoch
     """
     time_s = np.atleast_1d(np.asarray(truth.time_s, dtype=float))
     shape = (time_s.size, 3)
@@ -67,14 +77,6 @@ def compute_viewing_geometry(truth: Truth, target: str) -> ViewingGeometry:
     )
 
 
-def join_viewing_geometry(truths: Iterable[Truth], target: str) -> ViewingGeometry:
-    """Compute the viewing geometry of `target` at each of several single epochs, and join them in order."""
-    seen = [compute_viewing_geometry(truth, target) for truth in truths]
-    return ViewingGeometry(
-        **{field.name: np.concatenate([getattr(one, field.name) for one in seen]) for field in fields(ViewingGeometry)}
-    )
-
-
 def tabulate_truth(
     truth: Truth, targets: Sequence[str], utc: np.ndarray, angles: Sequence[PtuAngles] = ()
 ) -> dict[str, np.ndarray]:
@@ -86,14 +88,14 @@ def tabulate_truth(
 
     Parameters
     ----------
-    truth : where everything is, a batch of epochs.
-    targets : names of the targets to tabulate.
-    utc : the instants as text (time).
-    angles : PTU angles at each instant.
+    truth : where everything is, a batch of epochs
+    targets : names of the targets to tabulate
+    utc : the instants as text (time)
+    angles : PTU angles at each instant
 
     Returns
     -------
-    The columns; ``utc`` is text, and all others are numbers.
+    The columns; ``utc`` is text, and all others are numbers
     """
     n = truth.time_s.size
     table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": utc}
@@ -131,10 +133,20 @@ def tabulate_truth(
 
 
 def find_shadow_spans_s(time_s: np.ndarray, sunlit: np.ndarray) -> list[tuple[float, float]]:
-    """Find the spans [s] in shadow from the visible share of the Sun's disc (time), to half a step between instants.
+    """Find the spans in shadow from the visible share of the Sun's disc, to half a step between instants.
 
     A span begins and ends midway between two instants, or at the first or last instant. Shadow that falls between two
     instants is missed.
+
+    Parameters
+    ----------
+    time_s : (time,) ascending instants [s]
+    sunlit : (time,) visible share of the disc, 0 to 1
+
+    Returns
+    -------
+    list of (float, float)
+        begin and end of each span [s], in the order of time
     """
     dark = np.concatenate([[False], np.asarray(sunlit) < DARK, [False]])
     turns = np.flatnonzero(dark[1:] != dark[:-1])

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
-    from rso_lidar.rpo.dispersed.nominal_flight import GuidanceInstant, NominalFlight
+    from rso_lidar.orbit import rtn_axes, rtn_matrix
     from rso_lidar.rpo.flown.filtered_flight import FilterEstimate
     from rso_lidar.rpo.flown.flown_plan import AnyNavigation, Flown, RelativeStart
     from rso_lidar.rpo.flown.guidance import Guidance, GuidanceUpdate, TwoImpulseGuidance
     from rso_lidar.rpo.flown.held_thrust import HeldThrustErrors
     from rso_lidar.rpo.flown.plan_flight import PlanFlight
     from rso_lidar.rpo.flown.thrusters import NavigationErrors, Thrusters
-    from rso_lidar.rpo.navigation.filter_bank import ORBIT, THRUST, FilterBank, ScalarUpdate, apply_matrix, find_nees
+    from rso_lidar.rpo.navigation.filter_bank import ORBIT_STATES, THRUST_STATES, FilterBank, ScalarUpdate, apply_matrix
     from rso_lidar.rpo.navigation.navigation_sensors import (
         NavigationCamera,
         NavigationLidar,
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rso_lidar.rpo.plans.operation import ProximityOperation
     from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
     from rso_lidar.rpo.plans.transfers import Hop, Lambert, Rendezvous, Waypoints
-    from rso_lidar.rpo.relative.deviation_flow import DeviationFlow, Push
+    from rso_lidar.rpo.relative.deviation_flow import DeviationFlow
     from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire, mean_motion_of_state
     from rso_lidar.rpo.relative.nonlinear import Nonlinear
     from rso_lidar.rpo.relative.reference_orbit import ReferenceOrbit
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
         state_from_relative_elements,
     )
     from rso_lidar.rpo.relative.relative_motion import RelativeMotion, RtnMotion
-    from rso_lidar.rpo.relative.rtn import inertial_acceleration, rtn_axes, rtn_matrix
     from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen, propagate_yamanaka_ankersen
     from rso_lidar.rpo.sequences.end_conditions import (
         AfterTime,
@@ -71,8 +70,8 @@ else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "ORBIT",
-    "THRUST",
+    "ORBIT_STATES",
+    "THRUST_STATES",
     "AfterTime",
     "AnyNavigation",
     "AtAngle",
@@ -93,7 +92,6 @@ __all__ = [
     "Glideslope",
     "GlideslopeLeg",
     "Guidance",
-    "GuidanceInstant",
     "GuidanceUpdate",
     "HeldThrustErrors",
     "Hill",
@@ -107,7 +105,6 @@ __all__ = [
     "NavigationCamera",
     "NavigationErrors",
     "NavigationLidar",
-    "NominalFlight",
     "Nonlinear",
     "Perch",
     "PerchLeg",
@@ -118,7 +115,6 @@ __all__ = [
     "ProximityOperation",
     "PulsedHoldLeg",
     "PulsedStationKeeping",
-    "Push",
     "RBarApproach",
     "RBarLeg",
     "RangeNoise",
@@ -147,8 +143,6 @@ __all__ = [
     "apply_matrix",
     "clohessy_wiltshire",
     "find_clear_views",
-    "find_nees",
-    "inertial_acceleration",
     "mean_motion_of_state",
     "propagate_yamanaka_ankersen",
     "relative_elements_from_states",

@@ -32,7 +32,7 @@ def _check_duration(duration_s: float) -> float:
 def _check_transfer_time(duration_s: float) -> float:
     if duration_s <= 0.0:
         what = "needs infinite speed" if duration_s == 0.0 else "is negative"
-        raise ValueError(f"a transfer in {duration_s:g} s {what}: give more than zero")
+        raise ValueError(f"a transfer in {duration_s:g} s {what}; give more than zero")
     return duration_s
 
 
@@ -77,6 +77,6 @@ def check_horizon(horizon_s: Any) -> float:
         or not 0.0 < horizon_s <= LONGEST_S
     ):
         raise ScenarioError(
-            f"horizon_s: {horizon_s!r:.40} is not a valid duration of a drift: give seconds above zero, up to {LONGEST_S:g}"
+            f"horizon_s: {horizon_s!r:.40} is not a valid duration of a drift; give seconds above zero, up to {LONGEST_S:g}"
         )
     return float(horizon_s)

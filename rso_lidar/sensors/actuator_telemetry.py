@@ -31,14 +31,14 @@ class ActuatorTelemetry(SensorPart):
 
         Parameters
         ----------
-        motion : true motion of the follower.
-        vector : which of the two.
-        entries : their places, from 0.
+        motion : true motion of the follower
+        vector : which of the two
+        entries : their places, from 0
 
         Raises
         ------
         ScenarioError
-            If there are no such dynamics or entries.
+            If there are no such dynamics or entries
         """
         if not entries:
             return np.empty((len(motion.time_s), 0))
@@ -53,12 +53,12 @@ class ActuatorTelemetry(SensorPart):
         Parameters
         ----------
         sizes : numbers of entries of ``motion.state``, ``motion.input``, ``attitude.state`` and ``attitude.input``; without
-            those of dynamics that the follower does not have.
+            those of dynamics that the follower does not have
 
         Raises
         ------
         ScenarioError
-            If there are no such dynamics or entries.
+            If there are no such dynamics or entries
         """
         for vector, entries in self._reads_entries:
             if entries:
@@ -74,9 +74,9 @@ class ActuatorTelemetry(SensorPart):
 
         Parameters
         ----------
-        vector : "state" or "input".
-        entries : their places, from 0.
-        size : number of entries that there are; None without such dynamics.
+        vector : "state" or "input"
+        entries : their places, from 0
+        size : number of entries that there are; None without such dynamics
         """
         if size is None:
             raise ScenarioError(

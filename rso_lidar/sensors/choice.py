@@ -11,7 +11,7 @@ from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Seam, kind_of, make_answer_error, name_object, read_member, to_real_array
-from rso_lidar.records import ALL_READ, BodyMotion, SensorSamples, SensorState
+from rso_lidar.records import BodyMotion, MotionQuantity, SensorSamples, SensorState
 from rso_lidar.sensors.actuator_telemetry import ThrusterTelemetry, WheelTelemetry
 from rso_lidar.sensors.gnss import Gnss, RelativeGnss
 from rso_lidar.sensors.inertial import Accelerometer, Gyro
@@ -45,14 +45,14 @@ class Sensor(Protocol):
 
         Parameters
         ----------
-        motion : true motion of the follower at the instants of the samples.
-        key : (2) uint32, key of the sensor's random numbers, from the seed and its name.
-        first_sample : number of the first sample.
-        state : after an earlier sample; None before all.
+        motion : true motion of the follower at the instants of the samples
+        key : (2) uint32, key of the sensor's random numbers, from the seed and its name
+        first_sample : number of the first sample
+        state : after an earlier sample; None before all
 
         Returns
         -------
-        samples, one for each instant of `motion`, and the state after the last of them.
+        samples, one for each instant of `motion`, and the state after the last of them
         """
 
 
@@ -78,7 +78,7 @@ class SampleSchedule(NamedTuple):
 
         Parameters
         ----------
-        after_s, until_s : ends of the interval, since `start_utc` [s].
+        after_s, until_s : ends of the interval, since `start_utc` [s]
         """
         first_s = self.phase_s + self.latency_s
         ends = []
@@ -100,7 +100,7 @@ class SampleSchedule(NamedTuple):
 
 def get_reads(sensor: Any) -> frozenset[str]:
     """Return what a sensor reads of the follower's motion; a user's object may read everything."""
-    return sensor.reads if isinstance(sensor, SensorPart) else ALL_READ
+    return sensor.reads if isinstance(sensor, SensorPart) else frozenset(MotionQuantity)
 
 
 def get_look_back(sensor: Any) -> int:
@@ -113,12 +113,12 @@ def describe_sensor(sensor: Any, frame_rate_hz: float) -> str:
 
     Parameters
     ----------
-    sensor : a part, or a user's object.
-    frame_rate_hz : rate of the flashes [Hz].
+    sensor : a part, or a user's object
+    frame_rate_hz : rate of the flashes [Hz]
 
     Returns
     -------
-    kind, quantity, schedule, errors in the units of their keys, and outages.
+    kind, quantity, schedule, errors in the units of their keys, and outages
     """
     rate_hz, phase_s, latency_s = read_schedule(sensor)
     per_frame = rate_hz / frame_rate_hz
@@ -140,12 +140,12 @@ def find_impairments(sensor: Any, motion: BodyMotion) -> list[Impairment]:
 
     Parameters
     ----------
-    sensor : a part, or a user's object.
-    motion : true motion of the follower.
+    sensor : a part, or a user's object
+    motion : true motion of the follower
 
     Returns
     -------
-    one for each kind of impairment, with the instants at which it is there; none for a user's object.
+    one for each kind of impairment, with the instants at which it is there; none for a user's object
     """
     return sensor.find_impairments(motion) if isinstance(sensor, SensorPart) else []
 
@@ -155,7 +155,7 @@ def read_schedule(sensor: Any) -> SampleSchedule:
 
     Parameters
     ----------
-    sensor : a part, or a user's object.
+    sensor : a part, or a user's object
 
     Returns
     -------
@@ -164,7 +164,7 @@ def read_schedule(sensor: Any) -> SampleSchedule:
     Raises
     ------
     ScenarioError
-        If a user's object states something else than a positive rate, and numbers from 0.
+        If a user's object states something else than a positive rate, and numbers from 0
     """
     if isinstance(sensor, SensorPart):
         return SampleSchedule(sensor.rate_hz, sensor.phase_s, sensor.latency_s)
@@ -189,17 +189,17 @@ def measure_samples(
 
     Parameters
     ----------
-    sensor : a part, or a user's object.
-    motion, key, first_sample, state : as `Sensor.measure` takes them.
+    sensor : a part, or a user's object
+    motion, key, first_sample, state : as `Sensor.measure` takes them
 
     Returns
     -------
-    samples and state.
+    samples and state
 
     Raises
     ------
     ScenarioError
-        If the answer of a user's object is not what the protocol says.
+        If the answer of a user's object is not what the protocol says
     """
     try:
         answer = sensor.measure(motion, key, first_sample, state)

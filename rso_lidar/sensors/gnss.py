@@ -63,11 +63,11 @@ class GnssReceiver(SensorPart):
 
         Parameters
         ----------
-        motion : true motion of the follower.
+        motion : true motion of the follower
 
         Returns
         -------
-        one for each kind of impairment.
+        one for each kind of impairment
         """
         if motion.earth_direction is None:  # a local world
             return []
@@ -138,11 +138,11 @@ class RelativeGnss(GnssReceiver):
 
         Parameters
         ----------
-        position_m, velocity_m_s : of the target (…, xyz) in inertial axes [m], [m/s].
+        position_m, velocity_m_s : of the target (…, xyz) in inertial axes [m], [m/s]
 
         Returns
         -------
-        inertial_from_axes (…, 3, 3), and the angular velocity (…, 3) of the axes, in them [rad/s].
+        inertial_from_axes (…, 3, 3), and the angular velocity (…, 3) of the axes, in them [rad/s]
         """
         if self.axes == "rtn":
             return rtn_matrix(position_m, velocity_m_s)

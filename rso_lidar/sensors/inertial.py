@@ -15,7 +15,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.motion import Mount
 from rso_lidar.part import NotNegative, Positive
-from rso_lidar.records import ANGULAR_ACCELERATION, AccelerometerSamples, BodyMotion, GyroSamples, SensorState
+from rso_lidar.records import AccelerometerSamples, BodyMotion, GyroSamples, MotionQuantity, SensorState
 from rso_lidar.sensors.random_errors import ErrorProcess
 from rso_lidar.sensors.sensor_part import ErrorTerms, SensorPart, check_correlation, flicker
 
@@ -74,8 +74,8 @@ class InertialTriad(SensorPart):
 
         Parameters
         ----------
-        truth : (sample, xyz) true values in body axes.
-        time_s, key, first_sample, state : as `draw` takes them.
+        truth : (sample, xyz) true values in body axes
+        time_s, key, first_sample, state : as `draw` takes them
         """
         errors, valid, state = self.draw(key, first_sample, time_s, state)
         limit, resolution = self._limits
@@ -211,7 +211,7 @@ class Accelerometer(InertialTriad):
     @property
     def reads(self) -> frozenset[str]:
         """The angular acceleration, where the mount is away from the body's origin."""
-        return frozenset({ANGULAR_ACCELERATION} if any(self.mount.position_m) else ())
+        return frozenset({MotionQuantity.ANGULAR_ACCELERATION} if any(self.mount.position_m) else ())
 
     def measure(
         self, motion: BodyMotion, key: np.ndarray, first_sample: int, state: SensorState | None = None
@@ -250,13 +250,13 @@ def measure_triad(
 
     Parameters
     ----------
-    truth : (sample, xyz) in body axes.
-    sensor_from_body : (3, 3) rotation.
+    truth : (sample, xyz) in body axes
+    sensor_from_body : (3, 3) rotation
     distortion : (9) errors of the scale factors of x, y and z; then the angles of x towards y and z, of y towards x and z,
-        of z towards x and y [rad].
-    limit, resolution : largest value; step of the values, 0 for none.
-    values : (sample, xyz) random errors, replaced by the measured values; NaN where `valid` is false before.
-    valid : (sample) bool; it becomes false where an axis is at its limit.
+        of z towards x and y [rad]
+    limit, resolution : largest value; step of the values, 0 for none
+    values : (sample, xyz) random errors, replaced by the measured values; NaN where `valid` is false before
+    valid : (sample) bool; it becomes false where an axis is at its limit
     """
     turned = np.empty(3)
     for k in range(len(truth)):
@@ -288,9 +288,9 @@ def add_lever_arm(arm_m: np.ndarray, rate: np.ndarray, change: np.ndarray, force
 
     Parameters
     ----------
-    arm_m : (3) place r of the point in body axes [m].
-    rate, change : (sample, xyz) angular velocity w [rad/s] and angular acceleration a [rad/s2] in body axes.
-    force : (sample, xyz) specific force of the origin [m/s2], changed in place to that of the point.
+    arm_m : (3) place r of the point in body axes [m]
+    rate, change : (sample, xyz) angular velocity w [rad/s] and angular acceleration a [rad/s2] in body axes
+    force : (sample, xyz) specific force of the origin [m/s2], changed in place to that of the point
     """
     x, y, z = arm_m
     for k in range(len(force)):

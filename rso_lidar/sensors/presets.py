@@ -20,8 +20,8 @@ def merge_preset(kind: str | None, given: Mapping[str, Any]) -> Mapping[str, Any
 
     Parameters
     ----------
-    kind : `type` of the sensor.
-    given : the user's table.
+    kind : `type` of the sensor
+    given : the user's table
     """
     name = given.get("preset")
     if not isinstance(name, str):

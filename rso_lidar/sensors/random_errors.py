@@ -49,13 +49,13 @@ def make_model(white: np.ndarray, processes: list[ErrorProcess], outage: tuple[f
 
     Parameters
     ----------
-    white : (channel) standard deviation of the white noise of a sample.
+    white : (channel) standard deviation of the white noise of a sample
     processes : in any order. Channel -1 marks a constant that the sensor applies itself; those are kept, in their order.
-    outage : probabilities as in `ErrorModel`.
+    outage : probabilities as in `ErrorModel`
 
     Returns
     -------
-    the model.
+    the model
     """
     effective = [it for it in processes if it.drive or it.start or it.channels[0] < 0]
     ordered = sorted(effective, key=lambda it: (it.drive == 0.0, it.channels[0] >= 0))
@@ -74,12 +74,12 @@ def make_key(seed: int, name: str) -> np.ndarray:
 
     Parameters
     ----------
-    seed : of the scenario.
-    name : of the sensor.
+    seed : of the scenario
+    name : of the sensor
 
     Returns
     -------
-    key (2) uint32.
+    key (2) uint32
     """
     words = np.frombuffer(hashlib.sha256(f"sensor {name}".encode()).digest(), np.uint32)
     return packed(np.random.SeedSequence([seed, *(int(word) for word in words)]).generate_state(2, np.uint32))
@@ -90,13 +90,13 @@ def draw_normals(key: np.ndarray, first_sample: int, count: int, width: int) -> 
 
     Parameters
     ----------
-    key : (2) uint32, of the sensor.
-    first_sample, count : number of the first sample, and how many.
-    width : numbers for each sample.
+    key : (2) uint32, of the sensor
+    first_sample, count : number of the first sample, and how many
+    width : numbers for each sample
 
     Returns
     -------
-    array (count, width) of float64.
+    array (count, width) of float64
     """
     normals = np.empty((count, width))
     fill_normals(key, first_sample, NOISE, normals)
@@ -109,10 +109,10 @@ def fill_normals(key: np.ndarray, first: int, stage: int, normals: np.ndarray) -
 
     Parameters
     ----------
-    key : (2) uint32.
-    first : number of the first sample.
-    stage : last word of the counter.
-    normals : (sample, width), written.
+    key : (2) uint32
+    first : number of the first sample
+    stage : last word of the counter
+    normals : (sample, width), written
     """
     for k in range(normals.shape[0]):
         draw_sample(key, first + k, stage, normals[k])
@@ -124,10 +124,10 @@ def draw_sample(key: np.ndarray, sample: int, stage: int, normals: np.ndarray) -
 
     Parameters
     ----------
-    key : (2) uint32.
-    sample : its number.
-    stage : last word of the counter.
-    normals : (width), written.
+    key : (2) uint32
+    sample : its number
+    stage : last word of the counter
+    normals : (width), written
     """
     width = len(normals)
     for block in range((width + 3) // 4):
@@ -164,13 +164,13 @@ def draw_errors(
 
     Parameters
     ----------
-    key : (2) uint32, of the sensor.
-    first : number of the sample after the state.
-    skipped : number of samples without output before those of `errors`.
-    white, process, channel, n_driven, outage : as in `ErrorModel`.
-    values : (process + 1) state at the sample before `first`, advanced in place; its last entry is 1 in an outage.
-    errors : (sample, channel), written.
-    out : (sample) bool, written: whether the sensor is in an outage.
+    key : (2) uint32, of the sensor
+    first : number of the sample after the state
+    skipped : number of samples without output before those of `errors`
+    white, process, channel, n_driven, outage : as in `ErrorModel`
+    values : (process + 1) state at the sample before `first`, advanced in place; its last entry is 1 in an outage
+    errors : (sample, channel), written
+    out : (sample) bool, written: whether the sensor is in an outage
     """
     n_process, n_channel = len(process), len(white)
     normals = np.empty(n_driven + n_channel)

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Name, NotNegative, Part, Positive, Text
-from rso_lidar.records import ALL_READ, BodyMotion, SensorState
+from rso_lidar.records import BodyMotion, MotionQuantity, SensorState
 from rso_lidar.sensors.presets import merge_preset
 from rso_lidar.sensors.random_errors import ErrorModel, ErrorProcess, draw_errors, make_model
 
@@ -82,7 +82,7 @@ class SensorPart(Part):
     @property
     def reads(self) -> frozenset[str]:
         """What the sensor reads of the follower's motion, beside its angular velocity and specific force."""
-        return ALL_READ
+        return frozenset(MotionQuantity)
 
     @property
     def look_back(self) -> int:
@@ -115,11 +115,11 @@ class SensorPart(Part):
 
         Parameters
         ----------
-        motion : true motion of the follower.
+        motion : true motion of the follower
 
         Returns
         -------
-        one for each kind of impairment.
+        one for each kind of impairment
         """
         return []
 
@@ -150,19 +150,19 @@ class SensorPart(Part):
 
         Parameters
         ----------
-        key : (2) uint32, of the sensor (`make_key`).
-        first_sample : number of the first sample.
-        time_s : (sample) instants of the samples [s].
+        key : (2) uint32, of the sensor (`make_key`)
+        first_sample : number of the first sample
+        time_s : (sample) instants of the samples [s]
         state : after an earlier sample; None before all. Samples between are skipped over.
 
         Returns
         -------
-        errors (sample, channel), whether each sample is outside of outages (sample) bool, and the state after them.
+        errors (sample, channel), whether each sample is outside of outages (sample) bool, and the state after them
 
         Raises
         ------
         ScenarioError
-            If the state is later than the first sample.
+            If the state is later than the first sample
         """
         model, count = self.error_model, len(time_s)
         values = np.zeros(model.n_values) if state is None else np.array(state.values)
@@ -188,10 +188,10 @@ def gauss_markov(channels: tuple[int, ...], sigma: float, correlation_s: float, 
 
     Parameters
     ----------
-    channels : to which it applies.
-    sigma : stationary standard deviation.
-    correlation_s : correlation time [s].
-    step_s : sampling interval [s].
+    channels : to which it applies
+    sigma : stationary standard deviation
+    correlation_s : correlation time [s]
+    step_s : sampling interval [s]
     """
     decay = math.exp(-step_s / correlation_s)
     return ErrorProcess(channels, decay, sigma * math.sqrt(-math.expm1(-2.0 * step_s / correlation_s)), sigma)
@@ -207,10 +207,10 @@ def flicker(
 
     Parameters
     ----------
-    channels : to which they apply.
-    floor : the flat of the Allan deviation.
-    correlation_s : shortest and longest correlation time [s].
-    step_s : sampling interval [s].
+    channels : to which they apply
+    floor : the flat of the Allan deviation
+    correlation_s : shortest and longest correlation time [s]
+    step_s : sampling interval [s]
     """
     shortest, longest = correlation_s
     count = 1 + round(math.log(longest / shortest, _DECADE))
@@ -227,9 +227,9 @@ def gauss_markov_allan_variance(averaging_s: np.ndarray, sigma: float, correlati
 
     Parameters
     ----------
-    averaging_s : averaging times (…) [s].
-    sigma : stationary standard deviation.
-    correlation_s : correlation time [s].
+    averaging_s : averaging times (…) [s]
+    sigma : stationary standard deviation
+    correlation_s : correlation time [s]
     """
     x = averaging_s / correlation_s
     # 2 s2 / x (1 - (3 - 4 exp(-x) + exp(-2 x)) / (2 x)), by expm1 so that short times lose no digits

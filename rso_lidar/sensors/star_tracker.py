@@ -131,7 +131,7 @@ class StarTracker(SensorPart):
 
         Parameters
         ----------
-        motion : true motion of the follower.
+        motion : true motion of the follower
         """
         return _join(self._find_blinding(motion), motion)
 
@@ -145,11 +145,11 @@ class StarTracker(SensorPart):
 
         Parameters
         ----------
-        motion : true motion of the follower.
+        motion : true motion of the follower
 
         Returns
         -------
-        one for each kind of impairment.
+        one for each kind of impairment
         """
         causes = self._find_blinding(motion)
         shares = [f"{name} {np.mean(mask):.0%}" for name, mask in causes.items() if mask.any()]
@@ -192,13 +192,13 @@ def find_acquired(clear: np.ndarray, searching: int, look_back: int) -> tuple[np
 
     Parameters
     ----------
-    clear : (sample) bool, whether stars can be tracked.
-    searching : number of the first samples that have no attitude yet because of what was before them.
-    look_back : number of samples that an acquisition takes.
+    clear : (sample) bool, whether stars can be tracked
+    searching : number of the first samples that have no attitude yet because of what was before them
+    look_back : number of samples that an acquisition takes
 
     Returns
     -------
-    whether each sample (sample) bool has an attitude, and `searching` for the samples that follow.
+    whether each sample (sample) bool has an attitude, and `searching` for the samples that follow
     """
     if not len(clear):
         return clear, searching

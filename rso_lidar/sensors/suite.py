@@ -30,8 +30,8 @@ class SensorSuite:
 
     Parameters
     ----------
-    sensors : parts, or users' objects.
-    seed : of the run.
+    sensors : parts, or users' objects
+    seed : of the run
     """
 
     def __init__(self, sensors: Sequence[Any], seed: int) -> None:
@@ -48,13 +48,13 @@ class SensorSuite:
 
         Parameters
         ----------
-        after_s, until_s : ends of the interval [s]; intervals follow one another.
+        after_s, until_s : ends of the interval [s]; intervals follow one another
         find_motion : true motion of the follower: at instants (time) [s], ascending; what is read of it; and a function
-            that lists the instants of later samples, for what can be computed ahead.
+            that lists the instants of later samples, for what can be computed ahead
 
         Returns
         -------
-        samples by name of the sensor; sensors without a sample in the interval are left out.
+        samples by name of the sensor; sensors without a sample in the interval are left out
         """
         schedules = self._schedules
         due = {schedule: schedule.number_available(after_s, until_s) for schedule in set(schedules.values())}
@@ -98,8 +98,8 @@ class SensorSuite:
 
         Parameters
         ----------
-        name : of the sensor.
-        motion, first, state : as `Sensor.measure` takes them.
+        name : of the sensor
+        motion, first, state : as `Sensor.measure` takes them
         """
         with add_place(f"sensor '{name}'"):
             return measure_samples(self._sensors[name], motion, self._keys[name], first, state)
@@ -109,12 +109,12 @@ class SensorSuite:
 
         Parameters
         ----------
-        measured : samples by name of the sensor.
-        find_motion : as for `measure`.
+        measured : samples by name of the sensor
+        find_motion : as for `measure`
 
         Returns
         -------
-        samples of all sensors by name.
+        samples of all sensors by name
         """
         missing = [name for name in self._sensors if name not in measured and name not in self._empty]
         if missing:
@@ -140,12 +140,12 @@ class SensorSuite:
 
         Parameters
         ----------
-        states : from `save`, by name of the sensor.
+        states : from `save`, by name of the sensor
 
         Raises
         ------
         ScenarioError
-            If they are those of other sensors.
+            If they are those of other sensors
         """
         if states.keys() != self._states.keys():
             raise ScenarioError(

@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from rso_lidar.track.controller import Controller
     from rso_lidar.track.kalman import Track, filter_positions, nis_bounds
     from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit
-    from rso_lidar.track.least_squares.fit_statistics import FitStatistics, chi_square_bounds
+    from rso_lidar.track.least_squares.fit_statistics import FitStatistics
     from rso_lidar.track.least_squares.gated_solution import MEASUREMENT_GATE
-    from rso_lidar.track.least_squares.own_state import GnssErrors, OwnOrbitFit, fit_own_state, format_fit_row
+    from rso_lidar.track.least_squares.own_state import GnssErrors, OwnOrbitFit, fit_own_state
     from rso_lidar.track.least_squares.relative_prediction import RELATIVE_MODELS, RelativeModel
     from rso_lidar.track.least_squares.relative_state import RelativeOrbitFit, SightBias, fit_relative_state
     from rso_lidar.track.navigation.navigation_estimate import NavigationEstimate, NavigationUpdate
@@ -50,12 +50,10 @@ __all__ = [
     "Track",
     "acquire",
     "align",
-    "chi_square_bounds",
     "filter_positions",
     "find_cluster",
     "fit_own_state",
     "fit_relative_state",
-    "format_fit_row",
     "locate_centroid",
     "measure_visible_centroid",
     "nis_bounds",

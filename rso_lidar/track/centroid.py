@@ -17,10 +17,10 @@ class Fix:
 
     Parameters
     ----------
-    position_m : mean of the points (xyz) [m].
-    covariance_m2 : of the mean (3, 3) [m²].
-    points_m : points (n, 3) that were used [m].
-    found_fraction : fraction of the target's pixels that returned.
+    position_m : mean of the points (xyz) [m]
+    covariance_m2 : of the mean (3, 3) [m²]
+    points_m : points (n, 3) that were used [m]
+    found_fraction : fraction of the target's pixels that returned
     """
 
     position_m: np.ndarray
@@ -59,20 +59,20 @@ def locate_centroid(
 
     Parameters
     ----------
-    points_m : (n, 3), or an organised cloud (row, col, 3) with NaN where nothing came back [m].
-    pixel_rad : angle that a pixel covers [rad].
-    range_noise_m : standard deviation of one range [m].
-    gate_m : depth and radius of the gate [m], about the size of the target.
-    min_points : fewest points that make a target.
+    points_m : (n, 3), or an organised cloud (row, col, 3) with NaN where nothing came back [m]
+    pixel_rad : angle that a pixel covers [rad]
+    range_noise_m : standard deviation of one range [m]
+    gate_m : depth and radius of the gate [m], about the size of the target
+    min_points : fewest points that make a target
 
     Returns
     -------
-    position with covariance; None for fewer than `min_points` points.
+    position with covariance; None for fewer than `min_points` points
 
     Raises
     ------
     ScenarioError
-        If a setting is not positive, or `points_m` has another shape.
+        If a setting is not positive, or `points_m` has another shape
     """
     if not (pixel_rad > 0.0 and range_noise_m > 0.0 and gate_m > 0.0 and min_points >= 1):
         raise ScenarioError("centroid: needs pixel_rad, range_noise_m and gate_m above 0 and min_points from 1")
@@ -96,7 +96,18 @@ def locate_centroid(
 
 
 def select_target_points(cloud: np.ndarray, gate_m: float) -> np.ndarray:
-    """Select the points (…) of a cloud (…, 3) that are the target's: close together, in the fullest range window."""
+    """Select the points of a cloud that are the target's: close together, in the fullest range window.
+
+    Parameters
+    ----------
+    cloud : (…, 3) points from the lidar [m]; NaN where nothing came back
+    gate_m : depth and radius of the gate [m], about the size of the target
+
+    Returns
+    -------
+    numpy.ndarray
+        (…) bool, whether a point is selected
+    """
     range_m = np.sqrt((cloud**2).sum(axis=-1))
     rising = np.sort(range_m[np.isfinite(range_m)])
     if not rising.size:

@@ -20,5 +20,5 @@ class Controller(Protocol):
 
         Parameters
         ----------
-        observation : time, reading, line of sight, measured pan and tilt, and settings of the flash.
+        observation : time, reading, line of sight, measured pan and tilt, and settings of the flash
         """

@@ -24,11 +24,11 @@ class Track:
 
     Parameters
     ----------
-    time_s : instants (time) [s].
-    position_m, velocity_m_s : estimates (time, 3) that include the measurement of that instant [m], [m/s].
-    covariance : of position and velocity (time, 6, 6).
-    innovation_m : measured less predicted position (time, 3) [m]; NaN without a measurement or a prediction.
-    nis : normalised innovation squared (time); NaN where the innovation is.
+    time_s : instants (time) [s]
+    position_m, velocity_m_s : estimates (time, 3) that include the measurement of that instant [m], [m/s]
+    covariance : of position and velocity (time, 6, 6)
+    innovation_m : measured less predicted position (time, 3) [m]; NaN without a measurement or a prediction
+    nis : normalised innovation squared (time); NaN where the innovation is
     """
 
     time_s: np.ndarray
@@ -57,12 +57,12 @@ def nis_bounds(count: int = 1, share: float = 0.95) -> tuple[float, float]:
 
     Parameters
     ----------
-    count : number of NIS in the mean.
-    share : probability that a consistent filter is within the bounds.
+    count : number of NIS in the mean
+    share : probability that a consistent filter is within the bounds
 
     Returns
     -------
-    lower and upper bound.
+    lower and upper bound
 
     Examples
     --------
@@ -90,32 +90,32 @@ def filter_positions(
 
     Parameters
     ----------
-    time_s : instants (time) [s], ascending.
+    time_s : instants (time) [s], ascending
     position_m : measured (time, 3) [m], NaN rows without a measurement: constant-velocity motion needs axes that do
-        not turn, Clohessy and Wiltshire's rtn axes (x out, y along-track, z along the orbit normal).
-    covariance_m2 : of each position (time, 3, 3) [m²].
-    mean_motion_rad_s : of the orbit [rad/s], for Clohessy and Wiltshire's model (None: constant velocity).
+        not turn, Clohessy and Wiltshire's rtn axes (x out, y along-track, z along the orbit normal)
+    covariance_m2 : of each position (time, 3, 3) [m²]
+    mean_motion_rad_s : of the orbit [rad/s], for Clohessy and Wiltshire's model (None: constant velocity)
     acceleration_m_s2_sqrt_hz : process noise: the root of the two-sided spectral density of white acceleration, each axis
-        [m/s²/√Hz]; velocity then wanders by its product with √t.
-    speed_m_s : initial standard deviation of the velocity, each axis [m/s].
+        [m/s²/√Hz]; velocity then wanders by its product with √t
+    speed_m_s : initial standard deviation of the velocity, each axis [m/s]
     kicks : changes of the velocity (xyz) [m/s] that are known, with their instants [s], ascending: the observer's own
         burns, with the sign of their effect on the relative velocity. A burn at an instant is included in its velocity.
 
     Returns
     -------
-    estimates, covariances and innovations at all instants.
+    estimates, covariances and innovations at all instants
 
     Raises
     ------
     ScenarioError
-        If shapes disagree, the instants do not ascend, or a noise or speed is out of range.
+        If shapes disagree, the instants do not ascend, or a noise or speed is out of range
     """
     time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
     n = time_s.size
     if position_m.shape != (n, AXES) or np.shape(covariance_m2) != (n, AXES, AXES):
         raise ScenarioError(f"kalman: {n} instants need positions ({n}, 3) and covariances ({n}, 3, 3)")
     if np.any(np.diff(time_s) <= 0.0):
-        raise ScenarioError("kalman: instants must ascend: sort them")
+        raise ScenarioError("kalman: instants must ascend; sort them")
     if not (acceleration_m_s2_sqrt_hz >= 0.0 and speed_m_s > 0.0):
         raise ScenarioError("kalman: give an acceleration that is not negative and a speed above 0")
     estimates, covariances = np.full((n, 2 * AXES), np.nan), np.full((n, 2 * AXES, 2 * AXES), np.nan)
@@ -158,13 +158,13 @@ def _discretize(mean_motion_rad_s: float | None, density: float, step_s: float) 
 
     Parameters
     ----------
-    mean_motion_rad_s : of the orbit [rad/s]; None for constant velocity.
-    density : root of the spectral density of white acceleration [m/s²/√Hz].
-    step_s : length of the step [s].
+    mean_motion_rad_s : of the orbit [rad/s]; None for constant velocity
+    density : root of the spectral density of white acceleration [m/s²/√Hz]
+    step_s : length of the step [s]
 
     Returns
     -------
-    transition matrix (6, 6), and covariance (6, 6) in SI units.
+    transition matrix (6, 6), and covariance (6, 6) in SI units
     """
     from scipy.linalg import expm
 

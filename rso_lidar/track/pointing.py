@@ -53,7 +53,7 @@ class Pointing:
         self._reach, self._boresight_tilt = math.hypot(x, z), math.atan2(z, x)
         if self._reach < 1e-6:
             raise ScenarioError(
-                "Pointing: the mount turns the lidar along the tilt axis, so tilt cannot aim it: turn it"
+                "Pointing: the mount turns the lidar along the tilt axis, so tilt cannot aim it; turn it"
             )
         self._called_s = math.nan
         self._forget()
@@ -62,7 +62,7 @@ class Pointing:
         """Return the command for the next flash; it is empty if the target has been lost for longer than `coast_s`."""
         time_s, measured = observation.time_s, observation.pan_tilt_rad
         if measured is None:
-            raise ScenarioError("Pointing: the observation has no pan and tilt: give the scenario a [ptu]")
+            raise ScenarioError("Pointing: the observation has no pan and tilt; give the scenario a [ptu]")
         interval_s = time_s - self._called_s if self._called_s < time_s else 0.0
         self._called_s = time_s
         seen = find_cluster(observation.reading, self.gate_m, self.min_pixels)
@@ -87,12 +87,12 @@ class Pointing:
 
         Parameters
         ----------
-        toward : direction (3,) in PTU axes, of any length.
-        pan, tilt : measured angles [rad].
+        toward : direction (3,) in PTU axes, of any length
+        pan, tilt : measured angles [rad]
 
         Returns
         -------
-        pan and tilt (2,) [rad].
+        pan and tilt (2,) [rad]
         """
         x, y, z = (toward / np.linalg.norm(toward)).tolist()
         x, z = x * math.cos(tilt) - z * math.sin(tilt), x * math.sin(tilt) + z * math.cos(tilt)
@@ -110,9 +110,9 @@ class Pointing:
 
         Parameters
         ----------
-        time_s : instant of the measurement [s].
-        angle : pan and tilt (2,) to the target [rad].
-        measured : pan and tilt (2,) of the encoders [rad].
+        time_s : instant of the measurement [s]
+        angle : pan and tilt (2,) to the target [rad]
+        measured : pan and tilt (2,) of the encoders [rad]
         """
         n, dt = self._seen, time_s - self._time_s
         self._seen, self._time_s = n + 1, time_s
@@ -132,13 +132,13 @@ def find_cluster(reading: Reading, gate_m: float, min_pixels: int) -> np.ndarray
 
     Parameters
     ----------
-    reading : of the sensor.
-    gate_m : depth of the window, and greatest difference to a neighbour [m].
-    min_pixels : fewest returns that make a target.
+    reading : of the sensor
+    gate_m : depth of the window, and greatest difference to a neighbour [m]
+    min_pixels : fewest returns that make a target
 
     Returns
     -------
-    mask (row, col) of the returns, empty without a target.
+    mask (row, col) of the returns, empty without a target
     """
     ranges = reading.range_m.astype(float)
     framed = np.pad(ranges, 1, constant_values=np.nan)

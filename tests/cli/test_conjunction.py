@@ -32,17 +32,17 @@ def test_options_count(rso_lidar):
     [
         (
             ["tle/flyby.tle"],
-            "tle/flyby.tle: line 1: 'ROCKET BODY (SYNTHETIC)' is not KEYWORD = value: correct the line",
+            "tle/flyby.tle: line 1: 'ROCKET BODY (SYNTHETIC)' is not KEYWORD = value; correct the line",
         ),
         (
             ["tle/flyby.cdm", "--window", "0"],
-            "window_s: 0.0 is not a window: give seconds above 0, at most 30 days",
+            "window_s: 0.0 is not a window; give seconds above 0, at most 30 days",
         ),
         (["nowhere.cdm"], "nowhere.cdm: no such file; check the name"),
         (["tle/flyby.cdm", "--radius", "10"], "--radius 10: has no unit; write 10km or 10m"),
         (
             ["tle/flyby.cdm", "--radius", "0m"],
-            "radius_m: 0.0 is not a hard-body radius: give metres above 0, at most 1e5",
+            "radius_m: 0.0 is not a hard-body radius; give metres above 0, at most 1e5",
         ),
         (["tle/flyby.cdm", "--lidar", "nothing"], "--lidar nothing: no camera of that name"),
         (["tle/flyby.cdm", "-o", "out.png"], "out.png"),

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar.cli import main
 from rso_lidar.errors import has_warnings_enabled
-from rso_lidar.orbit import read_message
+from rso_lidar.orbit.ccsds.reader import read_message
 
 FLYBY = Path(__file__).resolve().parents[2] / "examples" / "tle_flyby.toml"
 SMALL = (

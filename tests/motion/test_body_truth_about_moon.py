@@ -130,7 +130,7 @@ def test_what_has_the_gravity_of_the_earth_is_refused(motion, message):
 def test_limits_are_those_about_the_moon():
     bodies = [Body(name="chief", motion=about_moon(eccentricity=0.02, semi_major_axis_km=1850.0)),
               Body(name="f", motion=Hill(**start()))]  # fmt: skip
-    with pytest.warns(RsoLidarWarning, match="eccentricity is 0.0200; .*: use yamanaka_ankersen or nonlinear$"):
+    with pytest.warns(RsoLidarWarning, match="eccentricity is 0.0200; .*; use yamanaka_ankersen or nonlinear$"):
         truth(bodies, EPOCHS)
     day = Epochs(START, np.linspace(0.0, 80_000.0, 9))
     bodies[0] = bodies[0].replace(motion=about_moon())

@@ -8,7 +8,8 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit import DIFFERENCE_STEP_S, differentiate, state_rates
+from rso_lidar.orbit import differentiate, state_rates
+from rso_lidar.orbit.trajectory import DIFFERENCE_STEP_S
 from rso_lidar.records import BodyState
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -12,7 +12,9 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import AttitudeTable, Body, truth
-from rso_lidar.orbit import Ephemeris, Epochs, Kepler, gcrs_from_eme2000, read_message
+from rso_lidar.orbit import Ephemeris, Epochs, Kepler
+from rso_lidar.orbit.ccsds.reader import read_message
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 
 # 502.0-B, annex: the OEM example of two segments and a covariance, about Mars
 MARS = """CCSDS_OEM_VERS = 3.0
@@ -166,7 +168,7 @@ def test_the_example_about_mars_is_read_and_its_centre_refused(tmp_path):
     message = read_message(MARS, "OEM", "mars.oem")
     assert message.version == "3.0" and [len(segment.rows) for segment in message.segments] == [4, 4]
     path = saved(tmp_path, MARS)
-    with pytest.raises(ScenarioError, match="CENTER_NAME MARS BARYCENTER: only EARTH"):
+    with pytest.raises(ScenarioError, match="CENTER_NAME MARS BARYCENTER; only EARTH"):
         Ephemeris(file=path).states(Epochs(utc("1996-12-20"), np.zeros(1)))
     # Taken as Earth's, its second segment begins where it is of use, which is 39 minutes after its first row.
     path = saved(tmp_path, MARS.replace("MARS BARYCENTER", "EARTH"))

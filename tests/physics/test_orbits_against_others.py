@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 
 import rso_lidar as rl
 from rso_lidar import motion, units
-from rso_lidar.orbit import Epochs, Kepler, Tle, gcrs_from_teme, propagate_in_teme, propagate_two_body
+from rso_lidar.orbit import Epochs, Kepler, Tle, gcrs_from_teme, propagate_two_body
 from rso_lidar.orbit.sets.formats import parse_lines
+from rso_lidar.orbit.sets.teme import propagate_in_teme
 from rso_lidar.orbit.sky.sun import sun_direction
 from rso_lidar.rpo import Hill, clohessy_wiltshire, rtn_axes
 

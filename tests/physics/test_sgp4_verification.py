@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit import Catalog, Epochs, Fleet, find_failures, propagate_in_teme, propagate_sgp4
+from rso_lidar.orbit import Catalog, Epochs, Fleet, propagate_sgp4
 from rso_lidar.orbit.sets.formats import parse_lines
-from rso_lidar.orbit.sets.teme import REASONS, describe_failure
+from rso_lidar.orbit.sets.teme import REASONS, describe_failure, find_failures, propagate_in_teme
 
 SOURCE = "Vallado et al., AIAA 2006-6753, tcppver.out"
 # The sgp4 package's own list (its tests.py), in the order of the file: where his program breaks off, and why.

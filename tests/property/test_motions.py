@@ -50,7 +50,7 @@ OF_STATES = {
     "nonlinear with maneuvers": SHORT_WAVES_M_S,
 }
 # What differences of 2 s leave out of an acceleration, 3e-6 of 0.02 m/s^2 (J2), over the speed: 1e-11 rad/s. A user's own
-# dynamics are not differenced: what they leave out is said in `rtn.inertial_acceleration`.
+# dynamics are not differenced: what they leave out is said in `motion.bodies.orbital_axes`.
 RATE_RAD_S = 3e-11
 OWN_RAD_S = 1e-9
 # The velocity of SGP4 leaves out small rates of its periodic terms, some cm/s (Vallado et al. 2006, 3.D); the first-order

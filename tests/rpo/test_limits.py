@@ -114,7 +114,7 @@ def test_a_thousand_loops_are_told_in_seconds():
 )
 def test_a_horizon_that_is_no_time_is_refused(horizon_s):
     plan = rpo.Hop(**C, from_m=BACK, to_m=NEAR, duration_s=1000.0).plan(START, STATION)
-    with pytest.raises(ScenarioError, match=r"horizon_s: .* is not a valid duration of a drift: give seconds") as error:
+    with pytest.raises(ScenarioError, match=r"horizon_s: .* is not a valid duration of a drift; give seconds") as error:
         plan.passive_safety_m(horizon_s)
     assert "\n" not in str(error.value)
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import ScenarioError, make_printable
 from rso_lidar.mission_analysis.passes.conjunction_assessment import ConjunctionAssessment
 from rso_lidar.mission_analysis.passes.pass_geometry import reach_m
 from rso_lidar.mission_analysis.passes.scenario_lines import (
@@ -20,7 +20,7 @@ from rso_lidar.mission_analysis.passes.scenario_lines import (
     write_part,
     write_value,
 )
-from rso_lidar.orbit import ConjunctionObject, State, format_utc, make_printable
+from rso_lidar.orbit import ConjunctionObject, State, format_utc
 from rso_lidar.scenario import Lidar
 
 MAX_SLEW_DEG_S = 30.0  # of the drive that the file gives

@@ -18,13 +18,11 @@ from rso_lidar.orbit import (
     CloseApproach,
     Epochs,
     PairScreening,
-    ScheduledFleet,
     ScreeningResult,
     angle_rad,
     beta_angle_rad,
     earth_limb_angle_rad,
     format_utc,
-    gcrs_from_teme,
     moon_position_m,
     phase_angle_rad,
     sun_position_m,
@@ -237,7 +235,7 @@ def _build_batch(
     time_s = np.array([stay.time_s for stay in stays])
     range_m = np.array([stay.range_m for stay in stays])
     epochs = Epochs(objects.start_utc, time_s)
-    target, own = _state_in_gcrs(objects, which, epochs), _state_in_gcrs(lead, first, epochs)
+    target, own = objects.states_in_gcrs(which, epochs), lead.states_in_gcrs(first, epochs)
     line = target.position_m - own.position_m
     sun, moon = sun_position_m(epochs), moon_position_m(epochs)
     speed = np.linalg.norm(target.velocity_m_s - own.velocity_m_s, axis=1)
@@ -295,18 +293,6 @@ def _build_batch(
 
 def _select_state(states: BodyState, row: int) -> BodyState:
     return BodyState(states.position_m[row], states.velocity_m_s[row])
-
-
-def _state_in_gcrs(objects: ScheduledFleet, which: np.ndarray, epochs: Epochs) -> BodyState:
-    """Compute states of objects in GCRS axes.
-
-    Parameters
-    ----------
-    objects, which : the fleet, and the index (row) of the object
-    """
-    position, velocity = objects.at(which, epochs.time_s)
-    rotation = gcrs_from_teme(epochs)
-    return BodyState(rotate_vectors(rotation, position), rotate_vectors(rotation, velocity))
 
 
 def _integrate_stays(

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.orbit import ElementSet, Omm, State, make_printable
+from rso_lidar.errors import make_printable
+from rso_lidar.orbit import ElementSet, Omm, State
 from rso_lidar.part import Part
 from rso_lidar.records import BodyState
 from rso_lidar.rpo import rtn_axes

@@ -6,7 +6,7 @@ import datetime
 import math
 
 from rso_lidar import units
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import ScenarioError, make_printable
 from rso_lidar.mission_analysis.passes.exclusion import TOGETHER_M, keep_out_radius_m, select_rtn_corridors
 from rso_lidar.mission_analysis.passes.pass_geometry import Encounter
 from rso_lidar.mission_analysis.passes.pass_table import Encounters
@@ -19,7 +19,6 @@ from rso_lidar.mission_analysis.passes.scenario_lines import (
     write_motion,
     write_value,
 )
-from rso_lidar.orbit import make_printable
 
 _LONGEST_S, _SHORTEST_S = 1200.0, 10.0
 _MOST_FRAMES = 1250

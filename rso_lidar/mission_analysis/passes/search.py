@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rso_lidar import units
-from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError
+from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError, quote_value
 from rso_lidar.mission_analysis.passes.docked import fold_docked
 from rso_lidar.mission_analysis.passes.pass_geometry import (
     build_encounters,
@@ -26,7 +26,6 @@ from rso_lidar.orbit import (
     PairScreening,
     ScreeningResult,
     Trajectory,
-    quote_set,
     screen,
     screen_pairs,
 )
@@ -99,10 +98,10 @@ def encounters(
     """
     check_span(within_m, start_utc, days, max_slew_deg_s)
     if sort not in _KEYS:
-        raise ScenarioError(f"sort: {quote_set(sort)} is not a sort order; use one of {', '.join(_KEYS)}")
+        raise ScenarioError(f"sort: {quote_value(sort)} is not a sort order; use one of {', '.join(_KEYS)}")
     if limit is not None and (isinstance(limit, bool) or not isinstance(limit, numbers.Integral) or limit < 1):
         raise ScenarioError(
-            f"limit: {quote_set(limit)} is not a number of rows; give 1 or more, or omit it for all rows"
+            f"limit: {quote_value(limit)} is not a number of rows; give 1 or more, or omit it for all rows"
         )
     _check_number("min_duration", "s", min_duration_s)
     if not min_duration_s >= 0.0:
@@ -164,7 +163,7 @@ def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_s
     for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
         _check_number(what, unit, value)
     if not isinstance(start_utc, datetime.datetime):
-        raise ScenarioError(f"start: {quote_set(start_utc)} is not a time; give a datetime with its time zone")
+        raise ScenarioError(f"start: {quote_value(start_utc)} is not a time; give a datetime with its time zone")
     if not 0.0 < within_m <= 1e8:
         raise ScenarioError(f"within: {within_m:g} m is not a search distance; give one up to 100,000 km")
     if start_utc.tzinfo is None:
@@ -183,7 +182,7 @@ def _check_number(what: str, unit: str, value: Any) -> None:
     what, unit : name and unit, for the message
     """
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise ScenarioError(f"{what}: {quote_set(value)} is not a number; give one in {unit}, without the unit")
+        raise ScenarioError(f"{what}: {quote_value(value)} is not a number; give one in {unit}, without the unit")
 
 
 def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> list[Any]:
@@ -203,7 +202,7 @@ def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> lis
         return [next(known, NamedTrajectory("follower", follower))]
     if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral):
         raise ScenarioError(
-            f"follower: {quote_set(follower)} is not an object; give its catalogue number or its name, or a trajectory"
+            f"follower: {quote_value(follower)} is not an object; give its catalogue number or its name, or a trajectory"
         )
     return objects.find(follower if isinstance(follower, str) else int(follower), catalog)
 

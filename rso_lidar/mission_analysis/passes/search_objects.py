@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
+from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean, quote_value
 from rso_lidar.mission_analysis.passes.body_trajectory import BodyTrajectory
 from rso_lidar.orbit import (
     Catalog,
@@ -18,7 +18,6 @@ from rso_lidar.orbit import (
     NamedTrajectory,
     Trajectory,
     list_ephemeris_objects,
-    quote_set,
     read_element_sets,
     read_opm,
     read_table_text,
@@ -114,7 +113,7 @@ def collect_objects(source: Any, *, trust_code: bool = False, trust_fmu: bool = 
         _add_file(found, os.fspath(source))
     elif isinstance(source, bytes) or not isinstance(source, Iterable):
         raise CatalogError(
-            f"catalogue: {quote_set(source)} is not a catalogue; give a path, a catalogue or element sets"
+            f"catalogue: {quote_value(source)} is not a catalogue; give a path, a catalogue or element sets"
         )
     elif isinstance(source, Mapping):
         found.entries += [_name(str(name), entry) for name, entry in source.items()]
@@ -164,7 +163,7 @@ def _add_entries(found: SearchObjects, source: Iterable[Any]) -> None:
             found.entries.append(NamedTrajectory(f"trajectory {len(found.entries) + 1}", entry))
         else:
             raise CatalogError(
-                f"catalogue: {quote_set(entry)} in it is not an element set; read the sets with Catalog, or give objects "
+                f"catalogue: {quote_value(entry)} in it is not an element set; read the sets with Catalog, or give objects "
                 "that answer states"
             )
 
@@ -173,7 +172,9 @@ def _name(name: str, entry: Any) -> Any:
     if isinstance(entry, ElementSet | NamedTrajectory):
         return entry
     if not isinstance(entry, Trajectory):
-        raise CatalogError(f"catalogue: {name}: {quote_set(entry)} has no states; give a trajectory or an element set")
+        raise CatalogError(
+            f"catalogue: {name}: {quote_value(entry)} has no states; give a trajectory or an element set"
+        )
     return NamedTrajectory(name, entry)
 
 

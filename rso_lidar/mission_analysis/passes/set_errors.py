@@ -17,7 +17,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, ScenarioError
-from rso_lidar.orbit import ElementSet, Epochs, SetSequence, find_failures, propagate_in_teme
+from rso_lidar.orbit import ElementSet, Epochs, Fleet, SetSequence
 from rso_lidar.part import to_real_array
 from rso_lidar.rpo import rtn_matrix
 
@@ -137,21 +137,20 @@ def estimate_set_errors(sets: SetSequence | Sequence[ElementSet], ages_days: Seq
         raise CatalogError(f"{known[0].label}: has one element set; differences need two or more")
     start = known[0].epoch_utc
     since_s = np.array([-float(Epochs(start, np.zeros(1)).since(entry.epoch_utc)[0]) for entry in known])
-    own = [np.concatenate(propagate_in_teme(entry, Epochs(start, since_s[k : k + 1]))[:2], axis=1)[0]
-           for k, entry in enumerate(known)]  # fmt: skip
+    fleet = Fleet(known, start)
+    own = np.concatenate(fleet.at(np.arange(len(known)), since_s), axis=1)
     ages: list[np.ndarray] = []
     differences: list[np.ndarray] = []
-    for k, entry in enumerate(known[:-1]):
+    for k in range(len(known) - 1):
         age_days = (since_s[k + 1 :] - since_s[k]) / units.DAY_S
         later = k + 1 + np.flatnonzero((age_days >= edges[0]) & (age_days < edges[-1]))
         if not len(later):
             continue
-        state = propagate_in_teme(entry, Epochs(start, since_s[later]))
-        there = np.array([own[j] for j in later])
-        good = ~(find_failures(*state) | ~np.isfinite(there).all(axis=1))
-        there = there[good]
+        state = np.concatenate(fleet.at(np.full(len(later), k), since_s[later]), axis=1)
+        good = np.isfinite(state).all(axis=1) & np.isfinite(own[later]).all(axis=1)
+        there = own[later][good]
         rtn = rtn_matrix(there[:, :3], there[:, 3:])[0]
-        off = np.concatenate(state[:2], axis=1)[good] - there
+        off = state[good] - there
         differences.append(
             np.concatenate([np.einsum("nji,nj->ni", rtn, part) for part in (off[:, :3], off[:, 3:])], axis=1)
         )

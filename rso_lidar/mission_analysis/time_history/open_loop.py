@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion, orbit, rpo, units
-from rso_lidar.motion import Chief, chief_of, find_jumps_s, find_plan
+from rso_lidar.motion import Chief, find_flight, find_plan, get_chief_name, list_commands
 from rso_lidar.orbit import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth, tabulate_truth
 from rso_lidar.scenario import Scenario
@@ -91,7 +91,7 @@ def format_utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
 def find_mission_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
     """Return the plan of the follower's proximity operation about `target`; None for another motion."""
     follower = scenario.bodies[-1]
-    if chief_of(follower.motion) != target:
+    if get_chief_name(follower.motion) != target:
         return None
     with scenario.locate_errors("follower.motion"):
         return find_plan(follower, scenario.bodies, scenario.time.start_utc)
@@ -146,12 +146,21 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
     """
     by_name = {body.name: body for body in scenario.bodies}
     chain: list[Any] = [by_name[name]]
-    while (relative_to := chief_of(chain[-1].motion)) is not None:
+    while (relative_to := get_chief_name(chain[-1].motion)) is not None:
         chain.append(by_name[relative_to])
     breaks: set[float] = set()
     for body in chain:
-        breaks |= find_jumps_s(body, scenario.bodies, *scenario.span)
+        breaks |= _find_jumps_s(scenario, body)
     return breaks
+
+
+def _find_jumps_s(scenario: Scenario, body: motion.Body) -> set[float]:
+    """Find the instants [s] at which the velocity of a body jumps."""
+    flight = find_flight(body, scenario.bodies, scenario.time.start_utc)
+    if flight is not None:
+        return {one.at_s for one in flight.list_maneuvers(scenario.span[1]) if isinstance(one, orbit.Impulse)}
+    planned = {float(one.time_s) for one in list_commands(body, scenario.bodies, *scenario.span)}
+    return planned | set(getattr(body.motion, "impulses_s", ()))
 
 
 def find_umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:

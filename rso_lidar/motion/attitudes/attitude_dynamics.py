@@ -60,12 +60,12 @@ class StateSpaceAttitude(StateSpaceModel):
 
         Parameters
         ----------
-        flight : of this model.
-        time_s : instants (time,) [s].
+        flight : of this model
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        inertial_from_body (time), and the body rates (time, 3) [rad/s].
+        inertial_from_body (time), and the body rates (time, 3) [rad/s]
         """
         return attitude_from_state(flight(time_s), self.attitude_state, self.label, time_s)
 

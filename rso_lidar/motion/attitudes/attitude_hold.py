@@ -6,26 +6,18 @@ The result at one epoch has the same bits whichever other epochs are requested.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
+from rso_lidar.orbit import rtn_from_lvlh_ccsds
 from rso_lidar.part import Part, Quaternion, Vector
 from rso_lidar.pose import build_rotation, euler_zyx
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
-
-
-@cache
-def rtn_from_lvlh_ccsds() -> Rotation:
-    """Return the rotation from CCSDS axes to rtn: z (nadir) is rtn -x, y, along -(r x v), is rtn -z, x is rtn +y."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 class FixedAttitude(Part):
@@ -46,7 +38,7 @@ class FixedAttitude(Part):
     @model_validator(mode="after")
     def _one_rotation(self) -> Self:
         if self.quaternion_xyzw is not None and self.euler_zyx_deg is not None:
-            raise ValueError("quaternion_xyzw and euler_zyx_deg both state the rotation: give one")
+            raise ValueError("quaternion_xyzw and euler_zyx_deg both state the rotation; give one")
         return self
 
     @property
@@ -59,11 +51,11 @@ class FixedAttitude(Part):
 
         Parameters
         ----------
-        time_s : instants (…) [s].
+        time_s : instants (…) [s]
 
         Returns
         -------
-        axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s].
+        axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s]
         """
         return self.rotation, np.zeros((*np.shape(time_s), 3))
 
@@ -89,7 +81,7 @@ class Rtn(Part):
 
         Returns
         -------
-        rotation rtn_from_body.
+        rotation rtn_from_body
 
         Examples
         --------
@@ -117,7 +109,7 @@ class LvlhCcsds(Part):
 
         Returns
         -------
-        rotation rtn_from_body.
+        rotation rtn_from_body
 
         Examples
         --------

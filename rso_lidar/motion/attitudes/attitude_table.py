@@ -8,9 +8,8 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitudes.attitude_file import read_attitudes
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.orbit import EPHEMERIS_EDGE_S, elapsed_s, format_utc
+from rso_lidar.orbit import format_utc, locate_epochs, read_attitudes
 from rso_lidar.part import Part, Text
 
 
@@ -60,43 +59,39 @@ class AttitudeTable(Part):
 
         Parameters
         ----------
-        situation : epochs and orbit of the body.
+        situation : epochs and orbit of the body
 
         Returns
         -------
-        attitude and body rates in the axes of the table: root or rtn.
+        attitude and body rates in the axes of the table: root or rtn
 
         Raises
         ------
         PropagationError
-            If an epoch is outside the table.
+            If an epoch is outside the table
         ScenarioError
-            If the table is in rtn axes and the body has no orbit, or if the file is invalid.
+            If the table is in rtn axes and the body has no orbit, or if the file is invalid
         """
         from scipy.spatial.transform import Rotation
 
         epochs, arcs = situation.epochs, read_attitudes(self.file, self.object, self.axes)
-        which = np.full(len(epochs), -1)
-        for number, arc in enumerate(arcs):
-            time_s = elapsed_s(epochs, arc.start_utc)
-            which[(time_s >= arc.begin_s - EPHEMERIS_EDGE_S) & (time_s <= arc.end_s + EPHEMERIS_EDGE_S)] = number
+        which = locate_epochs(arcs, epochs)
         bad = which < 0
         if bad.any():
             at = epochs.time_s[np.argmax(bad)]
             first, last = arcs[0], arcs[-1]
             raise PropagationError(
-                f"table {self.file}: has no attitude at {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g}: it "
+                f"table {self.file}: has no attitude at {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g}; it "
                 f"spans {format_utc(first.start_utc or epochs.start_utc, first.begin_s)} to "
                 f"{format_utc(last.start_utc or epochs.start_utc, last.end_s)}; shift or shorten the run",
                 bad,
             )
         if arcs[0].in_origin and not situation.orbits:
-            raise ScenarioError(f"table {self.file}: is in rtn axes, and this body does not orbit: use inertial ones")
+            raise ScenarioError(f"table {self.file}: is in rtn axes, and this body does not orbit; use inertial ones")
         quaternion, rate = np.empty((len(epochs), 4)), np.empty((len(epochs), 3))
         for number in np.unique(which):
             rows = which == number
             arc = arcs[number]
-            time_s = np.clip(elapsed_s(epochs, arc.start_utc)[rows], arc.begin_s, arc.end_s)
-            rotation, rate[rows] = arc.at(time_s, self.interpolation)
+            rotation, rate[rows] = arc.interpolate(arc.clip_s(epochs)[rows], self.interpolation)
             quaternion[rows] = rotation.as_quat()
         return Orientation(Rotation.from_quat(quaternion), rate, in_origin=arcs[0].in_origin)

@@ -26,13 +26,13 @@ def rotate_freely(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tu
 
     Parameters
     ----------
-    inertia : inertia tensor (3, 3) in body axes, in any unit.
-    rate : body rates (3,) at t = 0 [rad/s].
-    time : instants (time) [s].
+    inertia : inertia tensor (3, 3) in body axes, in any unit
+    rate : body rates (3,) at t = 0 [rad/s]
+    time : instants (time) [s]
 
     Returns
     -------
-    first_body_from_body (time), and body rates (time, 3) [rad/s] in body axes.
+    first_body_from_body (time), and body rates (time, 3) [rad/s] in body axes
     """
     from scipy.spatial.transform import Rotation
 

@@ -20,7 +20,7 @@ def refuse_bare_lvlh(table: Any) -> Any:
     tag = table.get("type") if isinstance(table, dict) else None
     if tag in ("lvlh", "LVLH"):
         raise ValueError(
-            "'lvlh' means two things: write 'rtn' (x radially out, z along the orbit normal) "
+            "'lvlh' means two things; write 'rtn' (x radially out, z along the orbit normal) "
             "or 'lvlh_ccsds' (z to nadir, y against the orbit normal)"
         )
     return table

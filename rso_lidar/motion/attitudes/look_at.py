@@ -54,19 +54,19 @@ def aim_axes(
 
     Parameters
     ----------
-    line_of_sight : (…, 3) from the body to its target, root axes [m].
-    line_of_sight_rate : (…, 3) its rate in root axes [m/s].
-    up : (…, 3) direction of any length, root axes.
-    up_rate : (…, 3) its rate [1/s in the unit of `up`]; None for a constant direction.
+    line_of_sight : (…, 3) from the body to its target, root axes [m]
+    line_of_sight_rate : (…, 3) its rate in root axes [m/s]
+    up : (…, 3) direction of any length, root axes
+    up_rate : (…, 3) its rate [1/s in the unit of `up`]; None for a constant direction
 
     Returns
     -------
-    inertial_from_body (…), and body rates (…, 3) [rad/s].
+    inertial_from_body (…), and body rates (…, 3) [rad/s]
 
     Raises
     ------
     ScenarioError
-        If the target is at the body's position, or `up` is parallel to the line of sight.
+        If the target is at the body's position, or `up` is parallel to the line of sight
 
     Examples
     --------
@@ -80,7 +80,7 @@ def aim_axes(
     distance = np.linalg.norm(line_of_sight, axis=-1, keepdims=True)
     if not np.all(distance > 0.0):
         raise ScenarioError(
-            "look_at: the target is at the position of the body: look at another target, or move one of them"
+            "look_at: the target is at the position of the body; look at another target, or move one of them"
         )
     x = line_of_sight / distance
     x_rate = (line_of_sight_rate - x * _dot(x, line_of_sight_rate)) / distance
@@ -89,7 +89,7 @@ def aim_axes(
     length = np.linalg.norm(across, axis=-1, keepdims=True)
     if not np.all(length > PARALLEL_RAD * np.linalg.norm(up, axis=-1, keepdims=True)):
         raise ScenarioError(
-            f"look_at: up is parallel to the line of sight (within {PARALLEL_RAD:g} rad): "
+            f"look_at: up is parallel to the line of sight (within {PARALLEL_RAD:g} rad); "
             "give an `up` (root axes) across it"
         )
     across_rate = np.cross(up, x_rate)

@@ -24,8 +24,8 @@ class Orientation:
 
     Parameters
     ----------
-    rotation : axes_from_body, single or (time).
-    rate_rad_s : (…, 3) angular velocity relative to those axes, in body axes [rad/s].
+    rotation : axes_from_body, single or (time)
+    rate_rad_s : (…, 3) angular velocity relative to those axes, in body axes [rad/s]
     in_origin : whether those axes are the ones at the body's origin, and not the root's. They are its rtn axes if it
         orbits, and the axes of its host if it is attached to one.
     """
@@ -54,11 +54,11 @@ class Attitude(Protocol):
 
         Parameters
         ----------
-        situation : epochs, position and velocity of the body, its rtn axes, the Sun, and vectors to other bodies.
+        situation : epochs, position and velocity of the body, its rtn axes, the Sun, and vectors to other bodies
 
         Returns
         -------
-        attitude axes_from_body, and the angular velocity of the body relative to those axes.
+        attitude axes_from_body, and the angular velocity of the body relative to those axes
         """
 
 
@@ -68,18 +68,18 @@ class Situation:
 
     Parameters
     ----------
-    epochs : instants; ``epochs.time_s`` (time) counts seconds since `start_utc`.
-    position_m, velocity_m_s : of the body's origin [m], [m/s].
-    orbits : whether the body has an orbit, and so rtn axes.
-    root_from_origin : rotation of the axes at its origin (rtn axes where it orbits), single or (time).
-    origin_rate_rad_s : their angular velocity, in those axes [rad/s].
+    epochs : instants; ``epochs.time_s`` (time) counts seconds since `start_utc`
+    position_m, velocity_m_s : of the body's origin [m], [m/s]
+    orbits : whether the body has an orbit, and so rtn axes
+    root_from_origin : rotation of the axes at its origin (rtn axes where it orbits), single or (time)
+    origin_rate_rad_s : their angular velocity, in those axes [rad/s]
     sun_m : vector from the root's origin to the Sun [m]; None without one. In a local world, which has no Earth, it is
         a direction of length 1 AU, the same for every body.
-    local : whether the world is local.
-    line : called with the name of a body or of axes, gives the vector to it [m] and the rate of that vector [m/s].
-    at : called with other epochs, gives the same body's situation then.
-    origin_of : called with the name of another body, gives the link from the root to the axes at its origin.
-    flight_of : called with a state-space model or an FMU of this body, gives its flight under the inputs so far.
+    local : whether the world is local
+    line : called with the name of a body or of axes, gives the vector to it [m] and the rate of that vector [m/s]
+    at : called with other epochs, gives the same body's situation then
+    origin_of : called with the name of another body, gives the link from the root to the axes at its origin
+    flight_of : called with a state-space model or an FMU of this body, gives its flight under the inputs so far
     """
 
     epochs: Epochs

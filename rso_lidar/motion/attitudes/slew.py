@@ -65,11 +65,11 @@ class Slew(Part):
 
         Parameters
         ----------
-        end_s : time of the last frame [s].
+        end_s : time of the last frame [s]
 
         Returns
         -------
-        one line of advice; none if the slew begins in time.
+        one line of advice; none if the slew begins in time
         """
         if self.at_s <= end_s:
             return []
@@ -103,11 +103,11 @@ class Slew(Part):
 
         Parameters
         ----------
-        situation : of the body, at any epochs.
+        situation : of the body, at any epochs
 
         Returns
         -------
-        end of the slew [s].
+        end of the slew [s]
         """
         return self.plan(situation).end_s
 
@@ -116,16 +116,16 @@ class Slew(Part):
 
         Parameters
         ----------
-        situation : of the body, at any epochs.
+        situation : of the body, at any epochs
 
         Returns
         -------
-        timing of the slew, which meets the limits.
+        timing of the slew, which meets the limits
 
         Raises
         ------
         ScenarioError
-            If one of the two laws alone exceeds a limit, or if no duration meets the limits.
+            If one of the two laws alone exceeds a limit, or if no duration meets the limits
         """
         limit = np.array([self.max_rate_deg_s, self.max_acceleration_deg_s2]) * units.DEG
         start = self._evaluate_laws(self._situation_at(situation, np.array([self.at_s])))
@@ -145,13 +145,13 @@ class Slew(Part):
                 what, unit = (("rate", "deg/s"), ("acceleration", "deg/s2"))[k]
                 raise ScenarioError(
                     f"slew: one of its two laws alone reaches {own[k] / units.DEG:.4g} {unit}, and max_{what} is "
-                    f"{limit[k] / units.DEG:.4g} {unit}: raise the limit, or choose slower laws"
+                    f"{limit[k] / units.DEG:.4g} {unit}; raise the limit, or choose slower laws"
                 )
             # Stretching leaves the laws' share; the rest falls as 1/k in rate and as 1/k^2 in acceleration.
             more = np.maximum(demand - own, 0.0) / (limit - own)
             profile = profile.stretch(max(1.005, min(float(more[0]), 4.0), min(math.sqrt(more[1]), 4.0)))
         raise ScenarioError(
-            "slew: no duration meets its limits, because its two laws almost reach them: raise max_rate_deg_s or "
+            "slew: no duration meets its limits, because its two laws almost reach them; raise max_rate_deg_s or "
             "max_acceleration_deg_s2"
         )
 
@@ -213,9 +213,9 @@ class SlewProfile:
 
     Parameters
     ----------
-    start_s : start of the slew [s].
-    ramp_s : duration of the acceleration, and of the deceleration [s].
-    coast_s : duration of the constant rate [s].
+    start_s : start of the slew [s]
+    ramp_s : duration of the acceleration, and of the deceleration [s]
+    coast_s : duration of the constant rate [s]
     way : rotation vectors (grid, 3) from the first law to the second at `grid_s` [rad]. They decide which of the two
         ways round applies between; None for the shorter.
     """
@@ -231,14 +231,14 @@ class SlewProfile:
 
         Parameters
         ----------
-        start_s : start of the slew [s].
-        angle_rad : angle of rotation [rad].
-        rate_rad_s : rate limit [rad/s].
-        acceleration_rad_s2 : acceleration limit [rad/s2].
+        start_s : start of the slew [s]
+        angle_rad : angle of rotation [rad]
+        rate_rad_s : rate limit [rad/s]
+        acceleration_rad_s2 : acceleration limit [rad/s2]
 
         Returns
         -------
-        the profile, with a ramp of at least 1 ms.
+        the profile, with a ramp of at least 1 ms
         """
         ramp_s = min(rate_rad_s / acceleration_rad_s2, math.sqrt(angle_rad / acceleration_rad_s2))
         ramp_s = max(ramp_s, _LEAST_RAMP_S)
@@ -282,12 +282,12 @@ class SlewProfile:
 
         Parameters
         ----------
-        time_s : instants (time) [s].
-        a, b : first and second law at these instants.
+        time_s : instants (time) [s]
+        a, b : first and second law at these instants
 
         Returns
         -------
-        root_from_body (time), and body rates (time, 3) [rad/s].
+        root_from_body (time), and body rates (time, 3) [rad/s]
         """
         from scipy.spatial.transform import Rotation
 

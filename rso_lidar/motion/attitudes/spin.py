@@ -57,7 +57,7 @@ class Spin(Part):
     @model_validator(mode="after")
     def _one_start(self) -> Self:
         if self.direction is not None and self.quaternion_xyzw != _IDENTITY:
-            raise ValueError("direction and quaternion_xyzw both state where the axis points: give one")
+            raise ValueError("direction and quaternion_xyzw both state where the axis points; give one")
         return self
 
     @property
@@ -91,11 +91,11 @@ class Spin(Part):
 
         Parameters
         ----------
-        time_s : instants (…) [s].
+        time_s : instants (…) [s]
 
         Returns
         -------
-        axes_from_body (…), and the body rates (…, 3) [rad/s] relative to those axes.
+        axes_from_body (…), and the body rates (…, 3) [rad/s] relative to those axes
 
         Examples
         --------
@@ -183,11 +183,11 @@ class Tumble(Part):
 
         Parameters
         ----------
-        time_s : instants, a number or (time,) [s].
+        time_s : instants, a number or (time,) [s]
 
         Returns
         -------
-        inertial_from_body, and the body rates (…, 3) [rad/s].
+        inertial_from_body, and the body rates (…, 3) [rad/s]
         """
         from scipy.spatial.transform import Rotation
 

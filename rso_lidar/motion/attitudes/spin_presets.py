@@ -20,7 +20,7 @@ def load_spin_presets() -> dict[str, dict[str, Any]]:
     Returns
     -------
     dict
-        Tables by name; `what` states what is sourced, with how much confidence, and what is assumed.
+        Tables by name; `what` states what is sourced, with how much confidence, and what is assumed
 
     Examples
     --------

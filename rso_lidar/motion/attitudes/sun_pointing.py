@@ -8,10 +8,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitudes.attitude_hold import rtn_from_lvlh_ccsds
 from rso_lidar.motion.attitudes.look_at import PARALLEL_RAD, aim_axes
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
-from rso_lidar.orbit import format_utc, sun_position_m
+from rso_lidar.orbit import format_utc, rtn_from_lvlh_ccsds, sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector
 from rso_lidar.pose import euler_zyx, rotate_vectors
 
@@ -45,7 +44,7 @@ class SunPointing(Part):
         a, b = np.array(self.axis), np.array(self.up_axis)
         if np.linalg.norm(np.cross(a, b)) <= PARALLEL_RAD * np.linalg.norm(a) * np.linalg.norm(b):
             raise ValueError(
-                "axis and up_axis are parallel, which leaves roll undetermined: give an up_axis across axis"
+                "axis and up_axis are parallel, which leaves roll undetermined; give an up_axis across axis"
             )
         return self
 
@@ -59,18 +58,18 @@ class SunPointing(Part):
 
         Parameters
         ----------
-        situation : of the body, with the direction to the Sun.
+        situation : of the body, with the direction to the Sun
 
         Returns
         -------
-        attitude and body rates in root axes.
+        attitude and body rates in root axes
 
         Raises
         ------
         PropagationError
-            If the Sun is within 1e-6 rad of `up`.
+            If the Sun is within 1e-6 rad of `up`
         ScenarioError
-            If a local world has no Sun.
+            If a local world has no Sun
         """
         line, line_rate = sun_line(situation, "sun_pointing")
         up = situation.upward if self.up is None else np.broadcast_to(np.array(self.up, dtype=float), line.shape)
@@ -115,23 +114,23 @@ class Nadir(Part):
 
         Parameters
         ----------
-        situation : of the body, with its rtn axes and the direction to the Sun.
+        situation : of the body, with its rtn axes and the direction to the Sun
 
         Returns
         -------
-        attitude and body rates in rtn axes.
+        attitude and body rates in rtn axes
 
         Raises
         ------
         ScenarioError
-            If the body has no orbit.
+            If the body has no orbit
         PropagationError
-            If the Sun is within 1e-6 rad of zenith or nadir under yaw steering.
+            If the Sun is within 1e-6 rad of zenith or nadir under yaw steering
         """
         from scipy.spatial.transform import Rotation
 
         if not situation.orbits:
-            raise ScenarioError("nadir: needs a body that orbits: use 'fixed', 'spin' or 'look_at'")
+            raise ScenarioError("nadir: needs a body that orbits; use 'fixed', 'spin' or 'look_at'")
         after, rtn_from_lvlh = euler_zyx(self.euler_zyx_deg), rtn_from_lvlh_ccsds()
         if not self.yaw_steering:
             return Orientation(rtn_from_lvlh * after, np.zeros(3), in_origin=True)
@@ -163,7 +162,7 @@ def sun_line(situation: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:
     In a local world the Sun is a constant direction, the same for every body.
     """
     if situation.sun_m is None:
-        raise ScenarioError(f"{law}: this local world has no Sun: give [world] sun_direction, or use another attitude")
+        raise ScenarioError(f"{law}: this local world has no Sun; give [world] sun_direction, or use another attitude")
     if situation.local:
         return situation.sun_m, np.zeros_like(situation.sun_m)
     after, before = (sun_position_m(situation.epochs.shift(step)) for step in (_STEP_S, -_STEP_S))
@@ -182,15 +181,15 @@ def _refuse(situation: Situation, bad: np.ndarray, what: str, cure: str) -> None
 
     Parameters
     ----------
-    situation : of the body.
-    bad : mask (time) of these epochs.
-    what : what is undetermined, for the message.
-    cure : what to do, for the message.
+    situation : of the body
+    bad : mask (time) of these epochs
+    what : what is undetermined, for the message
+    cure : what to do, for the message
 
     Raises
     ------
     PropagationError
-        If `bad` is true anywhere.
+        If `bad` is true anywhere
     """
     if bad.any():
         at = situation.epochs.time_s[np.argmax(bad)]

@@ -1,17 +1,27 @@
 """Bodies: a name, a motion, an attitude and extra axes."""
 
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from rso_lidar.motion.attitudes.attitude import AnyAttitude
+from rso_lidar.motion.attitudes.attitude_dynamics import StateSpaceAttitude
+from rso_lidar.motion.attitudes.fmu_attitude import FmuAttitude
+from rso_lidar.motion.attitudes.law import Law, refuse_bare_lvlh
+from rso_lidar.motion.attitudes.situation import Attitude
+from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.bodies.hinge import HingeAxes
 from rso_lidar.motion.dynamics.commands import CommandedModel
 from rso_lidar.motion.motions.motion import AnyMotion, has_orbit
 from rso_lidar.motion.mount import Mount
-from rso_lidar.part import Name, Part
+from rso_lidar.part import Name, Part, Seam
 
-RESERVED = ("inertial", "follower", "ptu", "lidar", "sun_direction")
+RESERVED_AXES = ("inertial", "follower", "ptu", "lidar", "sun_direction")
+
+DescribedAttitude = Annotated[
+    Annotated[Law | Slew | StateSpaceAttitude | FmuAttitude, Field(discriminator="type")],
+    BeforeValidator(refuse_bare_lvlh),
+]
+AnyAttitude = Annotated[DescribedAttitude | Attitude, Seam(DescribedAttitude, Attitude)]
 
 
 class Axes(Mount):
@@ -68,11 +78,11 @@ class Body(Part):
 
         Parameters
         ----------
-        joint : a hinge of this body.
+        joint : a hinge of this body
 
         Returns
         -------
-        ``<body>.<hinge>``.
+        ``<body>.<hinge>``
         """
         return f"{self.name}.{joint.name}"
 

@@ -24,11 +24,11 @@ class _AngleLaw(Part):
 
         Parameters
         ----------
-        normal : normal of the model's hinge in body axes; None if the model has none.
+        normal : normal of the model's hinge in body axes; None if the model has none
 
         Returns
         -------
-        the law with this normal, if it needs one and has none; otherwise itself.
+        the law with this normal, if it needs one and has none; otherwise itself
         """
         return self
 
@@ -75,14 +75,14 @@ class PlannedAngle(_AngleLaw):
     def _check_pairs(self) -> Self:
         if len(self.time_s) != len(self.angle_deg) or not self.time_s:
             raise ValueError(
-                "time_s and angle_deg: must have the same number of entries, at least one: add those missing"
+                "time_s and angle_deg: must have the same number of entries, at least one; add those missing"
             )
         if any(after <= before for before, after in zip(self.time_s, self.time_s[1:], strict=False)):
-            raise ValueError("time_s: must ascend: sort it")
+            raise ValueError("time_s: must ascend; sort it")
         return self
 
 
-Angle = Annotated[FixedAngle | FollowSun | PlannedAngle, Field(discriminator="type")]
+HingeAngle = Annotated[FixedAngle | FollowSun | PlannedAngle, Field(discriminator="type")]
 
 
 class HingeAxes(Part):
@@ -103,7 +103,7 @@ class HingeAxes(Part):
     axis: Direction = Field(
         description="Direction of the hinge line, in body axes, of any length; rotation is right-handed."
     )
-    angle: Angle = Field(description="Law of the hinge angle.")
+    angle: HingeAngle = Field(description="Law of the hinge angle.")
 
     @model_validator(mode="after")
     def _check_name_and_normal(self) -> Self:
@@ -124,18 +124,18 @@ class HingeAxes(Part):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
-        to_sun : unit vectors (time, 3) to the Sun in body axes; None without a Sun.
-        sun_rate : rates (time, 3) of these vectors in body axes [1/s]; None without a Sun.
+        time_s : instants (time,) [s]
+        to_sun : unit vectors (time, 3) to the Sun in body axes; None without a Sun
+        sun_rate : rates (time, 3) of these vectors in body axes [1/s]; None without a Sun
 
         Returns
         -------
-        link of the hinge's axes in body axes (time), with the rate of the hinge [rad/s].
+        link of the hinge's axes in body axes (time), with the rate of the hinge [rad/s]
 
         Raises
         ------
         ScenarioError
-            If the hinge follows the Sun and there is none.
+            If the hinge follows the Sun and there is none
         """
         from scipy.spatial.transform import Rotation
 
@@ -151,18 +151,18 @@ class HingeAxes(Part):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
-        axis : unit vector (3,) of the hinge line in body axes.
-        to_sun, sun_rate : as for `link`.
+        time_s : instants (time,) [s]
+        axis : unit vector (3,) of the hinge line in body axes
+        to_sun, sun_rate : as for `link`
 
         Returns
         -------
-        angle [rad] and rate [rad/s] (time,).
+        angle [rad] and rate [rad/s] (time,)
 
         Raises
         ------
         ScenarioError
-            If the hinge follows the Sun and there is none.
+            If the hinge follows the Sun and there is none
         """
         law = self.angle
         if isinstance(law, FixedAngle):
@@ -196,14 +196,14 @@ def find_sun_in_body(
 
     Parameters
     ----------
-    root_from_body : attitude of the body, single or (time).
-    body_rate_rad_s : angular velocity (…, 3) of the body in the root, in body axes [rad/s].
-    line_m : vector (…, 3) from the body to the Sun, root axes [m].
-    line_rate_m_s : rate (…, 3) of that vector, root axes [m/s]; None if the Sun does not move.
+    root_from_body : attitude of the body, single or (time)
+    body_rate_rad_s : angular velocity (…, 3) of the body in the root, in body axes [rad/s]
+    line_m : vector (…, 3) from the body to the Sun, root axes [m]
+    line_rate_m_s : rate (…, 3) of that vector, root axes [m/s]; None if the Sun does not move
 
     Returns
     -------
-    unit vector (time, 3) to the Sun, and its rate (time, 3) [1/s], both in body axes.
+    unit vector (time, 3) to the Sun, and its rate (time, 3) [1/s], both in body axes
     """
     line_rate_m_s = np.zeros_like(line_m) if line_rate_m_s is None else line_rate_m_s
     distance = np.sqrt(dot(line_m, line_m))[..., None]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.motions.motion import chief_of
+from rso_lidar.motion.motions.motion import get_chief_name
 from rso_lidar.motion.motions.placement import Place
 from rso_lidar.orbit import (
     CentralBody,
@@ -22,9 +22,9 @@ from rso_lidar.orbit import (
     subtract_center,
     two_body_rates,
 )
-from rso_lidar.pose import Link, cross, rotate_vectors
+from rso_lidar.pose import Link, cross, dot, rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.rpo import RtnMotion, inertial_acceleration, rtn_matrix
+from rso_lidar.rpo import RtnMotion, rtn_matrix
 
 
 def link_orbit(motion: Any, epochs: Epochs, place: Place, center: BodyState | None, *, turns: bool) -> Link:
@@ -32,11 +32,11 @@ def link_orbit(motion: Any, epochs: Epochs, place: Place, center: BodyState | No
 
     Parameters
     ----------
-    motion : of the body.
-    epochs : instants.
-    place : position and velocity of the body's origin in root axes.
-    center : state of the centre about which it orbits; None for the Earth, which is the origin.
-    turns : whether the rotation of the orbital plane is needed.
+    motion : of the body
+    epochs : instants
+    place : position and velocity of the body's origin in root axes
+    center : state of the centre about which it orbits; None for the Earth, which is the origin
+    turns : whether the rotation of the orbital plane is needed
     """
     state = BodyState(place.position_m, place.velocity_m_s)
     if center is not None:  # two-body motion about the Moon: the derivatives are exact
@@ -56,20 +56,54 @@ def find_turning_rad_s(
 
     Parameters
     ----------
-    state, chief : states of the body and of its chief about the centre of their central body.
-    place : motion in the chief's rtn axes, with its rates.
-    there : link from the root to these axes.
-    center, central_body : state of that centre, None for the Earth, and the body itself.
+    state, chief : states of the body and of its chief about the centre of their central body
+    place : motion in the chief's rtn axes, with its rates
+    there : link from the root to these axes
+    center, central_body : state of that centre, None for the Earth, and the body itself
     """
     assert place.rates is not None
     rho, (moved_m_s, faster) = place.position_m, place.rates
     around = there.angular_velocity_rad_s
-    acceleration = inertial_acceleration(chief, there.matrix, around, (rho, moved_m_s, faster), central_body.gm_m3_s2)
+    acceleration = _inertial_acceleration(chief, there.matrix, around, (rho, moved_m_s, faster), central_body.gm_m3_s2)
     change = there.velocity_m_s + rotate_vectors(there.matrix, moved_m_s + cross(around, rho))
     if center is not None:
         change = change - center.velocity_m_s
     turning: np.ndarray = rtn_matrix(state.position_m, state.velocity_m_s, (change, acceleration))[1]
     return turning
+
+
+def _inertial_acceleration(
+    chief: BodyState,
+    inertial_from_rtn: np.ndarray,
+    turning_rad_s: np.ndarray,
+    relative: tuple[np.ndarray, np.ndarray, np.ndarray],
+    gm_m3_s2: float,
+) -> np.ndarray:
+    """Return the inertial acceleration (time, 3) [m/s2] of a body from its motion in a chief's rotating rtn axes.
+
+    It is the chief's acceleration plus rho'' + 2 omega x rho' + omega' x rho + omega x (omega x rho). That of the chief
+    is its central body's point-mass gravity and what turns its plane, omega_x |r x v| / |r| along z. In low orbit this
+    leaves out 0.02 m/s2 of perturbation in the plane, and 4e-9 rad/s2 of a change of the plane's rate. For the plane of the
+    body they are below 1e-9 rad/s for each kilometre between the two.
+
+    Parameters
+    ----------
+    chief : its inertial states (time) about its central body
+    inertial_from_rtn : (time, 3, 3) its axes
+    turning_rad_s : (time, 3) their angular velocity omega, in those axes
+    relative : rho [m], rho' [m/s] and rho'' [m/s2], each (time, 3), in those axes
+    gm_m3_s2 : gravitational parameter of that body [m3/s2]
+    """
+    rho, rho_rate, faster = relative
+    r, v = chief.position_m, chief.velocity_m_s
+    radius = np.sqrt(dot(r, r))
+    momentum = dot(inertial_from_rtn[..., 2], cross(r, v))
+    own = np.zeros_like(turning_rad_s)
+    own[..., 0], own[..., 2] = -gm_m3_s2 / radius**2, turning_rad_s[..., 0] * momentum / radius
+    change = np.zeros_like(turning_rad_s)  # omega_z = |r x v| / r^2
+    change[..., 2] = -2.0 * turning_rad_s[..., 2] * dot(r, v) / radius**2
+    around = cross(turning_rad_s, cross(turning_rad_s, rho)) + 2.0 * cross(turning_rad_s, rho_rate)
+    return rotate_vectors(inertial_from_rtn, own + faster + around + cross(change, rho))
 
 
 def list_breaks_s(
@@ -79,14 +113,14 @@ def list_breaks_s(
 
     Parameters
     ----------
-    bodies : the bodies, with the chiefs relative to which they move.
-    epochs : instants that matter.
-    make_chief : returns the trajectory of one of them, by its name.
+    bodies : the bodies, with the chiefs relative to which they move
+    epochs : instants that matter
+    make_chief : returns the trajectory of one of them, by its name
     """
     breaks = [np.empty(0)]
     for motion in (body.motion for body in bodies):
         if isinstance(motion, RtnMotion):
-            breaks.append(motion.breaks_s(epochs, make_chief(bodies, str(chief_of(motion)))))
+            breaks.append(motion.breaks_s(epochs, make_chief(bodies, str(get_chief_name(motion)))))
         else:
             breaks.append(find_breaks_s(motion, epochs))
     return np.concatenate(breaks)
@@ -99,8 +133,8 @@ def find_moon_m(bodies: Sequence[Body], epochs: Epochs) -> np.ndarray:
 
     Parameters
     ----------
-    bodies : all bodies.
-    epochs : instants.
+    bodies : all bodies
+    epochs : instants
     """
     for body in bodies:
         if (center := find_center_states(body.motion, epochs)) is not None:

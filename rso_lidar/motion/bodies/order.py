@@ -5,8 +5,8 @@ from graphlib import CycleError, TopologicalSorter
 
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion.attitudes.situation import laws_of, looks_at, needs_orbit
-from rso_lidar.motion.bodies.body import RESERVED, Body
-from rso_lidar.motion.motions.motion import chief_of, is_attached
+from rso_lidar.motion.bodies.body import RESERVED_AXES, Body
+from rso_lidar.motion.motions.motion import get_chief_name, is_attached
 from rso_lidar.orbit import CentralBody, find_center
 from rso_lidar.part import kind_of
 from rso_lidar.rpo import RtnMotion
@@ -17,18 +17,18 @@ def sort_bodies(bodies: Sequence[Body], *, local: bool) -> list[str]:
 
     Parameters
     ----------
-    bodies : all bodies.
-    local : whether the world is local, without an Earth.
+    bodies : all bodies
+    local : whether the world is local, without an Earth
 
     Returns
     -------
-    names of the axes at each body's origin and of each body, in the order of evaluation.
+    names of the axes at each body's origin and of each body, in the order of evaluation
 
     Raises
     ------
     ScenarioError
         If a name is used twice or unknown, a motion needs an Earth in a local world, a relative motion refers to a body
-        that does not orbit, or the dependencies form a loop.
+        that does not orbit, or the dependencies form a loop
     """
     by_name = _by_name(bodies)
     hosts = {axes.name: body for body in bodies for axes in body.axes}
@@ -61,7 +61,7 @@ def list_dependencies(body: Body, bodies: Sequence[Body]) -> list[Body]:
             return
         tilted[name] = turned
         one = by_name[name]
-        relative_to = chief_of(one.motion)
+        relative_to = get_chief_name(one.motion)
         if relative_to is not None:
             add_dependency(relative_to, is_attached(one.motion))
         if turned or one is body:
@@ -75,8 +75,10 @@ def list_dependencies(body: Body, bodies: Sequence[Body]) -> list[Body]:
 def _by_name(bodies: Sequence[Body]) -> dict[str, Body]:
     seen: set[str] = set()
     for axes in [axes for body in bodies for axes in body.axes]:
-        if axes.name in RESERVED:
-            raise ScenarioError(f"{axes.name}: this name of axes is reserved ({', '.join(RESERVED)}); choose another")
+        if axes.name in RESERVED_AXES:
+            raise ScenarioError(
+                f"{axes.name}: this name of axes is reserved ({', '.join(RESERVED_AXES)}); choose another"
+            )
     for name in [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]:
         if name in seen:
             raise ScenarioError(f"{name}: two bodies or axes have this name; rename one")
@@ -89,18 +91,18 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
 
     Parameters
     ----------
-    body : the body.
-    by_name : all bodies.
-    local : whether the world is local, without an Earth.
+    body : the body
+    by_name : all bodies
+    local : whether the world is local, without an Earth
 
     Returns
     -------
-    name of the axes of the chief or host; empty for a motion in root axes.
+    name of the axes of the chief or host; empty for a motion in root axes
 
     Raises
     ------
     ScenarioError
-        If the motion does not suit the world, or if its chief is unknown or does not orbit.
+        If the motion does not suit the world, or if its chief is unknown or does not orbit
     """
     motion = body.motion
     if local and body.orbits:
@@ -112,7 +114,7 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
         raise ScenarioError(
             f'{body.name}.motion.axes: "local" is for a root without an Earth; write "inertial", or [world] axes = "local"'
         )
-    relative_to = chief_of(motion)
+    relative_to = get_chief_name(motion)
     if relative_to is None:
         return []
     if relative_to not in by_name:
@@ -139,8 +141,8 @@ def find_center_of_body(body: Body, by_name: Mapping[str, Body]) -> CentralBody:
 
     Parameters
     ----------
-    body : the body that orbits.
-    by_name : all bodies.
+    body : the body that orbits
+    by_name : all bodies
     """
     return find_center(find_first_chief(body, by_name).motion)
 
@@ -150,11 +152,11 @@ def find_first_chief(body: Body, by_name: Mapping[str, Body]) -> Body:
 
     Parameters
     ----------
-    body : the end of the chain.
-    by_name : all bodies.
+    body : the end of the chain
+    by_name : all bodies
     """
     seen = {body.name}
-    while (relative_to := chief_of(body.motion)) in by_name and relative_to not in seen:
+    while (relative_to := get_chief_name(body.motion)) in by_name and relative_to not in seen:
         body = by_name[str(relative_to)]
         seen.add(body.name)
     return body
@@ -165,19 +167,19 @@ def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body]
 
     Parameters
     ----------
-    body : the body.
-    by_name : all bodies.
-    hosts : body of each name of declared axes.
-    local : whether the world is local, without an Earth.
+    body : the body
+    by_name : all bodies
+    hosts : body of each name of declared axes
+    local : whether the world is local, without an Earth
 
     Returns
     -------
-    names of the axes at which the attitude looks.
+    names of the axes at which the attitude looks
 
     Raises
     ------
     ScenarioError
-        If the attitude needs an orbit that the body lacks, or if the motion already turns the body.
+        If the attitude needs an orbit that the body lacks, or if the motion already turns the body
     """
     needs = []
     for law in laws_of(body.attitude):
@@ -198,19 +200,19 @@ def _find_target_axes(at: str, body: Body, by_name: dict[str, Body], hosts: dict
 
     Parameters
     ----------
-    at : name of a body, or of axes that a body declares.
-    body : the one that looks.
-    by_name : all bodies.
-    hosts : body of each name of declared axes.
+    at : name of a body, or of axes that a body declares
+    body : the one that looks
+    by_name : all bodies
+    hosts : body of each name of declared axes
 
     Returns
     -------
-    name of those axes.
+    name of those axes
 
     Raises
     ------
     ScenarioError
-        If the body looks at itself or at an unknown name.
+        If the body looks at itself or at an unknown name
     """
     if at in by_name:
         if at == body.name:

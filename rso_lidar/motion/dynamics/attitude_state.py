@@ -27,7 +27,7 @@ def _check_attitude_state(text: str) -> str:
     found = re.fullmatch(r"euler_([xyz])([xyz])([xyz])_(?:rad|deg)", text)
     if text != QUATERNION and not (found and found[1] != found[2] != found[3]):
         raise ValueError(
-            f"'{text}' names no attitude: write {QUATERNION}, or Euler angles with their order and unit such as "
+            f"'{text}' names no attitude; write {QUATERNION}, or Euler angles with their order and unit such as "
             "euler_zyx_rad (intrinsic: about z, the new y, the new x)"
         )
     return text
@@ -48,14 +48,14 @@ def attitude_from_state(
 
     Parameters
     ----------
-    state : rows (time, n) that begin with an attitude and the body rates.
-    attitude_state : representation of the attitude.
-    label : of the dynamics, for messages.
-    time_s : instants (time) of the rows [s], for messages.
+    state : rows (time, n) that begin with an attitude and the body rates
+    attitude_state : representation of the attitude
+    label : of the dynamics, for messages
+    time_s : instants (time) of the rows [s], for messages
 
     Returns
     -------
-    axes_from_body (time), and the body rates (time, 3) [rad/s].
+    axes_from_body (time), and the body rates (time, 3) [rad/s]
 
     Raises
     ------
@@ -81,7 +81,7 @@ def attitude_from_state(
     if (away < NEAR_RAD).any():
         warn(
             f"{label}: its Euler angles come within {away[near] / units.DEG:.2g} deg of their singularity "
-            f"({order}: {where}) at time_s = {time_s[near]:g}, where they change fast: use another order, or "
+            f"({order}: {where}) at time_s = {time_s[near]:g}, where they change fast; use another order, or "
             f"attitude_state = {QUATERNION}"
         )
     return Rotation.from_euler(order.upper(), angles), rates
@@ -94,11 +94,11 @@ def matrix_from_state(
 
     Parameters
     ----------
-    state, attitude_state, label, time_s : as for `attitude_from_state`.
+    state, attitude_state, label, time_s : as for `attitude_from_state`
 
     Returns
     -------
-    axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s].
+    axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s]
     """
     if attitude_state == QUATERNION:
         return matrix_from_quaternion(state[:, :4]), state[:, 4:7]
@@ -125,7 +125,7 @@ def check_attitude(state: tuple[float, ...], attitude_state: str) -> None:
     if attitude_state == QUATERNION:
         norm = float(np.linalg.norm(numbers))
         if abs(norm - 1.0) > UNIT_NORM_WITHIN:
-            raise ValueError(f"initial_state: its quaternion x, y, z, w has the norm {norm:.6g}, not 1: divide by it")
+            raise ValueError(f"initial_state: its quaternion x, y, z, w has the norm {norm:.6g}, not 1; divide by it")
         return
     order, angles = _read_angles(np.array(numbers), attitude_state)
     if _distance_from_singular_rad(angles, order) < SINGULAR_RAD:

@@ -70,23 +70,23 @@ def check_inputs(inputs: np.ndarray, held: np.ndarray, label: str) -> np.ndarray
 
     Parameters
     ----------
-    inputs : given (m,).
-    held : those in force (m,).
-    label : of the model, for messages.
+    inputs : given (m,)
+    held : those in force (m,)
+    label : of the model, for messages
 
     Returns
     -------
-    inputs as an array (m,).
+    inputs as an array (m,)
 
     Raises
     ------
     ScenarioError
-        If they are not as many finite numbers as those in force.
+        If they are not as many finite numbers as those in force
     """
     row = np.asarray(inputs, dtype=float)
     if row.shape != held.shape or not np.isfinite(row).all():
         raise ScenarioError(
-            f"command: inputs of {label} are {row.tolist()!s:.60}: give {len(held)} finite numbers, one for each of its "
+            f"command: inputs of {label} are {row.tolist()!s:.60}; give {len(held)} finite numbers, one for each of its "
             "`inputs`"
         )
     return row

@@ -140,9 +140,9 @@ class Flight(CommandedFlight):
 
         Parameters
         ----------
-        begin_s : its start [s].
-        inputs : (m,), constant.
-        state : (n,) at `begin_s`.
+        begin_s : its start [s]
+        inputs : (m,), constant
+        state : (n,) at `begin_s`
         """
         inputs.setflags(write=False)
         f = self._function
@@ -209,7 +209,7 @@ class Flight(CommandedFlight):
         if lost.any():
             raise PropagationError(
                 f"{self.model.label}: the states from {self._lost_s[0]:g} to {self._lost_s[1]:g} s are no longer kept, "
-                f"because more than {_KEPT} commands followed: request later instants",
+                f"because more than {_KEPT} commands followed; request later instants",
                 lost,
             )
 
@@ -234,7 +234,7 @@ class Flight(CommandedFlight):
 
         Parameters
         ----------
-        time_s : (time) instants [s].
+        time_s : (time) instants [s]
         """
         states = self(time_s)
         felt = np.empty((len(states), 3))

@@ -82,7 +82,7 @@ class FmuHistory(CommandedFlight):
 
     Parameters
     ----------
-    model : the FMU.
+    model : the FMU
     """
 
     def __init__(self, model: FmuDynamics) -> None:
@@ -102,17 +102,17 @@ class FmuHistory(CommandedFlight):
 
         Parameters
         ----------
-        time_s : instants (time,) from 0 [s].
+        time_s : instants (time,) from 0 [s]
 
         Returns
         -------
         outputs before and after (time, output), and the share of the step that has passed (time,). An instant on the
-        grid is before itself and after itself.
+        grid is before itself and after itself
 
         Raises
         ------
         ScenarioError
-            If the FMU fails, or an instant is before 0, no longer kept or too many steps away.
+            If the FMU fails, or an instant is before 0, no longer kept or too many steps away
         """
         low, high, share = self._locate(time_s)
         self._extend(int(high.max()) if high.size else 0)
@@ -180,9 +180,9 @@ class FmuHistory(CommandedFlight):
 
         Parameters
         ----------
-        count : number of steps.
-        keep_state : whether the flight may go back to the end of them.
-        keep_all : whether all outputs since t = 0 are kept.
+        count : number of steps
+        keep_state : whether the flight may go back to the end of them
+        keep_all : whether all outputs since t = 0 are kept
         """
         held = np.broadcast_to(self._inputs, (count, len(self._inputs)))
         self._point, outputs = self._point.run.advance(self._point, held, keep_state=keep_state)
@@ -240,9 +240,9 @@ def _find_history(dump: str, kind: type[FmuDynamics], _stamp: tuple[int, int]) -
 
     Parameters
     ----------
-    dump : the part as JSON.
-    kind : class of the part.
-    _stamp : modification time and size of the file, a key of the cache.
+    dump : the part as JSON
+    kind : class of the part
+    _stamp : modification time and size of the file, a key of the cache
     """
     return FmuHistory(kind.model_validate_json(dump))
 
@@ -254,14 +254,14 @@ def interpolate_cubic(
 
     Parameters
     ----------
-    before, after : values (time, n) at the ends of a step.
-    rates : their rates there.
-    share : of the step that has passed (time,).
-    step_s : length of the step [s].
+    before, after : values (time, n) at the ends of a step
+    rates : their rates there
+    share : of the step that has passed (time,)
+    step_s : length of the step [s]
 
     Returns
     -------
-    values, rates and their rates (time, n).
+    values, rates and their rates (time, n)
     """
     s = share[:, None]
     first, last = rates[0] * step_s, rates[1] * step_s

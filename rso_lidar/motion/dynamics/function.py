@@ -23,23 +23,41 @@ def _check_dynamics(value: Any) -> Any:
     if isinstance(value, str):
         place, colon, name = value.rpartition(":")
         if not (colon and place and name.isidentifier()):
-            raise ValueError(f"'{value}' names no function: write 'file.py:name' or 'package.module:name'")
+            raise ValueError(f"'{value}' names no function; write 'file.py:name' or 'package.module:name'")
     elif not callable(value):
         raise ValueError(f"needs 'file.py:name', 'package.module:name' or a function f(t, x, u), not {value!r:.60}")
     elif not isinstance(value, Hashable):
-        raise ValueError(f"{value!r:.60} cannot be hashed: give it a __hash__, as @dataclass(frozen=True) does")
+        raise ValueError(f"{value!r:.60} cannot be hashed; give it a __hash__, as @dataclass(frozen=True) does")
     return value
 
 
 def name_function(value: Any) -> str:
-    """Return the name of a function, such as `package.module:name`, by which it can be found again."""
+    """Return the name of a function by which it can be found again.
+
+    Parameters
+    ----------
+    value : a function ``f(t, x, u)``, or its name as a scenario gives it
+
+    Returns
+    -------
+    the name, such as `package.module:name` or `file.py:name`; that of a lambda contains "<"
+    """
     if isinstance(value, str):
         return value
     return f"{getattr(value, '__module__', '?')}:{getattr(value, '__qualname__', type(value).__qualname__)}"
 
 
 def find_dynamics_file(dynamics: Any) -> str | None:
-    """Return the Python file in the name of a function; None if the name has none."""
+    """Return the Python file in the name of a function.
+
+    Parameters
+    ----------
+    dynamics : a function ``f(t, x, u)``, or its name as a scenario gives it
+
+    Returns
+    -------
+    path as the name gives it; None for a function itself, or the name of one in a package
+    """
     place = dynamics.rpartition(":")[0] if isinstance(dynamics, str) else ""
     return place if place.endswith(".py") else None
 
@@ -67,14 +85,14 @@ def wrap_dynamics(function: Function, label: str, n: int, answer: str = "") -> F
 
     Parameters
     ----------
-    function : f(t, x, u).
-    label : of the function, for messages.
-    n : entries of the result, which must be (n,) finite numbers.
-    answer : what the result has to be, for messages (empty: the derivatives).
+    function : f(t, x, u)
+    label : of the function, for messages
+    n : entries of the result, which must be (n,) finite numbers
+    answer : what the result has to be, for messages (empty: the derivatives)
 
     Returns
     -------
-    function with the same arguments, which raises `ScenarioError`.
+    function with the same arguments, which raises `ScenarioError`
     """
 
     def call_checked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -82,18 +100,18 @@ def wrap_dynamics(function: Function, label: str, n: int, answer: str = "") -> F
 
         Parameters
         ----------
-        t : time since `start_utc` [s].
-        x : state (n,).
-        u : inputs (m,).
+        t : time since `start_utc` [s]
+        x : state (n,)
+        u : inputs (m,)
 
         Returns
         -------
-        derivatives (n,).
+        derivatives (n,)
 
         Raises
         ------
         ScenarioError
-            If the function fails, or if its result is not (n,) finite numbers.
+            If the function fails, or if its result is not (n,) finite numbers
         """
         x = x.copy()  # f must not change the state by writing into its arguments, nor keep what changes later
         x.setflags(write=False)
@@ -171,7 +189,7 @@ class _SourceLoader(importlib.machinery.SourceFileLoader):
 
         Parameters
         ----------
-        path, data, _mode : as in `importlib.abc.SourceLoader`, ignored.
+        path, data, _mode : as in `importlib.abc.SourceLoader`, ignored
         """
 
 
@@ -181,17 +199,17 @@ def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
 
     Parameters
     ----------
-    path : of the file.
-    _modified_ns, _size : modification time and size of the file, the key of the cache.
+    path : of the file
+    _modified_ns, _size : modification time and size of the file, the key of the cache
 
     Returns
     -------
-    the module.
+    the module
 
     Raises
     ------
     ScenarioError
-        If the file cannot be imported.
+        If the file cannot be imported
     """
     name = f"rso_lidar_dynamics_{path.stem}"
     loader = _SourceLoader(name, str(path))

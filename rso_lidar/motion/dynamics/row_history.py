@@ -15,9 +15,9 @@ class _Block:
 
     Parameters
     ----------
-    first : number of the first row.
-    rows : (row, n), copied.
-    capacity : number of rows for which there is room.
+    first : number of the first row
+    rows : (row, n), copied
+    capacity : number of rows for which there is room
     """
 
     def __init__(self, first: int, rows: np.ndarray, capacity: int) -> None:
@@ -33,8 +33,8 @@ class RowHistory:
 
     Parameters
     ----------
-    block : memory.
-    count : number of its rows that belong to this state.
+    block : memory
+    count : number of its rows that belong to this state
     """
 
     def __init__(self, block: _Block, count: int) -> None:
@@ -65,8 +65,8 @@ class RowHistory:
 
         Parameters
         ----------
-        rows : (row, n).
-        keep_all : whether early rows are kept when there are many.
+        rows : (row, n)
+        keep_all : whether early rows are kept when there are many
 
         Returns
         -------
@@ -92,7 +92,7 @@ def _rebuild(first: int, rows: np.ndarray) -> RowHistory:
 
     Parameters
     ----------
-    first : number of the first.
-    rows : (row, n).
+    first : number of the first
+    rows : (row, n)
     """
     return RowHistory(_Block(first, rows, 2 * max(len(rows), _LEAST)), len(rows))

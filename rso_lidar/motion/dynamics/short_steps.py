@@ -34,12 +34,12 @@ class ShortSolution:
     Parameters
     ----------
     f : ``f(t, x (n,), u) -> (n,)`` with t in seconds. It may fail; `OdeSolution` then finds out where.
-    begin_s : t at the start [s].
-    x0 : (n,) state at the start.
-    inputs : u, constant.
-    panel_s : longest step, and length of the panels of `OdeSolution` [s].
-    rtol, atol : tolerances of a step, relative and absolute.
-    name : what errors call the integration.
+    begin_s : t at the start [s]
+    x0 : (n,) state at the start
+    inputs : u, constant
+    panel_s : longest step, and length of the panels of `OdeSolution` [s]
+    rtol, atol : tolerances of a step, relative and absolute
+    name : what errors call the integration
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class ShortSolution:
 
         Returns
         -------
-        dense output (n, 4), state (n,) and rate (n,) at the end, and state at the start; None if the error is too large.
+        dense output (n, 4), state (n,) and rate (n,) at the end, and state at the start; None if the error is too large
         """
         stages, nodes, errors, dense = _tableau()
         f, t, x, u = self._f, self._begin_s + self._end_s, self._x, self._inputs
@@ -140,10 +140,10 @@ def extrapolate(x: np.ndarray, rates: np.ndarray, weights: np.ndarray, length: f
 
     Parameters
     ----------
-    x : (n,) state.
-    rates : (7, n) of the stages.
-    weights : (stage) of the first stages.
-    length : of the step [s].
+    x : (n,) state
+    rates : (7, n) of the stages
+    weights : (stage) of the first stages
+    length : of the step [s]
     """
     end = np.empty(len(x))
     for entry in range(len(x)):
@@ -168,11 +168,11 @@ def find_slopes(
 
     Parameters
     ----------
-    x, end : (n,) states at the start and the end.
-    rates : (7, n) of the stages.
-    errors, dense : (7) and (7, 4) weights of the stages.
-    limits : length of the step [s], and the absolute and the relative tolerance.
-    slopes : (n, 4), written.
+    x, end : (n,) states at the start and the end
+    rates : (7, n) of the stages
+    errors, dense : (7) and (7, 4) weights of the stages
+    limits : length of the step [s], and the absolute and the relative tolerance
+    slopes : (n, 4), written
     """
     length, absolute, relative = limits
     squared = 0.0

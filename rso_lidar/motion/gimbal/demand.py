@@ -40,11 +40,11 @@ class FixedPoint(_Point):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        pan and tilt (time, 2) [rad].
+        pan and tilt (time, 2) [rad]
         """
         return np.tile(np.array([self.pan_deg, self.tilt_deg]) * units.DEG, (len(time_s), 1))
 
@@ -91,9 +91,9 @@ class ScanPoint(_Point):
     def _check_size(self) -> Self:
         box = (self.half_width_deg, self.half_height_deg)
         if self.pattern == "raster" and (None in box or self.radius_deg is not None):
-            raise ValueError("a raster has a size of half_width_deg and half_height_deg: give those two only")
+            raise ValueError("a raster has a size of half_width_deg and half_height_deg; give those two only")
         if self.pattern == "spiral" and (self.radius_deg is None or box != (None, None)):
-            raise ValueError("a spiral has a size of radius_deg: give that only")
+            raise ValueError("a spiral has a size of radius_deg; give that only")
         if max(self.half_height_deg or 0.0, self.radius_deg or 0.0) > 1e5 * self.step_deg:
             raise ValueError("step_deg makes over 100,000 lines or turns; make it larger")
         return self
@@ -103,11 +103,11 @@ class ScanPoint(_Point):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        pan and tilt (time, 2) [rad].
+        pan and tilt (time, 2) [rad]
         """
         way = np.abs(np.asarray(time_s, dtype=float)) * self.rate_deg_s
         offset = self._trace_raster(way) if self.pattern == "raster" else self._trace_spiral(way)
@@ -166,8 +166,8 @@ class DemandCurve:
 
     Parameters
     ----------
-    directions : ``directions(time_s (knot,)) -> (knot, 3)`` from the PTU to its target, mount axes, any length.
-    end_s : last instant [s] at which `directions` may be evaluated.
+    directions : ``directions(time_s (knot,)) -> (knot, 3)`` from the PTU to its target, mount axes, any length
+    end_s : last instant [s] at which `directions` may be evaluated
     """
 
     KNOT_S = 0.05

@@ -90,11 +90,11 @@ class _Drive(Travel):
 
         Parameters
         ----------
-        dt : time step [s].
+        dt : time step [s]
 
         Returns
         -------
-        rate [rad/s] and change of rate [rad/s].
+        rate [rad/s] and change of rate [rad/s]
         """
         return self.max_rate_rad_s, self.max_acceleration_rad_s2 * dt
 
@@ -119,12 +119,12 @@ class FirstOrder(_Drive):
 
         Parameters
         ----------
-        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`.
-        further : returned as it is, because this drive has no further entries.
+        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`
+        further : returned as it is, because this drive has no further entries
 
         Returns
         -------
-        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`.
+        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`
         """
         law = self.time_constant_s, math.exp(-dt / self.time_constant_s)
         limits = self.limits(dt)
@@ -149,12 +149,12 @@ class SecondOrder(_Drive):
 
         Parameters
         ----------
-        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`.
-        further : returned as it is, because this drive has no further entries.
+        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`
+        further : returned as it is, because this drive has no further entries
 
         Returns
         -------
-        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`.
+        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and `further`
         """
         law = second_order_transition(2.0 * math.pi * self.natural_hz, self.damping, dt)
         limits = self.limits(dt)
@@ -192,15 +192,15 @@ class StateSpaceDrive(Travel):
 
         Parameters
         ----------
-        begin_s : instant of the first row [s].
-        dt : how long each row is held [s].
-        axes : (angle [rad], rate [rad/s]) of pan and of tilt at `begin_s`.
-        further : further entries of the state at `begin_s`.
-        held : demanded pan and tilt (tick, 2) [rad].
+        begin_s : instant of the first row [s]
+        dt : how long each row is held [s]
+        axes : (angle [rad], rate [rad/s]) of pan and of tilt at `begin_s`
+        further : further entries of the state at `begin_s`
+        held : demanded pan and tilt (tick, 2) [rad]
 
         Returns
         -------
-        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and the further entries of the state.
+        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and the further entries of the state
         """
         f = _function(self, stamp_file(self.dynamics))
         (pan, pan_rate), (tilt, tilt_rate) = axes
@@ -229,16 +229,16 @@ def advance_first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: 
 
     Parameters
     ----------
-    dt : how long each demand is held [s].
-    law : tau [s] and exp(-dt / tau).
-    limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s].
-    travel : lower and upper end of the axis [rad].
-    axis : angle [rad] and rate [rad/s] at the start.
-    demanded : demands (tick) f8 [rad].
+    dt : how long each demand is held [s]
+    law : tau [s] and exp(-dt / tau)
+    limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s]
+    travel : lower and upper end of the axis [rad]
+    axis : angle [rad] and rate [rad/s] at the start
+    demanded : demands (tick) f8 [rad]
 
     Returns
     -------
-    angle [rad] and rate [rad/s] after the last demand.
+    angle [rad] and rate [rad/s] after the last demand
     """
     (x, v), (low, high), (most, change), (tau, decay) = axis, travel, limits, law
     step = most * dt
@@ -268,16 +268,16 @@ def advance_second_order(
 
     Parameters
     ----------
-    dt : how long each demand is held [s].
-    law : transition matrix over `dt`, by rows.
-    limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s].
-    travel : lower and upper end of the axis [rad].
-    axis : angle [rad] and rate [rad/s] at the start.
-    demanded : demands (tick) f8 [rad].
+    dt : how long each demand is held [s]
+    law : transition matrix over `dt`, by rows
+    limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s]
+    travel : lower and upper end of the axis [rad]
+    axis : angle [rad] and rate [rad/s] at the start
+    demanded : demands (tick) f8 [rad]
 
     Returns
     -------
-    angle [rad] and rate [rad/s] after the last demand.
+    angle [rad] and rate [rad/s] after the last demand
     """
     (x, v), (low, high), (most, change), (xx, xv, vx, vv) = axis, travel, limits, law
     for d in demanded:
@@ -299,13 +299,13 @@ def second_order_transition(natural: float, damping: float, dt: float) -> tuple[
 
     Parameters
     ----------
-    natural : undamped natural angular frequency w [rad/s].
-    damping : damping ratio zeta.
-    dt : time step [s].
+    natural : undamped natural angular frequency w [rad/s]
+    damping : damping ratio zeta
+    dt : time step [s]
 
     Returns
     -------
-    matrix by rows: new angle from angle and rate [s], then new rate from angle [1/s] and rate.
+    matrix by rows: new angle from angle and rate [s], then new rate from angle [1/s] and rate
     """
     sigma = damping * natural
     phase = natural * natural * (1.0 - damping) * (1.0 + damping)

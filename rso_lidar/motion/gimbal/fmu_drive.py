@@ -44,16 +44,16 @@ class FmuDrive(FmuModel, Travel):
 
         Parameters
         ----------
-        pan_rad, tilt_rad : first demand [rad].
+        pan_rad, tilt_rad : first demand [rad]
 
         Returns
         -------
-        (angle [rad], rate [rad/s]) of pan and of tilt, and the point of the run.
+        (angle [rad], rate [rad/s]) of pan and of tilt, and the point of the run
 
         Raises
         ------
         ScenarioError
-            If the FMU cannot be run, or its mapping is wrong.
+            If the FMU cannot be run, or its mapping is wrong
         """
         run = self.make_run(TICK_S)
         variables, start = run.description["variables"], []
@@ -78,12 +78,12 @@ class FmuDrive(FmuModel, Travel):
 
         Parameters
         ----------
-        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`.
-        further : the point of the run at `begin_s`.
+        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`
+        further : the point of the run at `begin_s`
 
         Returns
         -------
-        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and the point of the run there.
+        (angle [rad], rate [rad/s]) of pan and of tilt after the last row, and the point of the run there
         """
         if dt < TICK_S:
             (pan, pan_rate), (tilt, tilt_rate) = axes
@@ -100,8 +100,8 @@ class FmuDrive(FmuModel, Travel):
 
         Parameters
         ----------
-        outputs : (tick, output).
-        before : angles before the first row [rad].
+        outputs : (tick, output)
+        before : angles before the first row [rad]
         """
         stated = [name for name in self.output_units if name in self.outputs][2:]
         last = outputs[-2, :2] if len(outputs) > 1 else before

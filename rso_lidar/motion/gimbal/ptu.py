@@ -71,7 +71,7 @@ class Ptu(Part):
     errors: PointingErrors = Field(default=PointingErrors(), description="Errors of pointing and encoders.")
 
 
-def ptu_link(
+def make_ptu_link(
     mount: Mount,
     pan_rad: np.ndarray | float,
     tilt_rad: np.ndarray | float,
@@ -82,17 +82,17 @@ def ptu_link(
 
     Parameters
     ----------
-    mount : of the PTU on the follower.
-    pan_rad, tilt_rad : angles (…) [rad].
-    pan_rate_rad_s, tilt_rate_rad_s : their rates (…) [rad/s].
+    mount : of the PTU on the follower
+    pan_rad, tilt_rad : angles (…) [rad]
+    pan_rate_rad_s, tilt_rate_rad_s : their rates (…) [rad/s]
 
     Returns
     -------
-    link follower_from_ptu (…), with the angular velocity of the PTU in its own axes [rad/s].
+    link follower_from_ptu (…), with the angular velocity of the PTU in its own axes [rad/s]
 
     Examples
     --------
-    >>> ptu_link(Mount(), 0.0, 0.5).pose.apply([1, 0, 0]).round(3)  # the boresight looks up
+    >>> make_ptu_link(Mount(), 0.0, 0.5).pose.apply([1, 0, 0]).round(3)  # the boresight looks up
     array([0.878, 0.   , 0.479])
     """
     pan, tilt, pan_rate, tilt_rate = np.broadcast_arrays(pan_rad, tilt_rad, pan_rate_rad_s, tilt_rate_rad_s)
@@ -111,13 +111,13 @@ class PtuState:
 
     Parameters
     ----------
-    time_s : instant [s].
-    angle_rad, rate_rad_s : pan and tilt [rad] at `time_s`, and their rates [rad/s].
-    demand_rad : demanded pan and tilt at `time_s`, before latency and limits [rad].
-    tick : number of the previous tick.
-    grid : (angle [rad], rate [rad/s]) of pan and of tilt at `tick`.
-    commands : commands that still matter, each with the first tick at which the drive obeys it.
-    further : further entries of the state of a state-space drive at `tick`, or the point of an FMU's run.
+    time_s : instant [s]
+    angle_rad, rate_rad_s : pan and tilt [rad] at `time_s`, and their rates [rad/s]
+    demand_rad : demanded pan and tilt at `time_s`, before latency and limits [rad]
+    tick : number of the previous tick
+    grid : (angle [rad], rate [rad/s]) of pan and of tilt at `tick`
+    commands : commands that still matter, each with the first tick at which the drive obeys it
+    further : further entries of the state of a state-space drive at `tick`, or the point of an FMU's run
     """
 
     time_s: float
@@ -137,12 +137,12 @@ def start(ptu: Ptu, demand: Demand) -> PtuState:
 
     Parameters
     ----------
-    ptu : the pan-tilt unit.
-    demand : of the scenario.
+    ptu : the pan-tilt unit
+    demand : of the scenario
 
     Returns
     -------
-    state at t = 0.
+    state at t = 0
     """
     demanded = _pair(demand(np.zeros(1))[0])
     pan, tilt = (
@@ -161,26 +161,26 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
 
     Parameters
     ----------
-    ptu : the pan-tilt unit.
-    state : at the previous flash.
-    demand : of the scenario, the same function at every step.
+    ptu : the pan-tilt unit
+    state : at the previous flash
+    demand : of the scenario, the same function at every step
     until_s : instant of the next flash, not before `state.time_s` [s]. Between ticks, a copy of the state at the
         previous tick is advanced, so that the grid does not depend on flashes.
     command : given at `state.time_s`, it holds until `until_s`. An axis that is None, or no command, keeps the demand.
 
     Returns
     -------
-    state at `until_s`.
+    state at `until_s`
 
     Raises
     ------
     ValueError
-        If `until_s` is before `state.time_s`.
+        If `until_s` is before `state.time_s`
     ScenarioError
-        If the command is not an angle.
+        If the command is not an angle
     """
     if until_s < state.time_s:
-        raise ValueError(f"ptu: cannot step back from {state.time_s:g} s to {until_s:g} s: start from t = 0 to go back")
+        raise ValueError(f"ptu: cannot step back from {state.time_s:g} s to {until_s:g} s; start from t = 0 to go back")
     command = check_angles(command or Command())
     latency = round(ptu.errors.command_latency_s * TICKS_PER_S)
     commands = _select_commands(state, command, latency)
@@ -209,13 +209,13 @@ def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> PtuAngles:
 
     Parameters
     ----------
-    ptu : the pan-tilt unit.
-    state : at the flash.
-    rng : always gives four numbers, so that its sequence does not depend on settings.
+    ptu : the pan-tilt unit
+    state : at the flash
+    rng : always gives four numbers, so that its sequence does not depend on settings
 
     Returns
     -------
-    demanded, actual and measured angles, and the rates of the drive.
+    demanded, actual and measured angles, and the rates of the drive
     """
     errors = ptu.errors
     draws = rng.standard_normal(4)
@@ -245,23 +245,23 @@ def check_angles(command: Command) -> Command:
 
     Parameters
     ----------
-    command : whose pan and tilt are angles [rad] or None.
+    command : whose pan and tilt are angles [rad] or None
 
     Returns
     -------
-    a command of these alone.
+    a command of these alone
 
     Raises
     ------
     ScenarioError
-        If one is no angle.
+        If one is no angle
     """
     for name in ("pan_rad", "tilt_rad"):
         angle = getattr(command, name)
         number = isinstance(angle, int | float | np.floating | np.integer) and not isinstance(angle, bool)
         if angle is not None and not (number and abs(angle) <= GREATEST):
             raise ScenarioError(
-                f"command: {name} is {angle!r:.60}: return an angle, or None to keep the scenario's demand"
+                f"command: {name} is {angle!r:.60}; return an angle, or None to keep the scenario's demand"
             )
     return Command(command.pan_rad, command.tilt_rad)
 
@@ -278,9 +278,9 @@ def _find_demanded(demand: Demand, command: Command, time_s: float) -> Pair:
 
     Parameters
     ----------
-    demand : of the scenario, evaluated for the axes without a command only.
-    command : the command.
-    time_s : instant [s].
+    demand : of the scenario, evaluated for the axes without a command only
+    command : the command
+    time_s : instant [s]
     """
     if command.pan_rad is not None and command.tilt_rad is not None:
         return float(command.pan_rad), float(command.tilt_rad)
@@ -298,13 +298,13 @@ def _select_commands(state: PtuState, command: Command, latency: int) -> tuple[t
 
     Parameters
     ----------
-    state : at the instant of the new command.
-    command : the new one.
-    latency : ticks until the drive obeys a command.
+    state : at the instant of the new command
+    command : the new one
+    latency : ticks until the drive obeys a command
 
     Returns
     -------
-    commands, each with the first tick at which the drive obeys it.
+    commands, each with the first tick at which the drive obeys it
     """
     tick, rest_s = _split_time(state.time_s)
     commands = state.commands
@@ -327,15 +327,15 @@ def _sample_demand(
 
     Parameters
     ----------
-    demand : of the scenario.
-    commands : each with the first tick at which the drive obeys it.
-    first, end : first tick, and the one after the last.
-    latency : ticks until a demand reaches the drive.
-    travel : lower and upper limits of pan and of tilt [rad].
+    demand : of the scenario
+    commands : each with the first tick at which the drive obeys it
+    first, end : first tick, and the one after the last
+    latency : ticks until a demand reaches the drive
+    travel : lower and upper limits of pan and of tilt [rad]
 
     Returns
     -------
-    demanded pan and tilt (tick, 2) [rad].
+    demanded pan and tilt (tick, 2) [rad]
     """
     both = all(command.pan_rad is not None and command.tilt_rad is not None for _, command in commands)
     if commands and commands[0][0] <= first and both:
@@ -363,15 +363,15 @@ def _follow_demand(
 
     Parameters
     ----------
-    response : the drive.
-    demand : of the scenario.
-    commands : each with the first tick at which the drive obeys it.
-    time_s : instant [s].
-    latency : ticks until a demand reaches the drive.
+    response : the drive
+    demand : of the scenario
+    commands : each with the first tick at which the drive obeys it
+    time_s : instant [s]
+    latency : ticks until a demand reaches the drive
 
     Returns
     -------
-    pan and tilt [rad], and their rates [rad/s].
+    pan and tilt [rad], and their rates [rad/s]
     """
     now = time_s - latency / TICKS_PER_S
     around = np.maximum([now, now - TICK_S / 2, now + TICK_S / 2], 0.0)

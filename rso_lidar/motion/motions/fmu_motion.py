@@ -55,7 +55,7 @@ class FmuMotion(FmuDynamics, PlacedMotion):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if (self.axes == "rtn") != (self.relative_to is not None):
-            raise ValueError('axes = "rtn" and relative_to belong together: give both, or neither')
+            raise ValueError('axes = "rtn" and relative_to belong together; give both, or neither')
         if self.is_commanded and self.orbits and _ACCELERATION not in self.outputs:
             raise ValueError(
                 f"outputs: '{_ACCELERATION}' is missing, which a motion under commands needs in {self.axes} axes; name the "
@@ -93,7 +93,7 @@ class FmuMotion(FmuDynamics, PlacedMotion):
 
         Parameters
         ----------
-        before, after, share : as `FmuHistory.around` returns them.
+        before, after, share : as `FmuHistory.around` returns them
         """
         return interpolate_cubic(before[:, :3], after[:, :3], (before[:, 3:6], after[:, 3:6]), share, self.step_s)
 
@@ -102,12 +102,12 @@ class FmuMotion(FmuDynamics, PlacedMotion):
 
         Parameters
         ----------
-        flight : under commands; None without them.
-        time_s : instants (time,) [s].
+        flight : under commands; None without them
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        acceleration (time, 3) in `axes` [m/s2].
+        acceleration (time, 3) in `axes` [m/s2]
         """
         return (flight or self.fly_open_loop())(time_s)[:, -3:]
 
@@ -116,10 +116,10 @@ class FmuMotion(FmuDynamics, PlacedMotion):
 
         Parameters
         ----------
-        epochs : not used.
+        epochs : not used
 
         Returns
         -------
-        the instant 0 (1,) [s].
+        the instant 0 (1,) [s]
         """
         return np.zeros(1)

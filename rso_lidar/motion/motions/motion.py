@@ -65,7 +65,7 @@ class Motion(Protocol):
     - ``breaks_s(epochs)``: instants [s since `start_utc`] at which the state has a jump or a corner, or begins or ends.
       No finite difference reaches across one.
     - ``validity(epochs)``: a sentence for each limit of the model that is exceeded; it becomes a warning.
-    - ``summarize_motion(start_utc)``: the motion in a few words, for the description of a scenario.
+    - ``summarize(start_utc)``: the motion in a few words, for the description of a scenario.
 
     `examples/seams/own_motion.py` is an example.
     """
@@ -75,11 +75,11 @@ class Motion(Protocol):
 
         Parameters
         ----------
-        epochs : instants.
+        epochs : instants
 
         Returns
         -------
-        position [m] and velocity [m/s], each (time, 3), in GCRS axes.
+        position [m] and velocity [m/s], each (time, 3), in GCRS axes
         """
 
 
@@ -128,16 +128,16 @@ def has_orbit(motion: Any) -> bool:
     return bool(read_member(motion, "orbits", True, bool, "make it True or False, or a property"))
 
 
-def chief_of(motion: Any) -> str | None:
+def get_chief_name(motion: Any) -> str | None:
     """Return the name of the body to which a motion is relative.
 
     Parameters
     ----------
-    motion : any motion.
+    motion : any motion
 
     Returns
     -------
-    name of that body; None if the motion is relative to the root.
+    name of that body; None if the motion is relative to the root
     """
     name: str | None = read_member(motion, "relative_to", None, (str, NoneType), "name a body, or leave it out")
     return name
@@ -183,8 +183,8 @@ def list_exceeded_limits(motion: Any, *known: Any) -> list[str]:
 
     Parameters
     ----------
-    motion : any motion.
-    known : the epochs, and for a relative motion its chief.
+    motion : any motion
+    known : the epochs, and for a relative motion its chief
     """
     return check_lines(motion, "validity", call_member(motion, "validity", *known, default=[]))
 
@@ -194,17 +194,15 @@ def summarize_motion(motion: Any, start_utc: datetime.datetime) -> str:
 
     Parameters
     ----------
-    motion : any motion.
-    start_utc : start of the run.
+    motion : any motion
+    start_utc : start of the run
 
     Returns
     -------
-    a few words.
+    a few words
     """
-    text = check_text(
-        motion, "summarize_motion", call_member(motion, "summarize_motion", start_utc, default=kind_of(motion))
-    )
-    return text if chief_of(motion) is None else f"{text} relative to {chief_of(motion)}"
+    text = check_text(motion, "summarize", call_member(motion, "summarize", start_utc, default=kind_of(motion)))
+    return text if get_chief_name(motion) is None else f"{text} relative to {get_chief_name(motion)}"
 
 
 def advise_on_motion(part: Any, end_s: float) -> list[str]:
@@ -212,11 +210,11 @@ def advise_on_motion(part: Any, end_s: float) -> list[str]:
 
     Parameters
     ----------
-    part : the motion or attitude.
-    end_s : end of the run [s].
+    part : the motion or attitude
+    end_s : end of the run [s]
 
     Returns
     -------
-    one line for each mistake.
+    one line for each mistake
     """
-    return check_lines(part, "advise_on_motion", call_member(part, "advise_on_motion", end_s, default=[]))
+    return check_lines(part, "advise", call_member(part, "advise", end_s, default=[]))

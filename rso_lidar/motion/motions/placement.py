@@ -18,8 +18,8 @@ class Place(NamedTuple):
 
     Parameters
     ----------
-    position_m, velocity_m_s : (time, 3) [m], [m/s].
-    rates : derivatives of both (time, 3) [m/s], [m/s2]; None if unknown.
+    position_m, velocity_m_s : (time, 3) [m], [m/s]
+    rates : derivatives of both (time, 3) [m/s], [m/s2]; None if unknown
     """
 
     position_m: np.ndarray
@@ -43,12 +43,12 @@ class PlacedMotion(Part):
 
         Parameters
         ----------
-        epochs : instants.
-        flight : of a state-space model or an FMU; None for any other motion.
+        epochs : instants
+        flight : of a state-space model or an FMU; None for any other motion
 
         Returns
         -------
-        position [m] and velocity [m/s] (time, 3) in the axes of the motion.
+        position [m] and velocity [m/s] (time, 3) in the axes of the motion
         """
 
     def orient(self, situation: Situation) -> Orientation | None:
@@ -56,10 +56,10 @@ class PlacedMotion(Part):
 
         Parameters
         ----------
-        situation : of the body.
+        situation : of the body
 
         Returns
         -------
-        attitude and body rates; None if the motion prescribes no attitude.
+        attitude and body rates; None if the motion prescribes no attitude
         """
         return None

@@ -15,7 +15,7 @@ from rso_lidar.files import MOST_BYTES, explain_unreadable, read_text
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.motion.dynamics.commands import CommandedFlight
 from rso_lidar.motion.motions.placement import Place, PlacedMotion
-from rso_lidar.orbit import Epochs, check_unit_quaternions, read_csv_table
+from rso_lidar.orbit import Epochs, read_csv_table
 from rso_lidar.part import Name, Text, Vector
 from rso_lidar.shipped import find
 
@@ -45,11 +45,11 @@ class Fixed(PlacedMotion):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        position [m] and zero velocity [m/s], each (time, 3).
+        position [m] and zero velocity [m/s], each (time, 3)
         """
         shape = (len(time_s), 3)
         return np.broadcast_to(np.array(self.position_m), shape), np.zeros(shape)
@@ -82,18 +82,18 @@ class Table(PlacedMotion):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        position [m] and velocity [m/s], each (time, 3).
+        position [m] and velocity [m/s], each (time, 3)
 
         Raises
         ------
         PropagationError
-            If an instant is outside the table.
+            If an instant is outside the table
         ScenarioError
-            If the file is invalid.
+            If the file is invalid
         """
         from scipy.interpolate import CubicSpline
 
@@ -112,16 +112,16 @@ class Table(PlacedMotion):
 
         Parameters
         ----------
-        time_s : instants (time,) [s].
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        parent_from_body (time), and the body rates (time, 3) [rad/s]; None for a table without quaternions.
+        parent_from_body (time), and the body rates (time, 3) [rad/s]; None for a table without quaternions
 
         Raises
         ------
         PropagationError
-            If an instant is outside the table.
+            If an instant is outside the table
         """
         from scipy.spatial.transform import Rotation, RotationSpline
 
@@ -135,7 +135,7 @@ class Table(PlacedMotion):
     def _rows(self) -> TableRows:
         path = find(self.file)
         if path is None:
-            raise ScenarioError(f"{self.file}: no such file: check the path of this table")
+            raise ScenarioError(f"{self.file}: no such file; check the path of this table")
         return read_table(path)
 
     def _inside(self, time_s: np.ndarray, rows: TableRows) -> np.ndarray:
@@ -157,9 +157,9 @@ class TableRows:
 
     Parameters
     ----------
-    time_s : (row) [s].
-    position_m : (row, 3) [m].
-    quaternion : parent_from_body (row, 4) x, y, z, w; None if the table has none.
+    time_s : (row) [s]
+    position_m : (row, 3) [m]
+    quaternion : parent_from_body (row, 4) x, y, z, w; None if the table has none
     """
 
     time_s: np.ndarray
@@ -185,28 +185,27 @@ def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
 
     Parameters
     ----------
-    path : of the file.
-    _modified_ns, _size : modification time and size of the file, the key of the cache.
+    path : of the file
+    _modified_ns, _size : modification time and size of the file, the key of the cache
 
     Returns
     -------
-    rows of the table.
+    rows of the table
 
     Raises
     ------
     ScenarioError
-        If the file is invalid.
+        If the file is invalid
     """
     text = read_text(path, MOST_BYTES, ScenarioError, "CSV file")
     if "\0" in text:
-        raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")
+        raise ScenarioError(f"{path}: is not UTF-8 text; name a CSV file")
     if not text.strip():
-        raise ScenarioError(f"{path}: is empty: give a header line and at least two rows")
+        raise ScenarioError(f"{path}: is empty; give a header line and at least two rows")
     table = read_csv_table(text, str(path), (PLACE, TURN), (PLACE,))
     if table.start_utc is not None:
-        raise ScenarioError(f"{path}: line 1: a table of positions needs the column time_s: give it, in seconds")
-    position_m, quaternion = table.stack(PLACE), table.stack(TURN)
+        raise ScenarioError(f"{path}: line 1: a table of positions needs the column time_s; give it, in seconds")
+    position_m = table.stack(PLACE)
     assert position_m is not None
-    if quaternion is not None:
-        quaternion = check_unit_quaternions(str(path), quaternion, table.lines)
+    quaternion = table.stack_unit_quaternions(TURN) if TURN[0] in table.columns else None
     return TableRows(table.time_s, position_m, quaternion)

@@ -70,10 +70,10 @@ class StateSpace(StateSpaceModel, PlacedMotion):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if (self.axes == "rtn") != (self.relative_to is not None):
-            raise ValueError('axes = "rtn" and relative_to belong together: give both, or neither')
+            raise ValueError('axes = "rtn" and relative_to belong together; give both, or neither')
         if not self.turns and self.attitude_state != QUATERNION:
             raise ValueError(
-                'attitude_state: a translation has no attitude: set layout = "rigid_body", or leave it out'
+                'attitude_state: a translation has no attitude; set layout = "rigid_body", or leave it out'
             )
         needs = PLACE + (count_entries(self.attitude_state) + 3 if self.turns else 0)
         if len(self.initial_state) < needs:
@@ -113,11 +113,11 @@ class StateSpace(StateSpaceModel, PlacedMotion):
 
         Parameters
         ----------
-        epochs : not used.
+        epochs : not used
 
         Returns
         -------
-        the instant 0 (1,) [s].
+        the instant 0 (1,) [s]
         """
         return np.zeros(1)
 
@@ -138,12 +138,12 @@ class StateSpace(StateSpaceModel, PlacedMotion):
 
         Parameters
         ----------
-        flight : of this model.
-        time_s : instants (time,) [s].
+        flight : of this model
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        axes_from_body (time), and the body rates (time, 3) [rad/s].
+        axes_from_body (time), and the body rates (time, 3) [rad/s]
         """
         return attitude_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)
 
@@ -152,11 +152,11 @@ class StateSpace(StateSpaceModel, PlacedMotion):
 
         Parameters
         ----------
-        flight : of this model.
-        time_s : instants (time,) [s].
+        flight : of this model
+        time_s : instants (time,) [s]
 
         Returns
         -------
-        axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s].
+        axes_from_body (time, 3, 3), and the body rates (time, 3) [rad/s]
         """
         return matrix_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)

@@ -176,10 +176,10 @@ def _read_parts(text: str, where: str) -> tuple[KeywordBlock, list[KeywordBlock]
         if key == "OBJECT":
             name = f"OBJECT{len(objects) + 1}"
             if len(objects) == 2:
-                raise ScenarioError(f"{where}: line {entry.line}: a third object: a message has two")
+                raise ScenarioError(f"{where}: line {entry.line}: a third object; a message has two")
             if entry.value.upper() != name:
                 raise ScenarioError(
-                    f"{where}: line {entry.line}: OBJECT {entry.value:.20}: a message has OBJECT1 and then OBJECT2"
+                    f"{where}: line {entry.line}: OBJECT {entry.value:.20}; a message has OBJECT1 and then OBJECT2"
                 )
             objects.append(KeywordBlock(where, name))
         if key != RADIUS_COMMENT:
@@ -187,7 +187,7 @@ def _read_parts(text: str, where: str) -> tuple[KeywordBlock, list[KeywordBlock]
         elif "HBR" not in common:
             common.add("HBR", entry)
     if len(objects) != 2:
-        raise ScenarioError(f"{where}: holds {len(objects)} of the two objects: give OBJECT1 and OBJECT2")
+        raise ScenarioError(f"{where}: holds {len(objects)} of the two objects; give OBJECT1 and OBJECT2")
     return common, objects
 
 
@@ -210,7 +210,7 @@ def _read_object(fields: KeywordBlock, tca_utc: datetime.datetime) -> Conjunctio
     if not units.EARTH_RADIUS_M < radius < 1e9:
         raise ScenarioError(
             f"{where}: {fields.part}: its position is {radius / units.KM:,.0f} km from the Earth's centre, which is no "
-            "orbit: give X, Y, Z in km"
+            "orbit; give X, Y, Z in km"
         )
     designator = fields.text("OBJECT_DESIGNATOR")
     covariance, has_velocity = _read_covariance(fields)

@@ -16,12 +16,12 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import PropagationError, warn_of_input
-from rso_lidar.orbit.ccsds.csv_table import elapsed_s
-from rso_lidar.orbit.ccsds.ephemeris_arc import EPHEMERIS_EDGE_S, EphemerisArc, read_arcs
+from rso_lidar.orbit.ccsds.ephemeris_arc import EphemerisArc, read_arcs
 from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE
 from rso_lidar.orbit.ccsds.interpolation_error import check_row_spacing
 from rso_lidar.orbit.ccsds.reader import find_table
 from rso_lidar.orbit.ccsds.reference_frames import warn_without_orientation
+from rso_lidar.orbit.ccsds.table_segment import EDGE_S, locate_epochs
 from rso_lidar.orbit.earth.axes import convert_states
 from rso_lidar.orbit.earth.earth_orientation import EarthOrientation
 from rso_lidar.orbit.epochs import Epochs, format_utc
@@ -88,10 +88,7 @@ class Ephemeris(Part):
         """
         arcs = self._arcs()
         position, velocity = np.full((len(epochs), 3), np.nan), np.full((len(epochs), 3), np.nan)
-        which = np.full(len(epochs), -1)
-        for number, arc in enumerate(arcs):
-            time_s = elapsed_s(epochs, arc.start_utc)
-            which[(time_s >= arc.begin_s - EPHEMERIS_EDGE_S) & (time_s <= arc.end_s + EPHEMERIS_EDGE_S)] = number
+        which = locate_epochs(arcs, epochs)
         bad = which < 0
         if bad.any():
             first, last = self.span_utc(epochs.start_utc)
@@ -106,8 +103,7 @@ class Ephemeris(Part):
             rows = np.flatnonzero(which == number)
             some = epochs.at(rows)
             arc = arcs[number]
-            time_s = np.clip(elapsed_s(some, arc.start_utc), arc.begin_s, arc.end_s)
-            place, speed = arc.interpolate(time_s, *arc.choose(self.interpolation, self.degree))
+            place, speed = arc.interpolate(arc.clip_s(some), *arc.choose(self.interpolation, self.degree))
             found = convert_states(BodyState(place, speed), some, from_axes=arc.frame, orientation=self._orientation())
             position[rows], velocity[rows] = found.position_m, found.velocity_m_s
         return BodyState(position, velocity)
@@ -138,14 +134,10 @@ class Ephemeris(Part):
         times since the `start_utc` of `epochs` [s]
         """
         arcs, start = self._arcs(), epochs.at(slice(0, 1))
-        begin_s = [arc.begin_s - float(elapsed_s(start, arc.start_utc)[0]) + float(start.time_s[0]) for arc in arcs]
+        begin_s = [arc.begin_s - float(arc.elapsed_s(start)[0]) + float(start.time_s[0]) for arc in arcs]
         ends_s = [begin + arc.end_s - arc.begin_s for begin, arc in zip(begin_s, arcs, strict=True)]
-        open_ = [
-            end + 2.0 * EPHEMERIS_EDGE_S
-            for end, after in zip(ends_s, [*begin_s[1:], math.inf], strict=True)
-            if end < after
-        ]
-        return np.array([begin - 2.0 * EPHEMERIS_EDGE_S for begin in begin_s[:1]] + begin_s[1:] + open_)
+        open_ = [end + 2.0 * EDGE_S for end, after in zip(ends_s, [*begin_s[1:], math.inf], strict=True) if end < after]
+        return np.array([begin - 2.0 * EDGE_S for begin in begin_s[:1]] + begin_s[1:] + open_)
 
     def _orientation(self) -> EarthOrientation | None:
         file = self.earth_orientation_file

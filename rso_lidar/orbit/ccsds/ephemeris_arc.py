@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import functools
-import itertools
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,13 +26,13 @@ from rso_lidar.orbit.ccsds.message import (
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
 from rso_lidar.orbit.ccsds.reference_frames import freeze_axes, parse_frame
+from rso_lidar.orbit.ccsds.table_segment import TableSegment, sort_segments
 from rso_lidar.orbit.central_body import EARTH
 from rso_lidar.orbit.earth.axes import EarthAxes
 from rso_lidar.orbit.epochs import parse_epoch_ps
 from rso_lidar.pose import length
 
 DEGREE = 7
-EPHEMERIS_EDGE_S = 1e-8  # an epoch this close outside an edge counts as on it, because dates are rounded
 PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
 SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
 _LOWEST = 0.5  # Earth radii; a table whose rows are all below is of another unit
@@ -41,25 +40,16 @@ _LEAST_HERMITE = 3  # the cubic through two rows; one row alone does not interpo
 
 
 @dataclass(frozen=True, eq=False)
-class EphemerisArc:
-    """One segment of an ephemeris: rows at `time_s` from `start_utc`, usable from `begin_s` to `end_s`.
+class EphemerisArc(TableSegment):
+    """One segment of an ephemeris.
 
     Parameters
     ----------
-    where : file and line, for messages
-    start_utc : instant from which seconds count, None for the start of the run
-    begin_s, end_s : usable span [s]
-    time_s : (row,) [s]
     position_m, velocity_m_s : (row, 3) [m], [m/s]; the velocity may be None
     frame : its axes, see `parse_frame`
     interpolation, degree : those of the file, None if it states none
     """
 
-    where: str
-    start_utc: datetime.datetime | None
-    begin_s: float
-    end_s: float
-    time_s: np.ndarray
     position_m: np.ndarray
     velocity_m_s: np.ndarray | None
     frame: EarthAxes = "gcrs"
@@ -84,10 +74,10 @@ class EphemerisArc:
             return method, min(order, len(self.time_s) - 1)
         if method != "hermite":
             raise ScenarioError(
-                f"{self.where}: INTERPOLATION {method} is not supported: set `interpolation` to choose one"
+                f"{self.where}: INTERPOLATION {method} is not supported; set `interpolation` to choose one"
             )
         if self.velocity_m_s is None:
-            raise ScenarioError(f"{self.where}: 'hermite' needs velocities, which it lacks: choose 'lagrange'")
+            raise ScenarioError(f"{self.where}: 'hermite' needs velocities, which it lacks; choose 'lagrange'")
         return method, min(max(order, _LEAST_HERMITE), 2 * len(self.time_s) - 1)
 
     def interpolate(self, time_s: np.ndarray, method: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +98,16 @@ class EphemerisArc:
 
 
 def list_ephemeris_objects(file: str) -> list[str]:
-    """List the names of the objects of an OEM; none for a CSV table, which holds one object without a name.
+    """List the names of the objects of an ephemeris.
+
+    Parameters
+    ----------
+    file : path of an OEM or of a CSV table, in the working folder or among the shipped data
+
+    Returns
+    -------
+    list of str
+        names in the order of the file; empty for a CSV table, which holds one object without a name
 
     Raises
     ------
@@ -143,16 +142,12 @@ def read_arcs(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> 
     if is_message(text):
         arcs = _read_message(read_message(text, "OEM", str(path)), wanted)
     elif wanted is not None:
-        raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
+        raise ScenarioError(f"{path}: a CSV table holds one object and no name; leave out object '{wanted}'")
     else:
         arcs = [_read_csv(text, str(path))]
     for arc in arcs:
         _check_distance(arc)
-    arcs.sort(key=lambda arc: arc.begin_s)
-    for before, after in itertools.pairwise(arcs):
-        if after.begin_s < before.end_s - EPHEMERIS_EDGE_S:
-            raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
-    return tuple(arcs)
+    return sort_segments(arcs)
 
 
 def _check_distance(arc: EphemerisArc) -> None:
@@ -162,7 +157,7 @@ def _check_distance(arc: EphemerisArc) -> None:
     if high_m < _LOWEST * EARTH.radius_m or low_m > EARTH.reach_m:
         raise ScenarioError(
             f"{arc.where}: its positions are {low_m / units.KM:,.0f} to {high_m / units.KM:,.0f} km from the Earth's "
-            "centre, where nothing orbits it: correct their unit"
+            "centre, where nothing orbits it; correct their unit"
         )
 
 
@@ -172,7 +167,7 @@ def _read_csv(text: str, where: str) -> EphemerisArc:
     position = metres if metres is not None else np.asarray(kilometres) * units.KM
     speeds = [table.stack(names) for names in SPEEDS]
     if speeds[0] is not None and speeds[1] is not None:
-        raise ScenarioError(f"{where}: has velocities in m/s and in km/s: give one set of columns")
+        raise ScenarioError(f"{where}: has velocities in m/s and in km/s; give one set of columns")
     velocity = speeds[0] if speeds[1] is None else speeds[1] * units.KM
     time_s = table.time_s
     return EphemerisArc(where, table.start_utc, time_s[0], time_s[-1], time_s, position, velocity)
@@ -209,12 +204,12 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
     frame = parse_frame(reference.value, f"{message.where}: line {reference.line}")
     system = message.time_system(segment)
     if len(segment.rows) < 2:
-        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows: it needs at least two")
+        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows; it needs at least two")
     stamps, values = [], []
     for line, cells in segment.rows:
         here = f"{message.where}: line {line}"
         if len(cells) not in (7, 10):
-            raise ScenarioError(f"{here}: has {len(cells)} words: a row is an epoch, 3 km, 3 km/s (and 3 km/s2)")
+            raise ScenarioError(f"{here}: has {len(cells)} words; a row is an epoch, 3 km, 3 km/s (and 3 km/s2)")
         stamps.append(parse_epoch_ps(cells[0], system, here))
         names = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
         values.append([parse_number(here, name, cell) for name, cell in zip(names, cells[1:7], strict=True)])
@@ -233,7 +228,7 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
     if degree is not None:
         if not re.fullmatch(r"[0-9]{1,4}", degree.value) or not 1 <= int(degree.value) <= GREATEST_DEGREE:
             raise ScenarioError(
-                f"{message.where}: line {degree.line}: INTERPOLATION_DEGREE {degree.value}: write 1 to {GREATEST_DEGREE}"
+                f"{message.where}: line {degree.line}: INTERPOLATION_DEGREE {degree.value}; write 1 to {GREATEST_DEGREE}"
             )
         order = int(degree.value)
     word = method.value.lower() if method is not None else None

@@ -79,10 +79,10 @@ def check_row_spacing(arcs: Sequence[EphemerisArc], interpolation: str | None, d
         radius_m = length(arc.position_m[errors.first])
         k = int(np.argmax(sure_m / radius_m))
         if sure_m[k] > IMPOSSIBLE * radius_m[k]:
-            raise ScenarioError(f"{arc.where}: {_describe(arc, errors, k)}: {_advise(arc, method, order, errors, k)}")
+            raise ScenarioError(f"{arc.where}: {_describe(arc, errors, k)}; {_advise(arc, method, order, errors, k)}")
         k = int(np.argmax(sure_m))
         if sure_m[k] > max(NOTICED_M, worst_m):
-            worst_m, remark = float(sure_m[k]), f"{_describe(arc, errors, k)}: {_advise(arc, method, order, errors, k)}"
+            worst_m, remark = float(sure_m[k]), f"{_describe(arc, errors, k)}; {_advise(arc, method, order, errors, k)}"
     return remark
 
 

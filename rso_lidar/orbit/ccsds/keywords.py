@@ -68,19 +68,19 @@ def _read_text(text: str, kind: str, where: str) -> tuple[str, list[tuple[str, S
             continue
         match = _KEYWORD.fullmatch(line)
         if match is None:
-            raise ScenarioError(f"{where}: line {number}: '{line:.40}' is not KEYWORD = value: correct the line")
+            raise ScenarioError(f"{where}: line {number}: '{line:.40}' is not KEYWORD = value; correct the line")
         if not version:
             if match[1] != f"CCSDS_{kind}_VERS":
                 article = "a" if kind == "CDM" else "an"
                 raise ScenarioError(
-                    f"{where}: line {number}: begins with '{line:.40}': {article} {kind} begins with "
+                    f"{where}: line {number}: begins with '{line:.40}'; {article} {kind} begins with "
                     f"CCSDS_{kind}_VERS = ..."
                 )
             version = match[2] or "(none)"
         elif match[2]:
             entries.append((match[1], StatedValue(match[2], number, (match[3] or "").strip())))
     if not version:
-        raise ScenarioError(f"{where}: is empty: give a message, which begins with CCSDS_{kind}_VERS = ...")
+        raise ScenarioError(f"{where}: is empty; give a message, which begins with CCSDS_{kind}_VERS = ...")
     return version, entries
 
 
@@ -128,7 +128,7 @@ class KeywordBlock:
         """
         several = self.entries.get(key, [])
         if len(several) > 1:
-            raise ScenarioError(f"{self.where}: line {several[1].line}: {key} is given twice: remove one")
+            raise ScenarioError(f"{self.where}: line {several[1].line}: {key} is given twice; remove one")
         return several[0] if several else None
 
     def require(self, key: str) -> StatedValue:
@@ -141,7 +141,7 @@ class KeywordBlock:
         """
         entry = self.find(key)
         if entry is None:
-            raise ScenarioError(f"{self.where}: {self.part} lacks {key}, which the standard requires: add it")
+            raise ScenarioError(f"{self.where}: {self.part} lacks {key}, which the standard requires; add it")
         return entry
 
     def text(self, key: str) -> str:
@@ -166,7 +166,7 @@ class KeywordBlock:
             return None
         value = self._parse(key, entry, unit)
         if not low <= value <= high:
-            raise ScenarioError(f"{self.where}: line {entry.line}: {key} is {value:g}: give {low:g} to {high:g}")
+            raise ScenarioError(f"{self.where}: line {entry.line}: {key} is {value:g}; give {low:g} to {high:g}")
         return value
 
     def require_number(self, key: str, unit: str, most: float | None = None) -> float:
@@ -194,7 +194,7 @@ class KeywordBlock:
         """
         at = f"{self.where}: line {entry.line}"
         if entry.unit.lower() not in ("", unit.lower()):
-            raise ScenarioError(f"{at}: {key} in {entry.unit}: write it in {unit or 'no unit'}, as the standard does")
+            raise ScenarioError(f"{at}: {key} in {entry.unit}; write it in {unit or 'no unit'}, as the standard does")
         return parse_number(at, key, entry.value) if most is None else parse_number(at, key, entry.value, most)
 
 
@@ -213,4 +213,4 @@ def check_version(version: str, kind: str, where: str, known: Sequence[str]) -> 
     """
     if not re.fullmatch(rf"[{''.join(known)}]\.[0-9]+", version):
         written = " or ".join(f"{number}.0" for number in known)
-        raise ScenarioError(f"{where}: CCSDS_{kind}_VERS {version} is not supported: write {written}")
+        raise ScenarioError(f"{where}: CCSDS_{kind}_VERS {version} is not supported; write {written}")

@@ -44,7 +44,7 @@ def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
             if match is None or match[1] != f"CCSDS_{kind}_VERS":
                 other = "; read the state of an OPM with `rl.orbit.read_opm`" if line.startswith("CCSDS_OPM") else ""
                 raise ScenarioError(
-                    f"{where}: line {number}: begins with '{line:.40}': an {kind} begins with CCSDS_{kind}_VERS = ...{other}"
+                    f"{where}: line {number}: begins with '{line:.40}'; an {kind} begins with CCSDS_{kind}_VERS = ...{other}"
                 )
             message.version = match[2]
             continue
@@ -53,11 +53,11 @@ def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
             name, edge = block[1], block[2]
             if (edge == "START") == bool(inside) or (edge == "STOP" and inside != name):
                 open_one = f"{inside}_START of line {begun}" if inside else "no block"
-                raise ScenarioError(f"{where}: line {number}: {line} while {open_one} is open: pair START and STOP")
+                raise ScenarioError(f"{where}: line {number}: {line} while {open_one} is open; pair START and STOP")
             if name == "META" and edge == "START":
                 message.segments.append(CcsdsSegment(number))
             elif not message.segments:
-                raise ScenarioError(f"{where}: line {number}: {line} before any META_START: put metadata first")
+                raise ScenarioError(f"{where}: line {number}: {line} before any META_START; put metadata first")
             inside, begun = (name, number) if edge == "START" else ("", 0)
             continue
         if inside == "COVARIANCE":
@@ -66,19 +66,19 @@ def read_kvn(text: str, kind: str, where: str) -> CcsdsMessage:
         if match is not None:
             if inside != "META" and message.segments:
                 raise ScenarioError(
-                    f"{where}: line {number}: keyword {match[1]} among the rows: put it between META_START and META_STOP"
+                    f"{where}: line {number}: keyword {match[1]} among the rows; put it between META_START and META_STOP"
                 )
             into = message.segments[-1].meta if inside == "META" else message.header
             if match[1] in into:
-                raise ScenarioError(f"{where}: line {number}: {match[1]} is given twice: remove one")
+                raise ScenarioError(f"{where}: line {number}: {match[1]} is given twice; remove one")
             if match[2].strip():  # a keyword without a value is not given
                 into[match[1]] = Entry(match[2].strip(), number)
         elif inside == "META" or not message.segments:
-            raise ScenarioError(f"{where}: line {number}: '{line:.40}' is not KEYWORD = value: correct the line")
+            raise ScenarioError(f"{where}: line {number}: '{line:.40}' is not KEYWORD = value; correct the line")
         else:
             message.segments[-1].rows.append((number, line.split()))
     if inside:
-        raise ScenarioError(f"{where}: line {begun}: {inside}_START is never closed: add {inside}_STOP")
+        raise ScenarioError(f"{where}: line {begun}: {inside}_START is never closed; add {inside}_STOP")
     return message
 
 
@@ -112,7 +112,7 @@ def _format_pairs(words: dict[str, str]) -> list[str]:
     for key, value in words.items():
         if not value.strip() or not value.isascii() or not value.isprintable() or len(value) > 200:
             raise RecordingError(
-                f"{key} {value!r:.60}: the format allows up to 200 printable ASCII characters: change it"
+                f"{key} {value!r:.60}: the format allows up to 200 printable ASCII characters; change it"
             )
     return [f"{key} = {value}" for key, value in words.items()]
 

@@ -49,7 +49,7 @@ class CcsdsMessage:
         """
         if key not in segment.meta:
             raise ScenarioError(
-                f"{self.where}: line {segment.line}: the metadata lack {key}, which the standard requires: add it"
+                f"{self.where}: line {segment.line}: the metadata lack {key}, which the standard requires; add it"
             )
         return segment.meta[key]
 
@@ -67,7 +67,7 @@ def read_time_system(entry: Entry, where: str) -> str:
     system = entry.value.upper()
     if system not in TIME_SYSTEMS:
         raise ScenarioError(
-            f"{where}: line {entry.line}: TIME_SYSTEM {entry.value} is not supported: write the epochs in "
+            f"{where}: line {entry.line}: TIME_SYSTEM {entry.value} is not supported; write the epochs in "
             f"{', '.join(TIME_SYSTEMS)}"
         )
     return system
@@ -82,7 +82,7 @@ def check_center(key: str, entry: Entry, where: str) -> None:
     where : name of the file, for the message
     """
     if entry.value.upper() not in ("EARTH", "EARTH CENTER"):
-        raise ScenarioError(f"{where}: line {entry.line}: {key} {entry.value}: only EARTH is supported")
+        raise ScenarioError(f"{where}: line {entry.line}: {key} {entry.value}; only EARTH is supported")
 
 
 def list_objects(message: CcsdsMessage) -> list[str]:
@@ -113,7 +113,7 @@ def select_segments(message: CcsdsMessage, wanted: str | None) -> list[CcsdsSegm
         guess = did_you_mean(str(wanted), [word for words in known.values() for word in words])
         raise ScenarioError(f"{message.where}: unknown object '{wanted}'{guess} (objects: {', '.join(known)})")
     if wanted is None and len(known) > 1:
-        raise ScenarioError(f"{message.where}: has several objects ({', '.join(known)}): set `object` to one of them")
+        raise ScenarioError(f"{message.where}: has several objects ({', '.join(known)}); set `object` to one of them")
     return chosen
 
 
@@ -139,9 +139,9 @@ def parse_number(where: str, name: str, cell: str, most: float = GREATEST) -> fl
     try:
         value = float(cell if cell.isascii() and "_" not in cell else "no number")
     except ValueError:
-        raise ScenarioError(f"{where}: {name} '{cell.strip():.40}' is not a number: correct it") from None
+        raise ScenarioError(f"{where}: {name} '{cell.strip():.40}' is not a number; correct it") from None
     if not abs(value) <= most:
-        raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a finite number within {most:g}")
+        raise ScenarioError(f"{where}: {name} is {cell.strip():.40}; give a finite number within {most:g}")
     return value
 
 
@@ -162,11 +162,11 @@ def check_increasing(where: str, stamps: Sequence[int], lines: Sequence[int]) ->
     for (before, after), line in zip(itertools.pairwise(stamps), lines[1:], strict=True):
         if abs(after - before) < 1000:  # 1 ns
             raise ScenarioError(
-                f"{where}: line {line}: its epoch occurs twice, in the row before, too: remove one of the rows, or begin "
+                f"{where}: line {line}: its epoch occurs twice, in the row before, too; remove one of the rows, or begin "
                 "a new segment there if the state jumps, as at a burn"
             )
         if after < before:
-            raise ScenarioError(f"{where}: line {line}: its epoch is before that of the row before: sort the rows")
+            raise ScenarioError(f"{where}: line {line}: its epoch is before that of the row before; sort the rows")
 
 
 def usable_span_s(
@@ -200,6 +200,6 @@ def usable_span_s(
     if not span[0] < span[1]:
         raise ScenarioError(
             f"{message.where}: line {segment.line}: no useable time is left between the segment's START and STOP times "
-            "and its rows: correct them"
+            "and its rows; correct them"
         )
     return span[0], span[1]

@@ -38,6 +38,15 @@ def find_table(file: str) -> tuple[Path, int, int]:
 def read_table_text(path: Path) -> str:
     """Read the text of a table: UTF-8, or UTF-16 with its byte-order mark, and either of them compressed by gzip.
 
+    Parameters
+    ----------
+    path : path of the file
+
+    Returns
+    -------
+    str
+        its text, with line feeds only
+
     Raises
     ------
     ScenarioError
@@ -51,13 +60,13 @@ def read_table_text(path: Path) -> str:
         text = content.decode("utf-16" if is_wide else "utf-8-sig")
     except UnicodeDecodeError:
         name = "UTF-16" if is_wide else "UTF-8"
-        raise ScenarioError(f"{path}: is not {name} text: give the path of an OEM, AEM or CSV file") from None
+        raise ScenarioError(f"{path}: is not {name} text; give the path of an OEM, AEM or CSV file") from None
     if "\0" in text:
         raise ScenarioError(
-            f"{path}: is not UTF-8 text, it contains NUL characters: save it as UTF-8, or as UTF-16 with its byte-order mark"
+            f"{path}: is not UTF-8 text, it contains NUL characters; save it as UTF-8, or as UTF-16 with its byte-order mark"
         )
     if not text.strip():
-        raise ScenarioError(f"{path}: is empty: give a file with at least two rows")
+        raise ScenarioError(f"{path}: is empty; give a file with at least two rows")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -81,14 +90,14 @@ def _decompress(content: bytes, path: Path) -> bytes:
         try:
             pieces.append(member.decompress(content, left))
         except zlib.error as error:
-            raise ScenarioError(f"{path}: is damaged gzip ({error}): copy it again") from None
+            raise ScenarioError(f"{path}: is damaged gzip ({error}); copy it again") from None
         left -= len(pieces[-1])
         if left > 0 and not member.eof:
-            raise ScenarioError(f"{path}: is gzip that is cut short: copy it again")
+            raise ScenarioError(f"{path}: is gzip that is cut short; copy it again")
         content = member.unused_data.lstrip(b"\0")  # padding of some archives
     if left <= 0:
         limit = files.describe_size(files.MOST_BYTES)
-        raise ScenarioError(f"{path}: holds more than {limit} after decompression: give a smaller file")
+        raise ScenarioError(f"{path}: holds more than {limit} after decompression; give a smaller file")
     return b"".join(pieces)
 
 
@@ -124,8 +133,8 @@ def read_message(text: str, kind: str, where: str) -> CcsdsMessage:
 def _check_message(message: CcsdsMessage, kind: str) -> CcsdsMessage:
     if not re.fullmatch(r"[123]\.[0-9]+", message.version):
         raise ScenarioError(
-            f"{message.where}: CCSDS_{kind}_VERS {message.version} is not supported: write 1.0, 2.0 or 3.0"
+            f"{message.where}: CCSDS_{kind}_VERS {message.version} is not supported; write 1.0, 2.0 or 3.0"
         )
     if not message.segments:
-        raise ScenarioError(f"{message.where}: has no segment: give META_START ... META_STOP and rows under it")
+        raise ScenarioError(f"{message.where}: has no segment; give META_START ... META_STOP and rows under it")
     return message

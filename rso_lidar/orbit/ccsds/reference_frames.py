@@ -44,7 +44,7 @@ def parse_frame(name: str, where: str) -> EarthAxes:
         if plain in names or (axes == "itrs" and _ITRF.fullmatch(plain)):
             return axes
     known = ", ".join(WRITTEN_FRAMES.values())
-    raise ScenarioError(f"{where}: reference frame {name} is not supported: write the file in {known}")
+    raise ScenarioError(f"{where}: reference frame {name} is not supported; write the file in {known}")
 
 
 def freeze_axes(

@@ -93,7 +93,7 @@ def read_opm(path: str | Path, orientation: EarthOrientation | None = None) -> S
         warn_without_orientation(where, position_m, "give finals2000A.all of the IERS as orientation")
     if "MAN_EPOCH_IGNITION" in block:
         first = block.text("MAN_EPOCH_IGNITION")
-        warn_of_input(f"{where}: has maneuvers from {first} on, which are not flown: give them to 'numerical'")
+        warn_of_input(f"{where}: has maneuvers from {first} on, which are not flown; give them to 'numerical'")
     start_utc, start_ps = floor_to_utc_second(stamp_ps)
     at = Epochs(start_utc, np.array([(stamp_ps - start_ps) / PS_PER_S]))
     there = convert_states(BodyState(position_m, velocity_m_s), at, from_axes=axes, orientation=orientation)

@@ -79,7 +79,7 @@ def write_oem(
         if len(part) < 2:
             at = epochs.time_s[part[0]]
             raise RecordingError(
-                f"epochs: only one, at {at:g} s, is between two breaks: give two or more on each side of a break"
+                f"epochs: only one, at {at:g} s, is between two breaks; give two or more on each side of a break"
             )
         meta = {
             "OBJECT_NAME": name,
@@ -135,8 +135,8 @@ def _check_rows(epochs: Epochs, states: BodyState) -> np.ndarray:
     rows: np.ndarray = np.concatenate([np.atleast_2d(states.position_m), np.atleast_2d(states.velocity_m_s)], axis=1)
     if rows.shape != (len(epochs), 6) or not np.all(np.isfinite(rows)):
         raise RecordingError(
-            f"states: an ephemeris needs finite states at all its {len(epochs)} epochs: leave out the others"
+            f"states: an ephemeris needs finite states at all its {len(epochs)} epochs; leave out the others"
         )
     if len(epochs) < 2 or not np.all(np.diff(epochs.time_s) >= 1e-9):
-        raise RecordingError("epochs: an ephemeris needs two or more that grow by 1 ns or more: sort them")
+        raise RecordingError("epochs: an ephemeris needs two or more that grow by 1 ns or more; sort them")
     return rows

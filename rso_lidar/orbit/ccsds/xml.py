@@ -75,9 +75,9 @@ def walk_message(text: str, kind: str, where: str, elements: Elements) -> str:
         parser.Parse(text.strip().encode(), True)
     except expat.ExpatError as error:
         what = expat.ErrorString(error.code)
-        raise ScenarioError(f"{where}: line {error.lineno}: is not well-formed XML ({what}): correct it") from None
+        raise ScenarioError(f"{where}: line {error.lineno}: is not well-formed XML ({what}); correct it") from None
     if not walker.version:
-        raise ScenarioError(f"{where}: does not contain <{kind.lower()}>: give a file with one {kind}")
+        raise ScenarioError(f"{where}: does not contain <{kind.lower()}>; give a file with one {kind}")
     return walker.version
 
 
@@ -100,8 +100,8 @@ class _Walker:
 
     def doctype(self, root: str, *_: Any) -> None:
         if root.lower() == "html":
-            raise ScenarioError(f"{self.where}: is a web page (HTML) and no {self.kind}: fetch the file again")
-        raise ScenarioError(f"{self.where}: has a DOCTYPE, which these messages must not have: remove it")
+            raise ScenarioError(f"{self.where}: is a web page (HTML) and no {self.kind}; fetch the file again")
+        raise ScenarioError(f"{self.where}: has a DOCTYPE, which these messages must not have; remove it")
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         tag = name.rpartition(":")[2]
@@ -111,7 +111,7 @@ class _Walker:
             self.elements.begin(tag, self.parser.CurrentLineNumber)
         elif tag == self.tag:
             if self.version:
-                raise ScenarioError(f"{self.where}: holds several <{tag}>: split it into files of one each")
+                raise ScenarioError(f"{self.where}: holds several <{tag}>; split it into files of one each")
             self.depth, self.version = 1, attributes.get("version", "(none)")
 
     def text(self, data: str) -> None:
@@ -180,7 +180,7 @@ class _RowReceiver:
                 expected = _UNITS[self.row_tag].get(tag, unit)
                 if unit.lower() not in ("", expected):
                     cure = f"write {expected}" if expected else "leave the unit out"
-                    raise ScenarioError(f"{self.where}: line {line}: {tag} in {unit}: {cure}")
+                    raise ScenarioError(f"{self.where}: line {line}: {tag} in {unit}; {cure}")
                 self.row[tag] = value
         elif "metadata" in self.path and value and self.message.segments:
             self.check_unique(tag, self.message.segments[-1].meta, line)
@@ -203,7 +203,7 @@ class _RowReceiver:
             if it has occurred before
         """
         if tag in known:
-            raise ScenarioError(f"{self.where}: line {line}: {tag} is given twice: remove one")
+            raise ScenarioError(f"{self.where}: line {line}: {tag} is given twice; remove one")
 
     def cells(self, row: dict[str, str]) -> list[str]:
         """Return the cells of a row.
@@ -214,7 +214,7 @@ class _RowReceiver:
         lacking = [name for name in names if name not in row]
         if self.row_tag == "stateVector" and lacking:
             raise ScenarioError(
-                f"{self.where}: line {self.row_line}: the {self.row_tag} lacks {', '.join(lacking)}: "
+                f"{self.where}: line {self.row_line}: the {self.row_tag} lacks {', '.join(lacking)}; "
                 f"give all of {', '.join(names)}"
             )
         return [row[name] for name in names if name in row]

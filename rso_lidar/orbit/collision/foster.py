@@ -62,7 +62,7 @@ def disc_probability(mean_m: np.ndarray, covariance_m2: np.ndarray, radius_m: fl
     variances, axes = np.linalg.eigh(covariance_m2)
     if not variances[0] > 1e-14 * variances[1]:
         raise ScenarioError(
-            "covariance: is singular in the encounter plane: give variances above 0 in two directions, or use Monte Carlo"
+            "covariance: is singular in the encounter plane; give variances above 0 in two directions, or use Monte Carlo"
         )
     (short, long), (mean_x, mean_y) = np.sqrt(variances), axes.T @ np.asarray(mean_m, dtype=float)
     # integrate along the short axis, over chords of the disc along the long one

@@ -104,12 +104,12 @@ def sample_collisions(
     radius = check_radius(radius_m)
     count = choose_samples(first, second, radius) if samples is None else samples
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= 1_000_000_000:
-        raise ScenarioError(f"samples: {count!r:.40} is not a number of draws: give 1 to 1e9")
+        raise ScenarioError(f"samples: {count!r:.40} is not a number of draws; give 1 to 1e9")
     between = UncertainSeparation.between(first, second)
     longest_s = 0.5 * min(_period_s(first), _period_s(second))
     window = min(_choose_window_s(between, radius), longest_s) if window_s is None else float(window_s)
     if not 0.0 < window <= 30.0 * units.DAY_S:
-        raise ScenarioError(f"window_s: {window_s!r:.40} is not a window: give seconds above 0, at most 30 days")
+        raise ScenarioError(f"window_s: {window_s!r:.40} is not a window; give seconds above 0, at most 30 days")
     factors = first.factor(), second.factor()
     means = [np.concatenate([one.position_m, one.velocity_m_s]) for one in (first, second)]
     perigee_rad_s = max(_fastest_rad_s(first), _fastest_rad_s(second))

@@ -46,12 +46,12 @@ class UncertainState:
         scale = np.sqrt(np.abs(np.diag(full)))
         unit = np.outer(scale, scale)
         if (np.abs(full - full.T) > _ASYMMETRY * unit).any() or (np.diag(full) < 0.0).any():
-            raise ScenarioError("covariance: is not symmetric with variances of 0 or more: correct its terms")
+            raise ScenarioError("covariance: is not symmetric with variances of 0 or more; correct its terms")
         full = 0.5 * (full + full.T)
         least = float(np.linalg.eigvalsh(full / np.where(unit > 0.0, unit, 1.0)).min())
         if least < -_NEGATIVE or (np.abs(full) > unit * (1.0 + _ASYMMETRY)).any():
             raise ScenarioError(
-                "covariance: is not positive semidefinite, so no distribution has it: correct its terms, or give the "
+                "covariance: is not positive semidefinite, so no distribution has it; correct its terms, or give the "
                 "3 x 3 part of the position alone"
             )
         object.__setattr__(self, "covariance", full)
@@ -118,7 +118,7 @@ class UncertainSeparation:
             if there is no relative velocity
         """
         if not self.speed_m_s > 0.0:
-            raise ScenarioError("encounter: has no relative velocity, so no plane is normal to it: use Monte Carlo")
+            raise ScenarioError("encounter: has no relative velocity, so no plane is normal to it; use Monte Carlo")
         along = self.velocity_m_s / self.speed_m_s
         start = np.eye(3)[np.argmin(np.abs(along))]
         first = np.cross(along, start)
@@ -130,6 +130,15 @@ class UncertainSeparation:
 def check_radius(radius_m: Any) -> float:
     """Check the combined hard-body radius of two objects, the sum of both radii.
 
+    Parameters
+    ----------
+    radius_m : the radius [m]
+
+    Returns
+    -------
+    float
+        the same radius [m]
+
     Raises
     ------
     ScenarioError
@@ -137,7 +146,7 @@ def check_radius(radius_m: Any) -> float:
     """
     value = to_real_array(radius_m)
     if value is None or value.ndim or not 0.0 < float(value) <= 1e5:
-        raise ScenarioError(f"radius_m: {radius_m!r:.40} is not a hard-body radius: give metres above 0, at most 1e5")
+        raise ScenarioError(f"radius_m: {radius_m!r:.40} is not a hard-body radius; give metres above 0, at most 1e5")
     return float(value)
 
 

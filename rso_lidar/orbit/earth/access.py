@@ -86,7 +86,7 @@ def find_access(
         check_trajectory(body, name)
         if find_center(body) is not EARTH:
             raise ScenarioError(
-                f"{name}: orbits about {find_center(body).name}, and access counts the Earth alone as what hides it: give a "
+                f"{name}: orbits about {find_center(body).name}, and access counts the Earth alone as what hides it; give a "
                 "body about the Earth"
             )
     conditions = [_make_clear(observer, grazing_height_m)]

@@ -91,7 +91,7 @@ def gcrs_from_axes(
         matrix = np.eye(3) if axes == "gcrs" else gcrs_from_eme2000()
         return np.broadcast_to(matrix, (len(epochs), 3, 3))
     if states is None:
-        raise ScenarioError(f"axes: '{axes}' are those of an orbit: give its states")
+        raise ScenarioError(f"axes: '{axes}' are those of an orbit; give its states")
     return orbit_axes_matrix(axes, states.position_m, states.velocity_m_s)
 
 
@@ -164,5 +164,5 @@ def check_axes(axes: str, known: tuple[str, ...]) -> None:
     if axes in known:
         return
     if axes in ("lvlh", "LVLH"):
-        raise ScenarioError("axes: 'lvlh' means two things: write 'rtn' (x outward) or 'lvlh_ccsds' (z to nadir)")
+        raise ScenarioError("axes: 'lvlh' means two things; write 'rtn' (x outward) or 'lvlh_ccsds' (z to nadir)")
     raise ScenarioError(f"axes: '{axes}' are unknown{did_you_mean(str(axes), known)} (known: {', '.join(known)})")

@@ -63,7 +63,7 @@ class EarthOrientation:
         """
         place = find(path)
         if place is None:
-            raise ScenarioError(f"{path}: no such file: give the path of finals2000A.all, which the IERS publishes")
+            raise ScenarioError(f"{path}: no such file; give the path of finals2000A.all, which the IERS publishes")
         try:
             status = place.stat()
         except OSError as error:
@@ -106,7 +106,7 @@ class EarthOrientation:
         if bad.any():
             at = format_utc(epochs.start_utc, epochs.time_s[np.argmax(bad)])
             raise PropagationError(
-                f"{self.where}: has no Earth orientation for {int(bad.sum())} of {len(bad)} epochs, the first is {at}: "
+                f"{self.where}: has no Earth orientation for {int(bad.sum())} of {len(bad)} epochs, the first is {at}; "
                 "give a newer file",
                 bad,
             )
@@ -130,12 +130,12 @@ def _read(path: Path, _modified_ns: int, _size: int) -> EarthOrientation:
         if line.strip():
             rows.append(_parse_row(line, f"{path}: line {number}"))
     if len(rows) < 2:
-        raise ScenarioError(f"{path}: has {len(rows)} days of Earth orientation: give finals2000A.all of the IERS")
+        raise ScenarioError(f"{path}: has {len(rows)} days of Earth orientation; give finals2000A.all of the IERS")
     day, x, y, ut1_minus_utc_s = np.array(rows).T
     steps = np.diff(day)
     if not np.all((steps > 0.0) & (steps <= _MOST_GAP_DAYS)):
         at = rows[int(np.argmax((steps <= 0.0) | (steps > _MOST_GAP_DAYS))) + 1][0]
-        raise ScenarioError(f"{path}: MJD {at:g} does not follow the day before it: give an unchanged file of the IERS")
+        raise ScenarioError(f"{path}: MJD {at:g} does not follow the day before it; give an unchanged file of the IERS")
     tai_s, leap_s = tai_from_utc_days(day)
     return EarthOrientation(str(path), tai_s, np.stack([x, y], axis=-1) * units.ARCSEC, ut1_minus_utc_s - leap_s)
 
@@ -149,9 +149,9 @@ def _parse_row(line: str, where: str) -> list[float]:
             values.append(float(cell))
         except ValueError:
             raise ScenarioError(
-                f"{where}: {name} '{cell:.20}' is not a number: give a file in the columns of finals2000A.all (IERS)"
+                f"{where}: {name} '{cell:.20}' is not a number; give a file in the columns of finals2000A.all (IERS)"
             ) from None
     day, x, y, late_s = values
     if not (30_000.0 < day < 120_000.0 and max(abs(x), abs(y)) < _MOST_ARCSEC and abs(late_s) < _MOST_S):
-        raise ScenarioError(f"{where}: its numbers are no Earth orientation: give finals2000A.all of the IERS")
+        raise ScenarioError(f"{where}: its numbers are no Earth orientation; give finals2000A.all of the IERS")
     return values

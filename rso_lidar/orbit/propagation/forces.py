@@ -104,7 +104,7 @@ class Forces(Part):
     def _degree(self) -> Self:
         if self.zonal_degree == 1:
             raise ValueError(
-                "zonal_degree: must be 0 for a point mass, or 2 to 6, because J1 does not exist: use 0 or 2"
+                "zonal_degree: must be 0 for a point mass, or 2 to 6, because J1 does not exist; use 0 or 2"
             )
         return self
 

@@ -138,7 +138,7 @@ class _Direction:
             if len(self._steps) >= _MOST_STEPS:
                 raise PropagationError(
                     f"{self._name}: {_MOST_STEPS:,} steps of integration reach {self._way * begin:g} s of the "
-                    f"{self._way * until:g} s requested: shorten the run, or smooth the dynamics",
+                    f"{self._way * until:g} s requested; shorten the run, or smooth the dynamics",
                     self._way * requested > begin,
                 )
             x = self._x if self._solver is None else self._solver.y
@@ -165,7 +165,7 @@ class _Direction:
                 self._solver = None
                 raise PropagationError(
                     f"{self._name}: the integration breaks down {self._way * begin:g} s from its start "
-                    f"({(message or 'infinite').rstrip('.')}): check state and dynamics, or shorten the run",
+                    f"({(message or 'infinite').rstrip('.')}); check state and dynamics, or shorten the run",
                     self._way * requested > begin,
                 )
             made = self._solver.dense_output()

@@ -60,7 +60,7 @@ class J2(ClassicalElements):
     @model_validator(mode="after")
     def _check_closed(self) -> Self:
         if self.eccentricity >= 1.0:
-            raise ValueError("eccentricity: an open orbit has no mean elements: give its motion as type 'numerical'")
+            raise ValueError("eccentricity: an open orbit has no mean elements; give its motion as type 'numerical'")
         return self
 
     def states(self, epochs: Epochs) -> BodyState:
@@ -86,21 +86,25 @@ class J2(ClassicalElements):
         if days > _LONG_DAYS:
             sentences.append(
                 f"j2: propagated {days:.1f} days from its epoch; what it leaves out (J3, drag, Sun and Moon) moves a "
-                "low orbit by 1 to 10 km a day: use type 'numerical'"
+                "low orbit by 1 to 10 km a day; use type 'numerical'"
             )
         height_m = self.perigee_m - units.EARTH_RADIUS_M
         if height_m < _LOW_M:
             sentences.append(
                 f"j2: the perigee is {height_m / units.KM:.0f} km high; below {_LOW_M / units.KM:g} km drag, which it "
-                "leaves out, matters within a day: use type 'numerical' with forces.drag"
+                "leaves out, matters within a day; use type 'numerical' with forces.drag"
             )
         return sentences
 
 
 def quasi_nonsingular_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-    """Convert states (…, 3) [m], [m/s] to quasi-nonsingular elements.
+    """Convert states to quasi-nonsingular elements.
 
     On the equator the node is at +x. The conversion is purely geometric: a mean state gives mean elements.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (…, 3) states in axes whose z is the Earth's pole [m], [m/s]
 
     Returns
     -------
@@ -114,7 +118,16 @@ def quasi_nonsingular_from_state(position_m: np.ndarray, velocity_m_s: np.ndarra
 
 
 def state_from_quasi_nonsingular(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Convert rows (…, 6) to position [m] and velocity [m/s] (…, 3); the inverse of `quasi_nonsingular_from_state`."""
+    """Convert quasi-nonsingular elements to states; the inverse of `quasi_nonsingular_from_state`.
+
+    Parameters
+    ----------
+    rows : (…, 6) rows [a_m, latitude_rad, ex, ey, inclination_rad, raan_rad] in axes whose z is the Earth's pole
+
+    Returns
+    -------
+    position_m, velocity_m_s : (…, 3) in the same axes [m], [m/s]
+    """
     a, latitude, ex, ey, inclination, raan = np.moveaxis(np.asarray(rows, dtype=float), -1, 0)
     e, perigee = np.hypot(ex, ey), np.arctan2(ey, ex)
     return state_from_elements(
@@ -170,7 +183,7 @@ def mean_from_osculating(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np
     bad = ~(apart < 1e-9)
     if bad.any():
         raise PropagationError(
-            "mean elements: this state has none (an open orbit, or one inside the Earth): use type 'numerical'",
+            "mean elements: this state has none (an open orbit, or one inside the Earth); use type 'numerical'",
             np.atleast_1d(bad),
         )
     return mean

@@ -47,7 +47,7 @@ class MoonCentered(Part):
     def _has_kernel(self) -> Self:
         if self.kernel_file is None:
             raise ValueError(
-                "kernel_file: an orbit about the Moon needs the Moon's position: name a kernel of the JPL that you have "
+                "kernel_file: an orbit about the Moon needs the Moon's position; name a kernel of the JPL that you have "
                 'fetched, such as kernel_file = "de440s.bsp"'
             )
         return self
@@ -116,7 +116,7 @@ class MoonCentered(Part):
             return []
         return [
             f"it reaches {farthest_m / units.KM:.0f} km from the Moon, where the Earth's tide, which is left out, is "
-            f"{tide:.0%} of the Moon's attraction: use an ephemeris of another tool"
+            f"{tide:.0%} of the Moon's attraction; use an ephemeris of another tool"
         ]
 
 

@@ -93,19 +93,19 @@ class Burn(Part):
     @model_validator(mode="after")
     def _one_push(self) -> Self:
         if (self.acceleration_m_s2 is None) == (self.thrust_n is None):
-            raise ValueError("needs exactly one of acceleration_m_s2 and thrust_n: give one of them")
+            raise ValueError("needs exactly one of acceleration_m_s2 and thrust_n; give one of them")
         if (self.thrust_n is None) != (self.mass_kg is None):
-            raise ValueError("mass_kg: belongs to thrust_n: give both, or neither")
+            raise ValueError("mass_kg: belongs to thrust_n; give both, or neither")
         if self.isp_s is not None and self.thrust_n is None:
-            raise ValueError("isp_s: belongs to thrust_n and mass_kg: give those, or leave it out")
+            raise ValueError("isp_s: belongs to thrust_n and mass_kg; give those, or leave it out")
         if self.rise_s + self.fall_s > self.duration_s:
             raise ValueError(
                 f"rise_s: {self.rise_s:g} s of rise and {self.fall_s:g} s of fall are longer than the burn of "
-                f"{self.duration_s:g} s: shorten them, or burn for longer"
+                f"{self.duration_s:g} s; shorten them, or burn for longer"
             )
         if self.mass_kg is not None and self._flow_kg_s * self.full_thrust_s >= self.mass_kg:
             last = self.mass_kg / self._flow_kg_s
-            raise ValueError(f"duration_s: all {self.mass_kg:g} kg are used up after {last:g} s: burn for less")
+            raise ValueError(f"duration_s: all {self.mass_kg:g} kg are used up after {last:g} s; burn for less")
         return self
 
     @property
@@ -177,13 +177,18 @@ class Burn(Part):
         return 1.0, since_s - 0.5 * self.rise_s
 
 
-def describe_late(maneuvers: Sequence[Impulse | Burn], end_s: float) -> list[str]:
-    """Report maneuvers after the last frame: one line of advice, or none.
+def describe_late_maneuvers(maneuvers: Sequence[Impulse | Burn], end_s: float) -> list[str]:
+    """Describe the maneuvers that come after the last frame.
 
     Parameters
     ----------
     maneuvers : impulses and burns
     end_s : time of the last frame [s]
+
+    Returns
+    -------
+    list of str
+        one line of advice; empty if there are none
     """
     late = [one for one in maneuvers if one.edges_s[0] > end_s]
     if not late:

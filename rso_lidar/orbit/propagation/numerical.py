@@ -21,7 +21,7 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.orbit.propagation.j2 import J2
-from rso_lidar.orbit.propagation.maneuver import Axes3, Burn, Impulse, describe_late
+from rso_lidar.orbit.propagation.maneuver import Axes3, Burn, Impulse, describe_late_maneuvers
 from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
 from rso_lidar.orbit.two_body.kepler import Kepler, State
 from rso_lidar.part import Part
@@ -91,7 +91,7 @@ class Numerical(Part):
         for k, one in enumerate(self.maneuvers):
             if one.axes == "chief_rtn":
                 raise ValueError(
-                    f"maneuvers[{k}].axes: 'chief_rtn' are the axes of another body, and 'numerical' is relative to none: "
+                    f"maneuvers[{k}].axes: 'chief_rtn' are the axes of another body, and 'numerical' is relative to none; "
                     "use 'rtn', 'vnc' or 'inertial', or the motion 'nonlinear'"
                 )
         return self
@@ -157,7 +157,7 @@ class Numerical(Part):
         -------
         one line of advice; empty if there are none
         """
-        return describe_late(self.maneuvers, end_s)
+        return describe_late_maneuvers(self.maneuvers, end_s)
 
     @property
     def impulses_s(self) -> tuple[float, ...]:
@@ -254,7 +254,7 @@ class IntegratedOrbit:
             bad = way * times >= way * by_s
             where = f"falls below {self._floor_m / units.KM:g} km" if self._floor_m else "meets the Earth"
             raise PropagationError(
-                f"numerical: {where} by {by_s:.0f} s after the start, before {int(bad.sum())} of {len(bad)} epochs: end the "
+                f"numerical: {where} by {by_s:.0f} s after the start, before {int(bad.sum())} of {len(bad)} epochs; end the "
                 "run before that, or raise the orbit",
                 bad,
             ) from None

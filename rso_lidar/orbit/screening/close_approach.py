@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rso_lidar.orbit.screening.distinct_minima import EQUAL_M, select_distinct_minima
 from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
 from rso_lidar.orbit.screening.scheduled_fleet import InTeme, ScheduledFleet
 from rso_lidar.orbit.screening.trajectory_piece import BRIEF_S, SWITCH_S
 from rso_lidar.orbit.sets.fleet import Fleet
 
 ROOT_S = 1e-4
+# Minima that differ by less are equal: rounding in SGP4 alone moves a position by some 1e-7 m after days.
+EQUAL_M = 1e-4
 _MOST_TURNS = 80
 _DIFFERENCE_S = 0.5
 
@@ -197,6 +198,26 @@ def refine_approaches(
             )
         )
     return approaches
+
+
+def select_distinct_minima(range_m: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return the minima that a rise of more than `EQUAL_M` separates from the one before; of others the first least one.
+
+    Two bodies on one circle have a constant distance, and many minima of rounding, of which one is left.
+
+    Parameters
+    ----------
+    range_m : (node,) range at ascending instants [m]
+    at : (minimum,) ascending indices of its minima, one or more
+    """
+    kept = [int(at[0])]
+    for one in at[1:].tolist():
+        rise_m = range_m[kept[-1] : one + 1].max() - max(range_m[kept[-1]], range_m[one])
+        if rise_m > EQUAL_M:
+            kept.append(one)
+        elif range_m[one] < range_m[kept[-1]] - EQUAL_M:
+            kept[-1] = one
+    return np.array(kept)
 
 
 def join_approaches(pieces: Sequence[CloseApproach], lead: InTeme, flights: ScheduledFleet) -> list[CloseApproach]:

@@ -15,7 +15,10 @@ from rso_lidar.orbit.screening.mixed_fleet import MixedFleet
 from rso_lidar.orbit.screening.trajectory_piece import SWITCH_S, find_pieces
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.fleet import Fleet
+from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.pose import rotate_vectors
+from rso_lidar.records import BodyState
 
 STEP_S = 300.0  # of the coarse grid
 ScreenedObject: TypeAlias = ElementSet | Sequence[ElementSet] | Trajectory
@@ -129,6 +132,12 @@ class ScheduledFleet:
         beyond = (time_s < self.from_s[number] - 1e-9) | (time_s > self.to_s[number] + SWITCH_S + 1e-9)
         position[beyond], velocity[beyond] = np.nan, np.nan  # a piece is continued there
         return position, velocity
+
+    def states_in_gcrs(self, which: np.ndarray, epochs: Epochs) -> BodyState:
+        """Return states (pair, 3) in GCRS axes of the objects ``which[k]`` at the epochs ``k``, as `at` does."""
+        position, velocity = self.at(which, epochs.time_s)
+        rotation = gcrs_from_teme(epochs)
+        return BodyState(rotate_vectors(rotation, position), rotate_vectors(rotation, velocity))
 
     def elements(self, which: int, time_s: float) -> Any:
         """Return the set or the piece that applies to an object at an instant [s]."""

@@ -245,7 +245,7 @@ def sample_states(
         for part in found:
             if part.shape != (int(good.sum()), 3):
                 label = getattr(entry, "label", type(entry).__name__)
-                raise ScenarioError(f"{label}: states has the shape {part.shape}: return (time, 3) for each epoch")
+                raise ScenarioError(f"{label}: states has the shape {part.shape}; return (time, 3) for each epoch")
         position[good], velocity[good] = found
         break
     lost = ~(np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1))

@@ -8,12 +8,12 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal, get_args
 
-from rso_lidar.errors import CatalogError
+from rso_lidar.errors import CatalogError, quote_value
 from rso_lidar.files import write_atomically
-from rso_lidar.orbit.sets.element_set import ElementSet, quote_set
-from rso_lidar.orbit.sets.formats import check_path, parse_text, read_file
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sets.formats import check_path, parse_element_sets, read_file
 from rso_lidar.orbit.sets.omm_text import format_csv, format_json, format_kvn, format_xml
 from rso_lidar.orbit.sets.selection import select_object
 from rso_lidar.orbit.sets.set_sequence import SetSequence
@@ -21,10 +21,8 @@ from rso_lidar.orbit.sets.tle_text import format_tles
 from rso_lidar.shipped import find
 
 Regime = Literal["leo", "meo", "geo", "heo", "other"]
-REGIMES = ("leo", "meo", "geo", "heo", "other")
 _OMM_FORMATS = {".json": format_json, ".csv": format_csv, ".xml": format_xml, ".kvn": format_kvn}
 TLE_SUFFIXES = (".tle", ".3le", ".txt")
-CATALOG_SUFFIXES = (*_OMM_FORMATS, *TLE_SUFFIXES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +36,9 @@ class Catalog:
     duplicates : number of records left out because they repeat another of the same object and epoch
     where : name of the source, for messages
     """
+
+    REGIMES: ClassVar[tuple[str, ...]] = get_args(Regime)
+    SUFFIXES: ClassVar[tuple[str, ...]] = (*_OMM_FORMATS, *TLE_SUFFIXES)
 
     sets: tuple[ElementSet, ...]
     problems: tuple[str, ...] = ()
@@ -82,8 +83,10 @@ class Catalog:
             if the text contains no record
         """
         if not isinstance(text, str):
-            raise CatalogError(f"{where}: is {quote_set(text)}, not text: give a str, or from_file the path of a file")
-        return cls._of(*parse_text(text, where), where)
+            raise CatalogError(
+                f"{where}: is {quote_value(text)}, not text; give a str, or from_file the path of a file"
+            )
+        return cls._of(*parse_element_sets(text, where), where)
 
     @classmethod
     def _of(cls, found: Sequence[ElementSet], junk: Sequence[str], where: str) -> Catalog:
@@ -114,7 +117,7 @@ class Catalog:
             else:
                 problems.append(
                     f"{entry.where}: {entry.label} has other elements than at {first.where.rpartition(': ')[2]} for "
-                    "the same epoch, which are kept: remove one"
+                    "the same epoch, which are kept; remove one"
                 )
         return cls(tuple(kept.values()), (*problems, *junk), duplicates, where)
 
@@ -155,22 +158,22 @@ class Catalog:
             if a condition makes no sense
         """
         if name is not None and not isinstance(name, str):
-            raise CatalogError(f"name: {quote_set(name)} is not text: give a part of a name")
-        if regime is not None and regime not in REGIMES:
-            raise CatalogError(f"regime: '{regime}' is unknown: use one of {', '.join(REGIMES)}")
+            raise CatalogError(f"name: {quote_value(name)} is not text; give a part of a name")
+        if regime is not None and regime not in self.REGIMES:
+            raise CatalogError(f"regime: '{regime}' is unknown; use one of {', '.join(self.REGIMES)}")
         if (max_age_days is None) != (at is None):
             raise CatalogError(
-                "max_age_days: needs the instant from which it counts: give max_age_days and at together"
+                "max_age_days: needs the instant from which it counts; give max_age_days and at together"
             )
         if max_age_days is not None and not (isinstance(max_age_days, numbers.Real) and max_age_days >= 0.0):
-            raise CatalogError(f"max_age_days: {quote_set(max_age_days)} is not an age: give 0 or more days")
+            raise CatalogError(f"max_age_days: {quote_value(max_age_days)} is not an age; give 0 or more days")
         if epoch_within is not None:
             if not isinstance(epoch_within, Sequence) or isinstance(epoch_within, str) or len(epoch_within) != 2:
                 raise CatalogError(
-                    f"epoch_within: {quote_set(epoch_within)} is not a span: give two times, first and last"
+                    f"epoch_within: {quote_value(epoch_within)} is not a span; give two times, first and last"
                 )
             if _check_datetime("epoch_within", epoch_within[0]) > _check_datetime("epoch_within", epoch_within[1]):
-                raise CatalogError("epoch_within: ends before it begins: give the earlier time first")
+                raise CatalogError("epoch_within: ends before it begins; give the earlier time first")
         if at is not None:
             _check_datetime("at", at)
         kept: Iterable[ElementSet] = self.sets
@@ -233,17 +236,17 @@ class Catalog:
         elif suffix in TLE_SUFFIXES:
             text = format_tles(self.sets, self.where)
         else:
-            known = ", ".join(CATALOG_SUFFIXES)
-            raise CatalogError(f"{path}: '{suffix}' is not a format of catalogues: use one of {known}")
+            known = ", ".join(self.SUFFIXES)
+            raise CatalogError(f"{path}: '{suffix}' is not a format of catalogues; use one of {known}")
         with write_atomically(path) as draft:
             draft.write_text(text, encoding="utf-8")
 
 
 def _check_datetime(what: str, at: Any) -> datetime.datetime:
     if not isinstance(at, datetime.datetime):
-        raise CatalogError(f"{what}: {quote_set(at)} is not a time: give a datetime with its time zone")
+        raise CatalogError(f"{what}: {quote_value(at)} is not a time; give a datetime with its time zone")
     if at.tzinfo is None:
-        raise CatalogError(f"{what}: a time without an offset is ambiguous: give it a time zone, such as UTC")
+        raise CatalogError(f"{what}: a time without an offset is ambiguous; give it a time zone, such as UTC")
     return at
 
 
@@ -254,7 +257,7 @@ def _check_numbers(wanted: Any) -> set[int]:
     for number in found:
         if isinstance(number, bool) or not isinstance(number, numbers.Integral):
             raise CatalogError(
-                f"norad_id: {quote_set(number)} is not a catalogue number: give a whole number, such as 25544"
+                f"norad_id: {quote_value(number)} is not a catalogue number; give a whole number, such as 25544"
             )
     return {int(number) for number in found}
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rso_lidar import units
-from rso_lidar.errors import join_problems
+from rso_lidar.errors import join_problems, make_printable, quote_value
 
 NO_EPOCH = datetime.datetime(1, 1, 1, tzinfo=datetime.UTC)  # epoch of a record too damaged to have one
 REQUIRED = (
@@ -63,20 +63,6 @@ SGP4_XP = 4  # ephemeris type of another theory; SGP4 would propagate such a set
 _EPOCH = re.compile(
     r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))[T ](\d\d):(\d\d):(\d\d)(?:\.(\d*))?(Z|[+-]00:?00)?", re.ASCII | re.IGNORECASE
 )
-
-# C0 and C1 controls, the separators of lines and paragraphs, and the marks of writing direction.
-_UNPRINTED = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb]+")
-
-
-def make_printable(text: str) -> str:
-    r"""Make one printable line of a text: control characters become a space, and unpaired surrogates a '?'.
-
-    >>> make_printable("A\nB \ud800")
-    'A B ?'
-    """
-    if text.isprintable():
-        return text
-    return _UNPRINTED.sub(" ", text.encode("utf-8", "replace").decode("utf-8")).strip()
 
 
 @dataclass(frozen=True)
@@ -260,21 +246,21 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
             return value
         found = _parse_number(value)
         if found is None:
-            wrong.append(f"{key} {quote_set(value)} is not a number")
+            wrong.append(f"{key} {quote_value(value)} is not a number")
         return math.nan if found is None else found
 
     def whole(key: str, most: int = 10**9) -> int:
         value = number(key, 0.0)
         if value != value or not 0 <= value < most or value != int(value):
             wrong.append(
-                f"{key} {quote_set(fields.get(key))} is not a whole number of at most {len(str(most - 1))} digits"
+                f"{key} {quote_value(fields.get(key))} is not a whole number of at most {len(str(most - 1))} digits"
             )
             return 0
         return int(value)
 
     for key, allowed in _ONLY.items():
         if key in fields and text(key) and text(key).upper() not in allowed:
-            wrong.append(f"{key} is {quote_set(fields[key])}, which SGP4 cannot propagate: it needs {allowed[0]}")
+            wrong.append(f"{key} is {quote_value(fields[key])}, which SGP4 cannot propagate: it needs {allowed[0]}")
     is_foreign = any(what.startswith("MEAN_ELEMENT_THEORY") for what in wrong)
     has_type = text("EPHEMERIS_TYPE") == str(SGP4_XP)
     if not is_foreign and (has_type or (text("BTERM") and not text("BSTAR"))):
@@ -360,7 +346,7 @@ def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
     """
     found = _EPOCH.fullmatch(text)
     if found is None:
-        raise ValueError(f"EPOCH {quote_set(text)} is not a UTC instant such as 2024-09-17T12:00:00.123456")
+        raise ValueError(f"EPOCH {quote_value(text)} is not a UTC instant such as 2024-09-17T12:00:00.123456")
     year, month, day, day_of_year, hour, minute, second, decimals, _ = found.groups()
     digits = (decimals or "").ljust(6, "0")
     try:
@@ -374,9 +360,9 @@ def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
         )
     except (ValueError, OverflowError):
         why = "is in a leap second or not a time of day" if int(second) >= 60 else "is not a calendar date"
-        raise ValueError(f"EPOCH {quote_set(text)} {why}") from None
+        raise ValueError(f"EPOCH {quote_value(text)} {why}") from None
     if not 1957 <= epoch.year <= 2200:
-        raise ValueError(f"EPOCH {quote_set(text)} is not between 1957 and 2200")
+        raise ValueError(f"EPOCH {quote_value(text)} is not between 1957 and 2200")
     return epoch, float(f"0.{digits[6:] or 0}") * 1e3
 
 
@@ -390,12 +376,3 @@ def _parse_number(value: Any) -> float | None:
     except (ValueError, OverflowError):
         return None
     return found if math.isfinite(found) else None
-
-
-def quote_set(value: Any) -> str:
-    """Quote a value for a message, cut to 40 characters."""
-    try:
-        text = " ".join(str(value).split())
-    except (ValueError, RecursionError):  # an integer of thousands of digits
-        text = type(value).__name__
-    return f"'{text[:37]}...'" if len(text) > 40 else f"'{text}'"

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rso_lidar.errors import CatalogError
+from rso_lidar.errors import CatalogError, make_printable, quote_value
 from rso_lidar.files import MOST_BYTES, explain_unreadable, read_bytes
-from rso_lidar.orbit.sets.element_set import ElementSet, make_printable, quote_set
+from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.omm_text import Found, KvnCollector, is_csv, read_csv, read_json, read_xml
 from rso_lidar.orbit.sets.selection import select_object
 from rso_lidar.orbit.sets.tle_text import decode_text, identify_element_line, read_set
@@ -23,12 +23,27 @@ _QUOTED_FROM, _MOST_QUOTED = 20_000, 120  # characters of a text without element
 def check_path(path: Any) -> str:
     """Check that a value is a path, and return it as text."""
     if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
-        raise CatalogError(f"catalogue: {quote_set(path)} is not a path: give the path of a file of element sets")
+        raise CatalogError(f"catalogue: {quote_value(path)} is not a path; give the path of a file of element sets")
     return os.fspath(path)
 
 
 def read_element_sets(path: str | Path) -> list[ElementSet]:
-    """Read every element set of a catalogue, bad ones with their `problem`; a file without any raises `CatalogError`."""
+    """Read every element set of a file, bad ones included.
+
+    Parameters
+    ----------
+    path : path of the file, in any of the formats of `Catalog.from_file`
+
+    Returns
+    -------
+    list of ElementSet
+        sets in the order of the file, bad ones with their `problem`
+
+    Raises
+    ------
+    CatalogError
+        if the file cannot be read, or holds no record
+    """
     return list(read_file(Path(check_path(path)))[0])
 
 
@@ -81,7 +96,7 @@ def read_file(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
     try:
         status = path.stat()
         if path.is_dir():
-            raise CatalogError(f"{path}: is a folder: give the path of a file of element sets")
+            raise CatalogError(f"{path}: is a folder; give the path of a file of element sets")
         return _read(path, status.st_mtime_ns, status.st_size)
     except (OSError, ValueError) as error:
         if isinstance(error, CatalogError):
@@ -109,20 +124,35 @@ def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, 
     """
     content = read_bytes(path, MOST_BYTES, CatalogError, "catalogue")
     if content.startswith((b"\x1f\x8b", b"PK\x03\x04")):
-        raise CatalogError(f"{path}: is compressed ({'zip' if content[:1] == b'P' else 'gzip'}): decompress it")
+        raise CatalogError(f"{path}: is compressed ({'zip' if content[:1] == b'P' else 'gzip'}); decompress it")
     text = decode_text(content)
     if text is None:
-        raise CatalogError(f"{path}: is not UTF-8 text: give a file of two-line element sets")
-    sets, junk = parse_text(text, str(path))
+        raise CatalogError(f"{path}: is not UTF-8 text; give a file of two-line element sets")
+    sets, junk = parse_element_sets(text, str(path))
     return tuple(sets), tuple(junk)
 
 
-def parse_text(text: str, where: str) -> Found:
-    """Parse the element sets of a text, bad ones included, with a line for each part of it that is not a record."""
+def parse_element_sets(text: str, where: str) -> Found:
+    """Parse the element sets of a text, bad ones included.
+
+    Parameters
+    ----------
+    text : element sets as TLE, 3LE, or OMM in JSON, CSV, XML or KVN
+    where : name of the text, for messages
+
+    Returns
+    -------
+    sets, junk : the element sets, bad ones with their `problem`, and a line for each part of the text that is no record
+
+    Raises
+    ------
+    CatalogError
+        if the text is empty or holds no record
+    """
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
     start = text.lstrip()
     if not start:
-        raise CatalogError(f"{where}: is empty: give a file of two-line element sets")
+        raise CatalogError(f"{where}: is empty; give a file of two-line element sets")
     first = next((line for line in start.split("\n") if line.strip() and not line.startswith("#")), "")
     if re.match(r"[\[{]\s*[{}\]\"]", start):
         found = read_json(text, where)
@@ -155,7 +185,7 @@ def _make_refusal(where: str, text: str) -> CatalogError:
         quoted = f"{quoted[: _MOST_QUOTED - 3]}..."
     what = f", but '{quoted}'" if quoted else ""
     return CatalogError(
-        f"{where}: does not contain a two-line element set or an OMM{what}: fetch it again, or give another file"
+        f"{where}: does not contain a two-line element set or an OMM{what}; fetch it again, or give another file"
     )
 
 
@@ -204,7 +234,7 @@ def read_lines(lines: Iterable[str], where: str) -> Found:
         if name is not None:
             junk.append(
                 f"{where}: line {name[0]}: '{make_printable(name[1][:40])}' is not an element line, and no "
-                "element line follows it: remove it"
+                "element line follows it; remove it"
             )
 
     at = 0

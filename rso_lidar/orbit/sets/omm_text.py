@@ -15,8 +15,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 from xml.sax.saxutils import escape
 
-from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.sets.element_set import KEYS, KNOWN, REQUIRED, ElementSet, element_set_from_omm, make_printable
+from rso_lidar.errors import CatalogError, make_printable
+from rso_lidar.orbit.sets.element_set import KEYS, KNOWN, REQUIRED, ElementSet, element_set_from_omm
 
 Found = tuple[list[ElementSet], list[str]]
 
@@ -61,7 +61,7 @@ def read_json(text: str, where: str) -> Found:
         if isinstance(record, dict) and KNOWN.intersection(record):
             sets.append(_set_from_json(record, place))
         else:
-            junk.append(f"{place}: is not an object with the keys of an OMM: remove it")
+            junk.append(f"{place}: is not an object with the keys of an OMM; remove it")
     return sets, junk
 
 
@@ -91,9 +91,9 @@ def _salvage_json(text: str, where: str) -> Found:
         counted, end = found.start(), found.end()
         place = f"{where}: line {line}"
         if between:
-            junk.append(f"{place}: '{_shorten(between)}' before it is not JSON: remove it")
+            junk.append(f"{place}: '{_shorten(between)}' before it is not JSON; remove it")
         if not any(f'"{key}"' in found[0].upper() for key in KNOWN):
-            junk.append(f"{place}: '{_shorten(found[0])}' has no key of an OMM: remove it")
+            junk.append(f"{place}: '{_shorten(found[0])}' has no key of an OMM; remove it")
             continue
         try:
             if not found[1]:
@@ -103,7 +103,7 @@ def _salvage_json(text: str, where: str) -> Found:
             what = "is cut off" if not found[1] else f"is not JSON ({_shorten(getattr(error, 'msg', str(error)))})"
             name = re.search(r'"OBJECT_NAME"\s*:\s*"([^"]*)"', found[0], re.IGNORECASE)
             number = re.search(r'"NORAD_CAT_ID"\s*:\s*"?(\d{1,9})\b', found[0], re.IGNORECASE)
-            problem = f"{place}: this record {what}: fetch it again"
+            problem = f"{place}: this record {what}; fetch it again"
             sets.append(
                 ElementSet(name[1] if name else "", int(number[1]) if number else 0, where=place, problem=problem)
             )
@@ -111,7 +111,7 @@ def _salvage_json(text: str, where: str) -> Found:
         sets.append(_set_from_json(record, place))
     after = text[end:].strip(" \t\r\n,[]}")
     if after:
-        junk.append(f"{where}: line {text.count(chr(10), 0, end) + 1}: '{_shorten(after)}' is not JSON: remove it")
+        junk.append(f"{where}: line {text.count(chr(10), 0, end) + 1}: '{_shorten(after)}' is not JSON; remove it")
     return sets, junk
 
 
@@ -152,10 +152,10 @@ def read_csv(text: str, where: str) -> Found:
 def _check_header(place: str, header: list[str]) -> None:
     twice = next((name for name in header if name in KNOWN and header.count(name) > 1), None)
     if twice:
-        raise CatalogError(f"{place}: column '{twice}{_TWICE}: remove one")
+        raise CatalogError(f"{place}: column '{twice}{_TWICE}; remove one")
     missing = [name for name in REQUIRED if name not in header and not (name == "BSTAR" and "BTERM" in header)]
     if missing:
-        raise CatalogError(f"{place}: column {', '.join(missing)} is missing: an OMM needs {', '.join(REQUIRED)}")
+        raise CatalogError(f"{place}: column {', '.join(missing)} is missing; an OMM needs {', '.join(REQUIRED)}")
 
 
 def _make_broken(place: str, what: str, fields: dict[str, str] | None = None) -> ElementSet:
@@ -175,7 +175,7 @@ def _make_broken(place: str, what: str, fields: dict[str, str] | None = None) ->
     number = fields.get("NORAD_CAT_ID", "").strip()
     identity = int(number) if number.isascii() and number.isdigit() and len(number) < 10 else 0
     name = fields.get("OBJECT_NAME", "").strip()
-    return ElementSet(name, identity, where=place, problem=f"{place}: {what}: correct the record, or fetch it again")
+    return ElementSet(name, identity, where=place, problem=f"{place}: {what}; correct the record, or fetch it again")
 
 
 def read_xml(text: str, where: str) -> Found:
@@ -183,7 +183,7 @@ def read_xml(text: str, where: str) -> Found:
     import xml.etree.ElementTree as ET
 
     if re.search(r"<!\s*(?:DOCTYPE|ENTITY)", text, re.IGNORECASE):
-        raise CatalogError(f"{where}: declares a DOCTYPE or entities, which an OMM does not need: remove them")
+        raise CatalogError(f"{where}: declares a DOCTYPE or entities, which an OMM does not need; remove them")
     try:
         root = ET.fromstring(text)
     except (ET.ParseError, ValueError, RecursionError) as error:
@@ -236,7 +236,7 @@ def _salvage_xml(text: str, where: str, error: str) -> Found:
             sets.append(_make_broken(place, f"this message is not XML ({wrong})", _find_identity(piece[0])))
             continue
         sets.append(_set_from_xml(next(iter(_find_messages(node)), []), place))
-    junk = [] if any(entry.problem for entry in sets) else [f"{where}: is not complete XML ({error}): fetch it again"]
+    junk = [] if any(entry.problem for entry in sets) else [f"{where}: is not complete XML ({error}); fetch it again"]
     return sets, junk
 
 

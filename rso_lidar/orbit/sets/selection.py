@@ -32,11 +32,11 @@ def select_object(
     """
     meant = list(sets)
     if not meant:
-        raise CatalogError(f"{where}: does not contain a good element set: see its problems")
+        raise CatalogError(f"{where}: does not contain a good element set; see its problems")
     if norad_id is not None:
         meant = [entry for entry in meant if entry.norad_id == norad_id]
         if not meant:
-            raise CatalogError(f"{where}: no object with norad_id {norad_id}: it holds {_list_labels(sets)}")
+            raise CatalogError(f"{where}: no object with norad_id {norad_id}; it holds {_list_labels(sets)}")
     if name is not None:
         found = [entry for entry in meant if entry.name.casefold() == name.strip().casefold()]
         if not found:
@@ -44,13 +44,13 @@ def select_object(
             guess = did_you_mean(name.casefold(), names)
             for folded, written_so in names.items():
                 guess = guess.replace(f"'{folded}'", f"'{written_so}'")
-            raise CatalogError(f"{where}: no object named '{name}'{guess or ': it holds ' + _list_labels(meant)}")
+            raise CatalogError(f"{where}: no object named '{name}'{guess or '; it holds ' + _list_labels(meant)}")
         meant = found
     if any(entry.norad_id for entry in meant):  # ignore lines too damaged to name their object
         meant = [entry for entry in meant if entry.norad_id]
     if len({entry.norad_id for entry in meant}) > 1:
         key = "norad_id" if name is not None else "name or norad_id"
-        raise CatalogError(f"{where}: holds several objects, {_list_labels(meant)}: choose one with {key}")
+        raise CatalogError(f"{where}: holds several objects, {_list_labels(meant)}; choose one with {key}")
     return meant
 
 

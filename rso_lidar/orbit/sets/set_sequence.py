@@ -55,13 +55,13 @@ class SetSequence:
 
     def __post_init__(self) -> None:
         if not self.sets:
-            raise CatalogError("trajectory: needs at least one element set: choose an object that has one")
+            raise CatalogError("trajectory: needs at least one element set; choose an object that has one")
         bad = next((entry.problem for entry in self.sets if entry.problem), None)
         if bad is not None:
             raise CatalogError(bad)
         if len({entry.identity for entry in self.sets}) > 1:
             raise CatalogError(
-                f"trajectory: contains sets of {self.sets[0].label} and of other objects: choose the sets of one object"
+                f"trajectory: contains sets of {self.sets[0].label} and of other objects; choose the sets of one object"
             )
         distinct = {(entry.epoch_utc, entry.epoch_rest_ns): entry for entry in reversed(self.sets)}
         object.__setattr__(self, "sets", tuple(distinct[epoch] for epoch in sorted(distinct)))

@@ -179,7 +179,7 @@ class Tle(Part):
         inline = self.lines is not None or bool(self.messages)
         if (self.file is None) != inline:
             raise ValueError(
-                "needs exactly one of file and lines: give the path of a file of element sets, or the two lines of one"
+                "needs exactly one of file and lines; give the path of a file of element sets, or the two lines of one"
             )
         if inline:
             read = self._inline_sets()
@@ -189,7 +189,7 @@ class Tle(Part):
                 raise ValueError(wrong)
             chosen = select_set(read, "lines")
             if self.norad_id not in (None, chosen.norad_id):
-                raise ValueError(f"lines: are of NORAD {chosen.norad_id}, not {self.norad_id}: correct norad_id")
+                raise ValueError(f"lines: are of NORAD {chosen.norad_id}, not {self.norad_id}; correct norad_id")
         return self
 
     def _inline_sets(self) -> tuple[ElementSet, ...]:
@@ -206,7 +206,7 @@ class Tle(Part):
         if path is None:
             places = f"in {folder or Path.cwd()} and among the shipped data in {shipped()}"
             looked = "" if expand_user(self.file).is_absolute() else f", looked for {places}"
-            raise CatalogError(f"{self.file}: no such file{looked}: check the path")
+            raise CatalogError(f"{self.file}: no such file{looked}; check the path")
         return read_object(path, self.file, self.name, self.norad_id), self.file
 
     def elements(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> ElementSet:

@@ -130,7 +130,7 @@ def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, erro
     why += describe_decay(elements, find_decay_times(elements).since_epoch_s(0, since_s)) if code != TOO_OLD else ""
     return (
         f"{elements.kind} {elements.label}: SGP4 has no state at {int(bad.sum())} of {len(bad)} epochs, first at "
-        f"time_s = {epochs.time_s[first]:g}: {why}: use epochs nearer to the elements' epoch "
+        f"time_s = {epochs.time_s[first]:g}: {why}; use epochs nearer to the elements' epoch "
         f"{elements.epoch_utc:%Y-%m-%dT%H:%MZ}, or take another set"
     )
 

@@ -91,9 +91,9 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
     place = f"{where}: line {number}"
     line1, line2, at = line, "", at + 1
     if line[0] == "2":
-        line1, line2, problem = "", line, f"{place}: a line 2 without its line 1 before it: restore the missing line"
+        line1, line2, problem = "", line, f"{place}: a line 2 without its line 1 before it; restore the missing line"
     elif after is None:
-        problem = f"{place}: the file ends before line 2 of this element set: restore the missing line"
+        problem = f"{place}: the file ends before line 2 of this element set; restore the missing line"
     elif not after[1].startswith("2 "):
         at += (
             identify_element_line(after[1]) is None and len(lines[at][1]) == LINE_LENGTH
@@ -109,7 +109,7 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
         fields = _parse_fields(line1, line2)
     except (ValueError, OverflowError, IndexError) as error:
         fields = {}
-        problem = problem or f"{place}: a number cannot be read ({error}): fetch the set again"
+        problem = problem or f"{place}: a number cannot be read ({error}); fetch the set again"
     if not problem:
         found = ElementSet(name, identity, line1, line2, place, None, **fields)
         out = explain_impossible(found)
@@ -205,7 +205,7 @@ def _find_problem(line1: str, number1: int, line2: str, number2: int, where: str
     if parse_norad_id(line1[2:7]) != parse_norad_id(line2[2:7]):
         return (
             f"{where}: line {number2}: is of object '{line2[2:7].strip()}', the line before it of "
-            f"'{line1[2:7].strip()}': restore the missing line"
+            f"'{line1[2:7].strip()}'; restore the missing line"
         )
     return None
 
@@ -216,34 +216,34 @@ def _find_line_problem(which: int, line: str) -> str | None:
         return f"should begin with '{which} ', not '{line[:2]}'"
     if len(line) != LINE_LENGTH:
         what = "is truncated" if len(line) < LINE_LENGTH else "is too long"
-        return f"{what}: {len(line)} characters, an element line has {LINE_LENGTH}: fetch the set again"
+        return f"{what}: {len(line)} characters, an element line has {LINE_LENGTH}; fetch the set again"
     if not (line.isascii() and line.isprintable()):
-        return "contains a character that an element set cannot contain: fetch the set again"
+        return "contains a character that an element set cannot contain; fetch the set again"
     expected = str(compute_checksum(line))
     if line[68] != expected:
-        return f"wrong checksum: its digits add up to {expected}, its last is '{line[68]}': fetch the set again"
+        return f"wrong checksum: its digits add up to {expected}, its last is '{line[68]}'; fetch the set again"
     if parse_norad_id(line[2:7]) is None:
-        return f"'{line[2:7]}' is not a catalogue number: fetch the set again"
+        return f"'{line[2:7]}' is not a catalogue number; fetch the set again"
     for column in _BLANK[which]:
         if line[column] != " ":
-            return f"column {column + 1} is '{line[column]}' and should be blank (shifted columns): fetch the set again"
+            return f"column {column + 1} is '{line[column]}' and should be blank (shifted columns); fetch the set again"
     for what, (first, end) in _NUMBERS[which].items():
         field = line[first:end]
         if what == "eccentricity":
             if not re.fullmatch(r"[ 0-9]{7}", field):
-                return f"eccentricity '{field}' is not a number of seven digits, its point implied: fetch the set again"
+                return f"eccentricity '{field}' is not a number of seven digits, its point implied; fetch the set again"
         elif not _NUMBER.fullmatch(field):
-            return f"{what} '{field}' is not a number: fetch the set again"
+            return f"{what} '{field}' is not a number; fetch the set again"
     if which == 1:
         day = line[20:32].strip()
         if not (line[18:20].isdigit() and re.fullmatch(r"\d+\.?\d*", day)):
-            return f"epoch '{line[18:32]}' is not a year and day: fetch the set again"
+            return f"epoch '{line[18:32]}' is not a year and day; fetch the set again"
         year = _parse_year(line)
         if not 1.0 <= float(day) < _count_days(year) + 1.0:
-            return f"epoch '{line[18:32]}' is not a year and day ({year} has {_count_days(year)} days): fetch the set again"
+            return f"epoch '{line[18:32]}' is not a year and day ({year} has {_count_days(year)} days); fetch the set again"
         for what, (first, end) in _PACKED.items():
             if not _PACKED_NUMBER.fullmatch(line[first:end]):
-                return f"{what} '{line[first:end]}' is not a number: fetch the set again"
+                return f"{what} '{line[first:end]}' is not a number; fetch the set again"
     return None
 
 
@@ -276,14 +276,14 @@ def format_tle(elements: ElementSet) -> tuple[str, str]:
     number, code = elements.norad_id, f"{elements.norad_id:05d}"
     if number > _HIGHEST_ALPHA5:
         raise CatalogError(
-            f"{elements.label}: its number is above {_HIGHEST_ALPHA5}, the largest of a TLE: write .json"
+            f"{elements.label}: its number is above {_HIGHEST_ALPHA5}, the largest of a TLE; write .json"
         )
     if number > 99_999:
         code = f"{_ALPHA5[number // 10_000 - 10]}{number % 10_000:04d}"
     epoch, e = elements.epoch_utc, round(elements.eccentricity * 1e7)
     designator = re.sub(r"^(?:19|20)(\d\d)-", r"\1", elements.object_id)[:8]
     rate = f"{elements.mean_motion_dot_rev_day2:+.8f}".replace("+0.", " .").replace("-0.", "-.")
-    out = CatalogError(f"{elements.label}: its numbers do not fit the columns of a TLE: write .json")
+    out = CatalogError(f"{elements.label}: its numbers do not fit the columns of a TLE; write .json")
     if len(rate) != 10 or e > 9_999_999 or not _FIRST_YEAR <= epoch.year <= _LAST_YEAR or explain_impossible(elements):
         raise out
     line1 = (

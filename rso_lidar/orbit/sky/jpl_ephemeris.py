@@ -43,12 +43,12 @@ class JplEphemeris:
     def __post_init__(self) -> None:
         place = find(self.path)
         if place is None:
-            raise ScenarioError(f"{self.path}: no such file: give the path of a kernel of the JPL, such as de440s.bsp")
+            raise ScenarioError(f"{self.path}: no such file; give the path of a kernel of the JPL, such as de440s.bsp")
         check_regular(place, sys.maxsize, ScenarioError, "kernel (SPK, .bsp)")
         object.__setattr__(self, "path", place)
         with self._open() as kernel:
             if 399 not in kernel.codes:
-                raise ScenarioError(f"{self.path}: does not contain the Earth: give a kernel such as de440s.bsp")
+                raise ScenarioError(f"{self.path}: does not contain the Earth; give a kernel such as de440s.bsp")
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -148,7 +148,7 @@ class JplEphemeris:
                 bad,
             ) from None
         except (TypeError, ValueError, OSError):
-            raise ScenarioError(f"{self.path}: is cut short: fetch it again") from None
+            raise ScenarioError(f"{self.path}: is cut short; fetch it again") from None
 
     @contextmanager
     def _open(self) -> Iterator[Any]:
@@ -160,7 +160,7 @@ class JplEphemeris:
             if isinstance(error, OSError):
                 raise ScenarioError(explain_unreadable(self.path, error)) from None
             raise ScenarioError(
-                f"{self.path}: is not a kernel (SPK, .bsp): give a kernel of the JPL, such as de440s.bsp"
+                f"{self.path}: is not a kernel (SPK, .bsp); give a kernel of the JPL, such as de440s.bsp"
             ) from None
         try:
             yield kernel

@@ -32,6 +32,10 @@ def equator_axes(epochs: Epochs) -> np.ndarray:
     """Return rotation matrices (time, 3, 3) equator_from_gcrs.
 
     z is the pole of date; x is GCRS x after the smallest rotation that takes GCRS z to the pole.
+
+    Parameters
+    ----------
+    epochs : instants
     """
     z = pole_direction(epochs)
     x = np.stack([1.0 - z[:, 0] ** 2, -z[:, 0] * z[:, 1], -z[:, 0] * z[:, 2]], axis=-1)

@@ -151,6 +151,31 @@ def start_eccentric_anomaly(mean_anomaly_rad: np.ndarray, eccentricity: np.ndarr
     return root
 
 
+def solve_kepler(mean_anomaly_rad: np.ndarray, eccentricity: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return sine and cosine of an ellipse's eccentric anomaly (Markley 1995, eqs. 15-26, then a step of Newton's method).
+
+    Parameters
+    ----------
+    mean_anomaly_rad : (…) [rad]
+    eccentricity : below 1
+
+    Returns
+    -------
+    sine, cosine : (…) of the eccentric anomaly
+    """
+    mean_rad, e = mean_anomaly_rad, eccentricity
+    m = mean_rad - math.tau * np.round(mean_rad / math.tau)
+    anomaly = start_eccentric_anomaly(m, e)
+    f2, f3 = e * np.sin(anomaly), e * np.cos(anomaly)
+    f0, f1 = anomaly - f2 - m, 1.0 - f3
+    step = -f0 / (f1 - 0.5 * f0 * f2 / f1)
+    step = -f0 / (f1 + 0.5 * step * (f2 + step * f3 / 3.0))
+    anomaly = anomaly - f0 / (f1 + 0.5 * step * (f2 + step / 3.0 * (f3 - 0.25 * step * f2)))
+    s, c = np.sin(anomaly), np.cos(anomaly)
+    rest = (anomaly - e * s - m) / (1.0 - e * c)  # residual of rounding
+    return s - rest * c, c + rest * s
+
+
 def angle_minus_sine(x: np.ndarray) -> np.ndarray:
     """Return x - sin x, by its series within 1 rad."""
     z = np.minimum(x * x, 1.0)

@@ -56,31 +56,31 @@ class ClassicalElements(Part):
     def _one_conic(self) -> Self:
         a_km, e = self.semi_major_axis_km, self.eccentricity
         if e == 1.0:
-            raise ValueError("eccentricity: a parabola has no semi-major axis: give its motion as type 'state'")
+            raise ValueError("eccentricity: a parabola has no semi-major axis; give its motion as type 'state'")
         if a_km == 0.0 or (a_km > 0.0) != (e < 1.0):
             sign = "positive for an ellipse (eccentricity < 1)" if e < 1.0 else "negative for a hyperbola"
-            raise ValueError(f"semi_major_axis_km: {a_km:g} with eccentricity {e:g}: make it {sign}")
+            raise ValueError(f"semi_major_axis_km: {a_km:g} with eccentricity {e:g}; make it {sign}")
         if not 0.0 <= self.inclination_deg <= 180.0:
             raise ValueError(
-                f"inclination_deg: {self.inclination_deg:g} is outside 0 to 180: turn raan_deg by 180 instead"
+                f"inclination_deg: {self.inclination_deg:g} is outside 0 to 180; turn raan_deg by 180 instead"
             )
         if (self.true_anomaly_deg is None) == (self.mean_anomaly_deg is None):
-            raise ValueError("needs exactly one of true_anomaly_deg and mean_anomaly_deg: give one of them")
+            raise ValueError("needs exactly one of true_anomaly_deg and mean_anomaly_deg; give one of them")
         body = self.central_body
         if self.perigee_m < body.radius_m:
             low_km = (body.radius_m - self.perigee_m) / units.KM
             raise ValueError(
-                f"semi_major_axis_km: the perigee is {low_km:.1f} km below {body.name}'s surface: raise it"
+                f"semi_major_axis_km: the perigee is {low_km:.1f} km below {body.name}'s surface; raise it"
             )
         far_km = body.reach_m / units.KM
         if max(a_km, self.perigee_m / units.KM) > far_km:
             raise ValueError(
                 f"semi_major_axis_km: {a_km:.10g} km is beyond {far_km:g} km, where {body.name} holds no satellite; as "
-                f"metres it would be {a_km / 1000.0:.8g} km: give kilometres"
+                f"metres it would be {a_km / 1000.0:.8g} km; give kilometres"
             )
         if self.true_anomaly_deg is not None and 1.0 + e * math.cos(self.true_anomaly_deg * units.DEG) <= 0.0:
             limit = math.acos(-1.0 / e) / units.DEG
-            raise ValueError(f"true_anomaly_deg: is beyond the asymptote: keep it within {limit:.3f} of perigee")
+            raise ValueError(f"true_anomaly_deg: is beyond the asymptote; keep it within {limit:.3f} of perigee")
         return self
 
     @property
@@ -186,23 +186,23 @@ def check_start(position_m: Vector, velocity_m_s: Vector, body: CentralBody) -> 
         slip = f"; as kilometres it would be {1000.0 * radius:g} m"
         raise ValueError(
             f"position_m: is {radius:g} m from {body.name}'s centre, inside {body.name}"
-            f"{slip if body.radius_m <= 1000.0 * radius <= body.reach_m else ''}: give metres from the centre"
+            f"{slip if body.radius_m <= 1000.0 * radius <= body.reach_m else ''}; give metres from the centre"
         )
     if radius > body.reach_m:
         raise ValueError(
             f"position_m: is {radius:g} m from {body.name}'s centre, beyond {body.reach_m:g} m, where it holds no "
-            "satellite: give metres from the centre"
+            "satellite; give metres from the centre"
         )
     speed = float(np.linalg.norm(velocity_m_s))
     if np.linalg.norm(np.cross(position_m, velocity_m_s)) <= 1e-9 * radius * speed:
         raise ValueError(
-            f"velocity_m_s: is parallel to position_m, a fall through {body.name}'s centre: give it a component across"
+            f"velocity_m_s: is parallel to position_m, a fall through {body.name}'s centre; give it a component across"
         )
     escape = math.sqrt(2.0 * body.gm_m3_s2 / radius)
     if 0.1 * escape < 1000.0 * speed < escape:  # ten times slower, kilometres per second would be no orbit either
         warn(
             f"velocity_m_s: {speed:g} m/s is a fall into {body.name}; as kilometres per second it would be an orbit, of "
-            f"{1000.0 * speed:g} m/s: give metres per second"
+            f"{1000.0 * speed:g} m/s; give metres per second"
         )
 
 
@@ -269,7 +269,7 @@ def _convergence_error(bad: np.ndarray, dt_s: np.ndarray) -> PropagationError:
     """Make the error for times at which Kepler's equation did not converge."""
     first = float(dt_s[np.argmax(bad)])
     return PropagationError(
-        f"kepler: no state at {int(bad.sum())} of {len(bad)} epochs, first {first:g} s from the epoch of the elements: "
+        f"kepler: no state at {int(bad.sum())} of {len(bad)} epochs, first {first:g} s from the epoch of the elements; "
         "ask for epochs nearer to it",
         bad,
     )

@@ -82,7 +82,7 @@ def solve_lambert_all(
     if arc.scaled_time > math.pi * (MOST_REVOLUTIONS + 1):
         raise ScenarioError(
             f"duration_s: {duration_s:g} s leave time for some {arc.scaled_time / math.pi:.3g} revolutions, and orbits of "
-            f"up to {MOST_REVOLUTIONS} are listed: give less, or give solve_lambert one number of revolutions"
+            f"up to {MOST_REVOLUTIONS} are listed; give less, or give solve_lambert one number of revolutions"
         )
     ways: tuple[Literal["short", "long"], ...] = ("short", "long")
     return tuple(
@@ -127,9 +127,9 @@ def solve_lambert(
     """
     for name, word, known in (("way", way, get_args(Way)), ("branch", branch, get_args(Branch))):
         if word not in known:
-            raise ScenarioError(f"{name}: '{word!s:.40}' is not known: write one of {', '.join(known)}")
+            raise ScenarioError(f"{name}: '{word!s:.40}' is not known; write one of {', '.join(known)}")
     if isinstance(revolutions, bool) or not isinstance(revolutions, int | np.integer) or revolutions < 0:
-        raise ScenarioError(f"revolutions: {revolutions!r:.40} is not a number of whole revolutions: give 0 or more")
+        raise ScenarioError(f"revolutions: {revolutions!r:.40} is not a number of whole revolutions; give 0 or more")
     chosen: Literal["short", "long"]
     if way in ("short", "long"):
         chosen = "long" if way == "long" else "short"
@@ -147,7 +147,7 @@ def solve_lambert(
     while most and not find_orbits(*problem, most):  # the time may be too short for `most`
         most -= 1
     raise ScenarioError(
-        f"revolutions: {duration_s:g} s leave no time for {revolutions}; at most {most} the {chosen} way: "
+        f"revolutions: {duration_s:g} s leave no time for {revolutions}; at most {most} the {chosen} way; "
         "ask for fewer, or give a longer duration"
     )
 
@@ -159,7 +159,7 @@ def _vector(name: str, given: Any) -> np.ndarray:
     except (TypeError, ValueError):
         vector = np.empty(0)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise ScenarioError(f"{name}: lambert needs three finite numbers, from the Earth's centre: correct it")
+        raise ScenarioError(f"{name}: lambert needs three finite numbers, from the Earth's centre; correct it")
     return vector
 
 
@@ -202,14 +202,14 @@ class _Geometry:
         start, end = _vector("from_m", from_m), _vector("to_m", to_m)
         for name, value in (("duration_s", duration_s), ("gm_m3_s2", gm_m3_s2)):
             if not isinstance(value, int | float | np.number) or not math.isfinite(value):
-                raise ScenarioError(f"{name}: {value!r:.40} is not a finite number: give one above zero")
+                raise ScenarioError(f"{name}: {value!r:.40} is not a finite number; give one above zero")
         if not duration_s > 0.0:
-            raise ScenarioError(f"duration_s: a transfer in {duration_s:g} s needs infinite speed: give more than zero")
+            raise ScenarioError(f"duration_s: a transfer in {duration_s:g} s needs infinite speed; give more than zero")
         if not gm_m3_s2 > 0.0:
-            raise ScenarioError(f"gm_m3_s2: {gm_m3_s2:g} does not attract: give more than zero")
+            raise ScenarioError(f"gm_m3_s2: {gm_m3_s2:g} does not attract; give more than zero")
         r1, r2 = float(np.linalg.norm(start)), float(np.linalg.norm(end))
         if min(r1, r2) == 0.0:
-            raise ScenarioError("lambert: a position is the Earth's centre: give positions from it, in metres")
+            raise ScenarioError("lambert: a position is the Earth's centre; give positions from it, in metres")
         u1, u2 = start / r1, end / r2
         pole = np.cross(u1, u2)
         sine, cosine = float(np.linalg.norm(pole)), float(np.sum(u1 * u2))
@@ -219,11 +219,11 @@ class _Geometry:
                 cure = (
                     "change the duration, or the positions" if cosine > 0.0 else "give a normal, or change the duration"
                 )
-                raise ScenarioError(f"lambert: the positions are {angle} apart and span no plane: {cure}")
+                raise ScenarioError(f"lambert: the positions are {angle} apart and span no plane; {cure}")
             given = _vector("normal", normal)
             pole = given - u1 * float(np.sum(given * u1))
             if np.linalg.norm(pole) <= _PARALLEL * np.linalg.norm(given):
-                raise ScenarioError("lambert: the normal is parallel to the positions: give one across them")
+                raise ScenarioError("lambert: the normal is parallel to the positions; give one across them")
         chord = float(np.linalg.norm(end - start))
         half = 0.5 * (r1 + r2 + chord)
         return _Geometry(

@@ -38,7 +38,7 @@ def propagate_many(
     bad = ~((axis > 0.0) & np.isfinite(axis))[:, 0]
     if bad.any():
         raise PropagationError(
-            f"states: {int(bad.sum())} of {len(bad)} are not on an ellipse about the Earth: reduce their covariance",
+            f"states: {int(bad.sum())} of {len(bad)} are not on an ellipse about the Earth; reduce their covariance",
             bad,
         )
     sigma = dot(r, v) / np.sqrt(GM)

@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -75,6 +76,14 @@ def rtn_matrix(
         omega[..., 1] = -dot(z, rates[0]) / radius
         omega[..., 2] = dot(y, rates[0]) / radius
     return np.stack([x, y, z], axis=-1), omega
+
+
+@cache
+def rtn_from_lvlh_ccsds() -> Rotation:
+    """Return the rotation from `lvlh_ccsds` axes to rtn: z (nadir) is rtn -x, y is rtn -z, and x is rtn +y."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 def orbit_axes_matrix(axes: OrbitAxes, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -30,7 +31,6 @@ from rso_lidar.records import (
     ViewingGeometry,
     compute_viewing_geometry,
     find_shadow_spans_s,
-    join_viewing_geometry,
 )
 from rso_lidar.units import DEG
 
@@ -196,6 +196,17 @@ def _find_sight(source: Truth | Iterable[Frame], target: str | None) -> tuple[Vi
     name = choose_target("angles", target, entries, [*entries, *first.truth.poses])
     note = f"from the lidar to {name}   ·   time since {picked[0][2]}"
     return join_viewing_geometry([truth for truth, *_ in picked], name), picked[0][1], note
+
+
+def join_viewing_geometry(truths: Iterable[Truth], target: str) -> ViewingGeometry:
+    """Compute the viewing geometry of a target at each of several single epochs, and join them in order."""
+    seen = [compute_viewing_geometry(truth, target) for truth in truths]
+    return ViewingGeometry(
+        **{
+            field.name: np.concatenate([getattr(one, field.name) for one in seen])
+            for field in dataclasses.fields(ViewingGeometry)
+        }
+    )
 
 
 def _read_ptu(

@@ -7,18 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.orbit import Epochs, Forces, IntegratedOrbit
+from rso_lidar.orbit import Epochs, Forces, IntegratedOrbit, rtn_matrix
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.flown.held_thrust import HeldThrust, HeldThrustErrors
 from rso_lidar.rpo.flown.thrusters import HELD_LEGS, MEASUREMENTS, Thrusters, make_generator
-from rso_lidar.rpo.navigation.filter_bank import ORBIT, THRUST, FilterBank, apply_matrix
+from rso_lidar.rpo.navigation.filter_bank import ORBIT_STATES, THRUST_STATES, FilterBank, apply_matrix
 from rso_lidar.rpo.navigation.navigation_sensors import find_clear_views
 from rso_lidar.rpo.navigation.relative_filter import RelativeFilter
 from rso_lidar.rpo.relative.deviation_flow import DeviationFlow, Path
 from rso_lidar.rpo.relative.reference_orbit import ReferenceOrbit
-from rso_lidar.rpo.relative.rtn import rtn_matrix
-
-_TIE_S = 1e-6  # instants nearer than this are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +83,11 @@ class FilteredFlight:
         root = np.kron(np.eye(2), axes[0]) * part.start_sigma
         crossed = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         root[3:, :3] = axes[0] @ crossed * part.start_sigma[:3]
-        numbers = make_generator(seed, MEASUREMENTS, 0).standard_normal((ORBIT, 1))
+        numbers = make_generator(seed, MEASUREMENTS, 0).standard_normal((ORBIT_STATES, 1))
         errors = thrusters.magnitude_sigma_fraction > 0.0 or thrusters.pointing_sigma_deg > 0.0
         self._has_thrust = bool(held) and errors
         self._bank = FilterBank(apply_matrix(root, numbers), root @ root.T, has_thrust=self._has_thrust)
-        self._true_thrust = np.zeros((THRUST, 1))
+        self._true_thrust = np.zeros((THRUST_STATES, 1))
         self.estimates: list[FilterEstimate] = []
 
     def know(self, now_s: float, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -119,7 +116,7 @@ class FilteredFlight:
         edges = [edge for one in self._held for edge in one.edges_s if begin_s < edge < now_s]
         middles = [one.middle_s for one in burns]
         nodes = np.unique(np.concatenate([[begin_s, now_s], instants, edges, middles]))
-        nodes = nodes[np.append(True, np.diff(nodes) > _TIE_S)]
+        nodes = nodes[np.append(True, np.diff(nodes) > DeviationFlow.TIE_S)]
         if len(nodes) < 2:
             return
         path: Path = lambda time_s: orbit(time_s)[:, :3]  # noqa: E731
@@ -134,10 +131,10 @@ class FilteredFlight:
         held = [(leg, self._find_errors(leg, flow.stage_s)) for leg in legs]
         for k in range(len(nodes) - 1):
             for burn in burns:
-                if abs(burn.middle_s - nodes[k]) <= _TIE_S:
+                if abs(burn.middle_s - nodes[k]) <= DeviationFlow.TIE_S:
                     self._add_burn(burn, axes[k])
             self._step(flow, k, held)
-            if np.any(np.abs(instants - nodes[k + 1]) <= _TIE_S):
+            if np.any(np.abs(instants - nodes[k + 1]) <= DeviationFlow.TIE_S):
                 self._measure(float(nodes[k + 1]), rows[k + 1], away_m[k + 1], clear[k + 1])
 
     def _find_axes(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -171,11 +168,13 @@ class FilteredFlight:
         thrust = None
         for leg, errors in held:
             if leg.from_s <= 0.5 * (begin_s + end_s) < leg.until_s:
-                if abs(leg.from_s - begin_s) <= _TIE_S:
+                if abs(leg.from_s - begin_s) <= DeviationFlow.TIE_S:
                     self._bank.begin_leg()
-                    drawn = make_generator(self._seed, HELD_LEGS, leg.number).standard_normal(THRUST)
+                    drawn = make_generator(self._seed, HELD_LEGS, leg.number).standard_normal(THRUST_STATES)
                     self._true_thrust = drawn[:, None]
-                thrust = flow.advance(node, np.zeros((ORBIT, THRUST)), errors.make_push(np.eye(THRUST)))
+                thrust = flow.advance(
+                    node, np.zeros((ORBIT_STATES, THRUST_STATES)), errors.make_push(np.eye(THRUST_STATES))
+                )
         moved = flow.advance(node, self._bank.orbit)
         if thrust is not None:  # the path has the true errors of thrust, so the estimate lacks them
             moved = moved - thrust @ self._true_thrust

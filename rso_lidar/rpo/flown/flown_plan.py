@@ -169,14 +169,14 @@ class Flown(RtnMotion):
             hash(self)
         except TypeError:
             raise ScenarioError(
-                f"guidance: {name_object(self.guidance)} has no hash, by which its flight is kept: make it a frozen "
+                f"guidance: {name_object(self.guidance)} has no hash, by which its flight is kept; make it a frozen "
                 "dataclass"
             ) from None
         self.check_center(find_center(chief))
         model: ForceModel | None = getattr(chief, "force_model", None)
         if model is not None and self.chief_forces is not None:
             raise ScenarioError(
-                f"chief_forces: the motion of '{self.relative_to}' is integrated with its own forces: leave chief_forces out"
+                f"chief_forces: the motion of '{self.relative_to}' is integrated with its own forces; leave chief_forces out"
             )
         forces = self.forces or (model.forces if model else Forces())
         around, maneuvers = (model.forces, model.maneuvers) if model else (self.chief_forces or forces, ())
@@ -219,18 +219,18 @@ class Flown(RtnMotion):
         if unlike:
             lines.append(
                 f"flown: gravity differs between craft and '{self.relative_to}' ({', '.join(unlike)}), which moves them "
-                "apart as nothing real does: give both the same"
+                "apart as nothing real does; give both the same"
             )
         if isinstance(self.navigation, RelativeFilter) and self.guidance is None:
             lines.append(
-                "flown: without guidance the navigation filter has no effect: add guidance, or leave the filter out"
+                "flown: without guidance the navigation filter has no effect; add guidance, or leave the filter out"
             )
         if isinstance(self.guidance, TwoImpulseGuidance):
             lines += self.guidance.list_limits(flight.plan.mean_motion_rad_s)
         try:
             self.plan.check_positions(epochs, chief, flight.relative(epochs.time_s)[0])
         except ScenarioError as inside:
-            lines.append(f"flown: {str(inside).partition(': go ')[0]}: add guidance, or correct earlier")
+            lines.append(f"flown: {str(inside).partition('; go ')[0]}; add guidance, or correct earlier")
         return lines
 
     def summarize(self, start_utc: datetime.datetime) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, Protocol, Self, runtime_checkable
+from typing import Annotated, ClassVar, Literal, Protocol, Self, runtime_checkable
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,7 +18,6 @@ from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 Predict = Callable[[float, Sequence[PlannedImpulse]], tuple[np.ndarray, np.ndarray]]
-_WEAK = 1e-3  # share of the strongest direction below which a component of the aim cannot be commanded
 _CLOSE_M = 1e-4  # miss at which the search for a velocity ends
 _MOST_STEPS = 25
 _SHORTEST_S = 1e-3  # from a correction to its aim
@@ -90,6 +89,7 @@ class TwoImpulseGuidance(Part):
     velocity reaches, such as the one across the track after half a revolution, is left alone.
     """
 
+    WEAK_SHARE: ClassVar[float] = 1e-3  # of the strongest direction; a weaker component of the aim is not commanded
     type: Literal["two_impulse"] = "two_impulse"
     at_s: tuple[Wait, ...] | None = Field(
         default=None, description="Instants of the corrections [s]. Give exactly one of this and `every_s`."
@@ -118,12 +118,12 @@ class TwoImpulseGuidance(Part):
     @model_validator(mode="after")
     def _one_schedule(self) -> Self:
         if (self.at_s is None) == (self.every_s is None):
-            raise ValueError("needs exactly one of at_s and every_s: give one of them")
+            raise ValueError("needs exactly one of at_s and every_s; give one of them")
         if self.at_s is not None and any(b <= a for a, b in zip(self.at_s, self.at_s[1:], strict=False)):
-            raise ValueError("at_s: the corrections are not in order of time: sort them, each instant once")
+            raise ValueError("at_s: the corrections are not in order of time; sort them, each instant once")
         if self.forces is not None and self.model != "forces":
             raise ValueError(
-                "forces: 'clohessy_wiltshire' predicts without forces: leave them out, or set model = \"forces\""
+                "forces: 'clohessy_wiltshire' predicts without forces; leave them out, or set model = \"forces\""
             )
         return self
 
@@ -166,7 +166,7 @@ class TwoImpulseGuidance(Part):
             return []
         return [
             f"guidance: an update each {self.every_s:g} s for an aim {self.horizon_s:g} s ahead multiplies an error across "
-            f"the track by {abs(math.sin(left) / math.sin(ahead)):.2f}: make horizon_s shorter than a quarter of a "
+            f"the track by {abs(math.sin(left) / math.sin(ahead)):.2f}; make horizon_s shorter than a quarter of a "
             f"revolution, {0.5 * math.pi / mean_motion_rad_s:.0f} s"
         ]
 
@@ -233,7 +233,7 @@ class Steering:
         for rows in (slice(0, 2), slice(2, 3)):
             block = self.reach_s[rows, rows] / min(self._duration_s, 1.0 / self._n)
             u, strength, w = np.linalg.svd(block)
-            usable = strength > _WEAK * max(1.0, strength[0])
+            usable = strength > TwoImpulseGuidance.WEAK_SHARE * max(1.0, strength[0])
             along = np.where(usable, (u.T @ gap_m[rows]) / np.where(usable, strength, 1.0), 0.0)
             change[rows] = w.T @ along / min(self._duration_s, 1.0 / self._n)
         return change
@@ -330,7 +330,7 @@ def check_impulses(guidance: object, found: object, now_s: float) -> tuple[Plann
         if (size := float(np.linalg.norm(delta_v))) > FASTEST_M_S:
             raise ScenarioError(
                 f"{name_object(guidance)}: replan() wants {size:.3g} m/s at {one.time_s:g} s, more than "
-                f"{FASTEST_M_S:g} m/s: correct it, or give the correction more time before its aim"
+                f"{FASTEST_M_S:g} m/s; correct it, or give the correction more time before its aim"
             )
         if size > _CARRIED_OUT_M_S:
             checked.append(PlannedImpulse(float(one.time_s), delta_v))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit import Axes3, rotate_to_inertial
+from rso_lidar.orbit import rotate_to_inertial
 from rso_lidar.rpo.flown.thrusters import HELD_LEGS, Thrusters, make_generator
 from rso_lidar.rpo.navigation.filter_bank import apply_matrix
 from rso_lidar.rpo.plans.plan import Plan
@@ -35,7 +36,7 @@ class HeldThrust:
     until_s: float
     factor: np.ndarray
     number: int
-    axes: Axes3 = "chief_rtn"
+    axes: Literal["chief_rtn"] = "chief_rtn"
 
     @property
     def edges_s(self) -> tuple[float, ...]:

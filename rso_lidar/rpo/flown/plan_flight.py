@@ -11,7 +11,7 @@ from threading import RLock
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit import Burn, Epochs, Forces, Impulse, IntegratedOrbit, Thrust
+from rso_lidar.orbit import Burn, Epochs, Forces, Impulse, IntegratedOrbit
 from rso_lidar.part import make_answer_error, to_real_array
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.flown.filtered_flight import CarriedBurn, FilteredFlight, FilterEstimate
@@ -234,7 +234,7 @@ class PlanFlight:
         assert guidance is not None
         if len(self._updates_s) >= _MOST_UPDATES:
             raise ScenarioError(
-                f"guidance: more than {_MOST_UPDATES:,} updates by {now_s:g} s: leave more time between them"
+                f"guidance: more than {_MOST_UPDATES:,} updates by {now_s:g} s; leave more time between them"
             )
         position, velocity = self._know(now_s)
         self._updates_s.append(now_s)
@@ -284,7 +284,7 @@ class PlanFlight:
             reference = ReferenceOrbit(reference.start_utc, *place, known, reference.maneuvers, now_s)
         now = [one.delta_v_m_s for one in impulses if one.time_s <= now_s]
         start = reference.place(state[0], np.sum([state[1], *now], axis=0), now_s)
-        pushes: list[Impulse | Thrust] = [
+        pushes: list[Impulse | HeldThrust] = [
             Impulse(at_s=one.time_s, delta_v_m_s=tuple(one.delta_v_m_s.tolist()), axes="chief_rtn")
             for one in impulses
             if now_s < one.time_s < until_s
@@ -328,7 +328,11 @@ class PlanFlight:
 
 
 def _integrate(
-    start: BodyState, reference: ReferenceOrbit, forces: Forces, pushes: Sequence[Impulse | Thrust], begin_s: float
+    start: BodyState,
+    reference: ReferenceOrbit,
+    forces: Forces,
+    pushes: Sequence[Impulse | Burn | HeldThrust],
+    begin_s: float,
 ) -> IntegratedOrbit:
     """Return the orbit of the craft from a state, with thrust in the axes of the reference.
 

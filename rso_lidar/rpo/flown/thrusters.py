@@ -71,17 +71,17 @@ class Thrusters(Part):
     @model_validator(mode="after")
     def _one_push(self) -> Self:
         if self.acceleration_m_s2 is not None and self.thrust_n is not None:
-            raise ValueError("needs at most one of acceleration_m_s2 and thrust_n: leave one out")
+            raise ValueError("needs at most one of acceleration_m_s2 and thrust_n; leave one out")
         if (self.thrust_n is None) != (self.mass_kg is None):
-            raise ValueError("mass_kg: belongs to thrust_n: give both, or neither")
+            raise ValueError("mass_kg: belongs to thrust_n; give both, or neither")
         if self.isp_s is not None and self.thrust_n is None:
-            raise ValueError("isp_s: belongs to thrust_n and mass_kg: give those, or leave it out")
+            raise ValueError("isp_s: belongs to thrust_n and mass_kg; give those, or leave it out")
         if (self.rise_s > 0.0 or self.fall_s > 0.0) and self.acceleration_m_s2 is None and self.thrust_n is None:
             raise ValueError(
-                "rise_s: an impulse has no rise and no fall: give acceleration_m_s2 or thrust_n, or leave out rise_s, fall_s"
+                "rise_s: an impulse has no rise and no fall; give acceleration_m_s2 or thrust_n, or leave out rise_s, fall_s"
             )
         if self.magnitude_error_fraction <= -1.0:
-            raise ValueError("magnitude_error_fraction: at -1 and below no thrust is left: give more than -1")
+            raise ValueError("magnitude_error_fraction: at -1 and below no thrust is left; give more than -1")
         return self
 
     def disturb(self, delta_v_m_s: np.ndarray, draw: np.random.Generator) -> np.ndarray:

@@ -16,8 +16,8 @@ import numpy as np
 
 from rso_lidar.rpo.navigation.navigation_sensors import NavigationCamera, NavigationLidar
 
-ORBIT = 6  # states of position and velocity
-THRUST = 4  # states of held thrust: its size, and its turns about three axes, in standard deviations
+ORBIT_STATES = 6  # states of position and velocity
+THRUST_STATES = 4  # states of held thrust: its size, and its turns about three axes, in standard deviations
 _ITERATIONS = 2  # before the last linearisation: with a camera alone, mean NEES 6.4 (one or more), 14 (none), of 6
 _TINY_M = 1e-9
 
@@ -50,24 +50,24 @@ class FilterBank:
 
     def __init__(self, estimate: np.ndarray, covariance: np.ndarray, *, has_thrust: bool) -> None:
         n_runs = estimate.shape[1]
-        states = ORBIT + THRUST * has_thrust
+        states = ORBIT_STATES + THRUST_STATES * has_thrust
         self.state = np.zeros((states, n_runs))
-        self.state[:ORBIT] = estimate
+        self.state[:ORBIT_STATES] = estimate
         self.covariance = np.zeros((states, states, n_runs))
-        self.covariance[:ORBIT, :ORBIT] = covariance[:, :, None]
+        self.covariance[:ORBIT_STATES, :ORBIT_STATES] = covariance[:, :, None]
 
     @property
     def orbit(self) -> np.ndarray:
         """Estimated deviations (6, run) of position [m] and velocity [m/s]."""
-        found: np.ndarray = self.state[:ORBIT]
+        found: np.ndarray = self.state[:ORBIT_STATES]
         return found
 
     def begin_leg(self) -> None:
         """Begin a leg that is held by thrust, whose errors are not known."""
-        self.state[ORBIT:] = 0.0
-        self.covariance[ORBIT:] = 0.0
-        self.covariance[:, ORBIT:] = 0.0
-        places = range(ORBIT, len(self.state))
+        self.state[ORBIT_STATES:] = 0.0
+        self.covariance[ORBIT_STATES:] = 0.0
+        self.covariance[:, ORBIT_STATES:] = 0.0
+        places = range(ORBIT_STATES, len(self.state))
         self.covariance[places, places] = 1.0
 
     def predict(
@@ -83,15 +83,15 @@ class FilterBank:
         thrust : (6, 4) what the errors of held thrust do over the step; None without held thrust
         """
         whole = np.eye(len(self.state))
-        whole[:ORBIT, :ORBIT] = transition
-        self.state[:ORBIT] = moved
+        whole[:ORBIT_STATES, :ORBIT_STATES] = transition
+        self.state[:ORBIT_STATES] = moved
         if thrust is not None:
-            whole[:ORBIT, ORBIT:] = thrust
-            self.state[:ORBIT] += apply_matrix(thrust, self.state[ORBIT:])
+            whole[:ORBIT_STATES, ORBIT_STATES:] = thrust
+            self.state[:ORBIT_STATES] += apply_matrix(thrust, self.state[ORBIT_STATES:])
         once = apply_matrix(whole, self.covariance)
         self.covariance = apply_matrix(whole, once.transpose(1, 0, 2))
         self.covariance = 0.5 * (self.covariance + self.covariance.transpose(1, 0, 2))
-        self.covariance[:ORBIT, :ORBIT] += noise[:, :, None]
+        self.covariance[:ORBIT_STATES, :ORBIT_STATES] += noise[:, :, None]
 
     def add_burn(self, change_m_s: np.ndarray, covariance: np.ndarray) -> None:
         """Add a burn as it was commanded.
@@ -101,8 +101,8 @@ class FilterBank:
         change_m_s : (3, run) what it adds to the velocity of the estimate, less that of the reference [m/s]
         covariance : (3, 3, run) of its errors [m2/s2]
         """
-        self.state[3:ORBIT] += change_m_s
-        self.covariance[3:ORBIT, 3:ORBIT] += covariance
+        self.state[3:ORBIT_STATES] += change_m_s
+        self.covariance[3:ORBIT_STATES, 3:ORBIT_STATES] += covariance
 
     def observe(
         self,
@@ -162,7 +162,7 @@ class FilterBank:
         x, y, z = turn_rad_s
         whole = np.kron(np.eye(2), axes.T)
         whole[3:, :3] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ axes.T
-        once = apply_matrix(whole, self.covariance[:ORBIT, :ORBIT])
+        once = apply_matrix(whole, self.covariance[:ORBIT_STATES, :ORBIT_STATES])
         made: np.ndarray = apply_matrix(whole, once.transpose(1, 0, 2)).transpose(2, 0, 1)
         return made
 
@@ -174,21 +174,6 @@ class FilterBank:
         return bearing, bearing, sensor.find_range_sigma_m(range_m) ** 2
 
 
-def find_nees(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return the normalised estimation errors squared (run,); chi-square with six degrees of freedom if consistent.
-
-    Parameters
-    ----------
-    error : (6, run) estimates less true states
-    covariance : (run, 6, 6) of the filters, in the same axes
-    """
-    scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    unit = covariance / (scale[:, :, None] * scale[:, None, :])
-    normal = error.T / scale
-    found: np.ndarray = np.sum(normal * np.linalg.solve(unit, normal[..., None])[..., 0], axis=1)
-    return found
-
-
 def find_axes_across(along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return two unit vectors (3, run) across others, and across each other."""
     least = np.argmin(np.abs(along), axis=0)
@@ -198,7 +183,17 @@ def find_axes_across(along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def apply_matrix(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the product of a matrix (m, k) and columns (k, …); a column has the same bits alone and among others."""
+    """Return the product of a matrix and columns; a column has the same bits alone and among others.
+
+    Parameters
+    ----------
+    matrix : (m, k), or (m, k, …) with one matrix for each column
+    columns : (k, …)
+
+    Returns
+    -------
+    (m, …)
+    """
     wide = (slice(None), slice(None), *(None,) * (columns.ndim - 1))
     spread = matrix[wide]
     made: np.ndarray = spread[:, 0] * columns[0]

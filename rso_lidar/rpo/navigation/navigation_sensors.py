@@ -33,10 +33,10 @@ class RangeNoise(Part):
     def _is_table(self) -> Self:
         if len(self.range_m) != len(self.sigma_m):
             raise ValueError(
-                f"sigma_m: has {len(self.sigma_m)} values for {len(self.range_m)} ranges: give one for each range_m"
+                f"sigma_m: has {len(self.sigma_m)} values for {len(self.range_m)} ranges; give one for each range_m"
             )
         if any(b <= a for a, b in zip(self.range_m, self.range_m[1:], strict=False)):
-            raise ValueError("range_m: the ranges do not ascend: sort them, each once")
+            raise ValueError("range_m: the ranges do not ascend; sort them, each once")
         return self
 
     def find_sigma_m(self, range_m: np.ndarray) -> np.ndarray:
@@ -79,7 +79,7 @@ class _NavigationSensor(Part):
     def _has_ranges(self) -> Self:
         if self.most_range_m is not None and self.most_range_m <= self.least_range_m:
             raise ValueError(
-                f"most_range_m: {self.most_range_m:g} m is not beyond least_range_m, {self.least_range_m:g} m: it would "
+                f"most_range_m: {self.most_range_m:g} m is not beyond least_range_m, {self.least_range_m:g} m; it would "
                 "never measure; give a greater one"
             )
         return self
@@ -173,13 +173,19 @@ AnyNavigationSensor = Annotated[NavigationLidar | NavigationCamera, Field(discri
 def find_clear_views(
     sensors: tuple[NavigationLidar | NavigationCamera, ...], epochs: Epochs, target_m: np.ndarray, craft_m: np.ndarray
 ) -> np.ndarray:
-    """Find when the Sun lets sensors measure (time, sensor).
+    """Find when the Sun lets sensors measure.
 
     Parameters
     ----------
     sensors : of navigation
     epochs : instants (time,)
     target_m, craft_m : positions (time, 3) [m], inertial axes
+
+    Returns
+    -------
+    numpy.ndarray
+        (time, sensor) bool, whether the Sun is outside the sensor's exclusion angle and lights the target where that is
+        needed
     """
     sun_m = sun_position_m(epochs)
     lit = sunlit_fraction(target_m, sun_m) >= _LIT

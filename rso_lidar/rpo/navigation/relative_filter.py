@@ -48,7 +48,7 @@ class RelativeFilter(Part):
     def _has_start(self) -> Self:
         for key in ("position_sigma_m", "velocity_sigma_m_s"):
             if min(getattr(self, key)) <= 0.0:
-                raise ValueError(f"{key}: the first estimate needs an uncertainty in each axis: give more than 0")
+                raise ValueError(f"{key}: the first estimate needs an uncertainty in each axis; give more than 0")
         return self
 
     @property
@@ -71,7 +71,7 @@ class RelativeFilter(Part):
         count = math.floor(until_s / self.every_s + 1e-9)
         if count > _MOST_MEASUREMENTS:
             raise ScenarioError(
-                f"navigation.every_s: {count:,} measurements up to {until_s:g} s are more than {_MOST_MEASUREMENTS:,}: "
+                f"navigation.every_s: {count:,} measurements up to {until_s:g} s are more than {_MOST_MEASUREMENTS:,}; "
                 "leave more time between them"
             )
         first = math.floor(max(after_s, 0.0) / self.every_s + 1e-9) + 1

@@ -64,16 +64,16 @@ class _AlongAnAxis(ProximityOperation):
     def _somewhere(self) -> Self:
         if self.from_m == self.to_m:
             raise ValueError(
-                f"to_m: begins and ends at {self.to_m:g} m, so the approach has no length: change one of the two"
+                f"to_m: begins and ends at {self.to_m:g} m, so the approach has no length; change one of the two"
             )
         if self.speed_m_s is not None and self.duration_s is not None:
-            raise ValueError("needs one of speed_m_s and duration_s, not both: leave one out")
+            raise ValueError("needs one of speed_m_s and duration_s, not both; leave one out")
         if self.hops is None:
             if self.speed_m_s is None and self.duration_s is None:
-                raise ValueError("needs speed_m_s or duration_s (or hops, each of half a revolution): give one")
+                raise ValueError("needs speed_m_s or duration_s (or hops, each of half a revolution); give one")
             if self.from_m * self.to_m < 0.0:
                 raise ValueError(
-                    "to_m: the straight line goes through the body: stay on one side, or use hops or waypoints"
+                    "to_m: the straight line goes through the body; stay on one side, or use hops or waypoints"
                 )
         return self
 
@@ -179,15 +179,15 @@ class CoElliptic(ProximityOperation):
     def _gets_there(self) -> Self:
         if self.radial_m == 0.0:
             raise ValueError(
-                "radial_m: at the body's height there is no drift: give a height above or below, or use station_keeping"
+                "radial_m: at the body's height there is no drift; give a height above or below, or use station_keeping"
             )
         if (self.to_m is None) == (self.duration_s is None):
-            raise ValueError("needs exactly one of to_m and duration_s: give one of them")
+            raise ValueError("needs exactly one of to_m and duration_s; give one of them")
         if self.to_m is not None and (self.to_m - self.from_m) * self.radial_m >= 0.0:
             way = "back, toward smaller" if self.radial_m > 0.0 else "ahead, toward larger"
             raise ValueError(
                 f"to_m: {'above' if self.radial_m > 0.0 else 'below'} the body drift goes {way} along-track, and never "
-                f"gets from {self.from_m:g} m to {self.to_m:g} m: change the sign of radial_m, or to_m"
+                f"gets from {self.from_m:g} m to {self.to_m:g} m; change the sign of radial_m, or to_m"
             )
         return self
 

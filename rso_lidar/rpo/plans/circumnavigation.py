@@ -144,12 +144,12 @@ class SafetyEllipse(ProximityOperation):
         if slant < 1e-9:
             raise ValueError(
                 f"phase_difference_deg: at {self.phase_difference_deg:g} height and cross-track vanish together, and the "
-                "ellipse crosses the track: give 0 or 180, or a value near them"
+                "ellipse crosses the track; give 0 or 180, or a value near them"
             )
         if abs(self.height_m) >= self.radial_m * slant * (1.0 - 1e-9):
             raise ValueError(
                 f"drift_m: walking {self.drift_m:g} m each revolution raises the ellipse's centre by {self.height_m:.4g} m, "
-                "and in projection along the track it no longer encloses the body: give a smaller drift_m, a larger "
+                "and in projection along the track it no longer encloses the body; give a smaller drift_m, a larger "
                 "radial_m, or a phase_difference_deg nearer to 0 or 180"
             )
         return self
@@ -228,13 +228,13 @@ class Teardrop(ProximityOperation):
     @model_validator(mode="after")
     def _a_loop(self) -> Self:
         if self.cusp_m == 0.0:
-            raise ValueError("cusp_m: at the body's height a loop does not exist: give a height above or below")
+            raise ValueError("cusp_m: at the body's height a loop does not exist; give a height above or below")
         if (self.turn_m is None) == (self.period_s is None):
-            raise ValueError("needs exactly one of turn_m and period_s: give one of them")
+            raise ValueError("needs exactly one of turn_m and period_s; give one of them")
         if self.turn_m is not None and not -1.0 < self.turn_m / self.cusp_m < 1.0:
             raise ValueError(
                 f"turn_m: a loop with its cusp at {self.cusp_m:g} m turns nearer to the body's height than that, not at "
-                f"{self.turn_m:g} m: give a smaller turn_m"
+                f"{self.turn_m:g} m; give a smaller turn_m"
             )
         return self
 
@@ -254,7 +254,7 @@ class Teardrop(ProximityOperation):
             if self.period_s >= math.tau / mean_motion_rad_s:
                 raise ScenarioError(
                     f"period_s: a teardrop takes less than one revolution of the body, "
-                    f"{math.tau / mean_motion_rad_s:.1f} s, not {self.period_s:g} s: shorten it"
+                    f"{math.tau / mean_motion_rad_s:.1f} s, not {self.period_s:g} s; shorten it"
                 )
             return self.period_s
         wanted = (self.turn_m or 0.0) / self.cusp_m
@@ -313,7 +313,7 @@ class ForcedCircumnavigation(ProximityOperation):
     @model_validator(mode="after")
     def _one_rate(self) -> Self:
         if (self.rate_deg_s is None) == (self.period_s is None):
-            raise ValueError("needs exactly one of rate_deg_s and period_s: give one of them")
+            raise ValueError("needs exactly one of rate_deg_s and period_s; give one of them")
         return self
 
     @property

@@ -65,7 +65,7 @@ class PulsedStationKeeping(ProximityOperation):
         if arcs > MOST_PIECES:
             raise ScenarioError(
                 f"arc_m: {duration_s:.1f} s take {arcs} arcs of at most {self.arc_m:g} m, and a plan has at most "
-                f"{MOST_PIECES}: give a larger arc_m or a shorter duration_s"
+                f"{MOST_PIECES}; give a larger arc_m or a shorter duration_s"
             )
         times_s = np.linspace(0.0, duration_s, arcs + 1)
         return plan_arcs(self.name, n, times_s, np.broadcast_to(place, (arcs + 1, 3)), stop=True)

@@ -39,7 +39,7 @@ class Glideslope(ProximityOperation):
     @model_validator(mode="after")
     def _some_length(self) -> Self:
         if self.from_m == self.to_m:
-            raise ValueError("to_m: is the same position as from_m, so the line has no length: change one of the two")
+            raise ValueError("to_m: is the same position as from_m, so the line has no length; change one of the two")
         return self
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit import angle_off_axis_rad, find_minimum, find_spans_below
+from rso_lidar.orbit import angle_rad, find_minimum, find_spans_below
 from rso_lidar.part import Vector
 from rso_lidar.rpo.plans.plan import Plan
 
@@ -31,17 +31,37 @@ class KeepOutSphere:
     half_angle_deg: float = 0.0
 
     def clear_m(self, position_m: np.ndarray) -> np.ndarray:
-        """Return the distance (…) [m] of positions (…, 3) from what is forbidden, negative inside it."""
+        """Return the distance of positions from what is forbidden.
+
+        Parameters
+        ----------
+        position_m : (…, 3) in rtn axes of the body [m]
+
+        Returns
+        -------
+        (…) [m], negative inside what is forbidden
+        """
         distance = np.sqrt(np.sum(position_m * position_m, axis=-1))
         clear: np.ndarray = distance - self.radius_m
         if self.axis is not None:
-            aside_rad = self.half_angle_deg * units.DEG - angle_off_axis_rad(position_m, np.array(self.axis))
+            aside_rad = self.half_angle_deg * units.DEG - angle_rad(position_m, np.array(self.axis))
             # the nearest point of a cone is its apex for whatever is a right angle or more from its surface
             clear = np.maximum(clear, distance * np.sin(np.clip(aside_rad, -0.5 * np.pi, 0.5 * np.pi)))
         return clear
 
     def check_positions(self, time_s: np.ndarray, position_m: np.ndarray) -> None:
-        """Raise `ScenarioError` if one of some positions (time, 3) [m] is forbidden, at instants (time,) [s]."""
+        """Check that no position of a path is forbidden.
+
+        Parameters
+        ----------
+        time_s : (time,) instants, for the message [s]
+        position_m : (time, 3) positions in rtn axes of the body [m]
+
+        Raises
+        ------
+        ScenarioError
+            if one is forbidden; the message states the worst
+        """
         if self.radius_m > 0.0 and len(position_m):
             clear = self.clear_m(position_m)
             k = int(np.argmin(clear))
@@ -49,7 +69,22 @@ class KeepOutSphere:
                 raise self._error(float(time_s[k]), position_m[k])
 
     def check(self, plan: Plan) -> Plan:
-        """Check that a plan does not enter the sphere, and return it; else raise `ScenarioError`."""
+        """Check that a plan does not enter the sphere outside the corridor.
+
+        Parameters
+        ----------
+        plan : the plan
+
+        Returns
+        -------
+        Plan
+            the same plan
+
+        Raises
+        ------
+        ScenarioError
+            if it does; the message states where
+        """
         if self.radius_m <= 0.0:
             return plan
         nearest_m, at_s = plan.nearest()
@@ -83,5 +118,5 @@ class KeepOutSphere:
         corridor = "" if self.axis is None else " and outside its corridor"
         return ScenarioError(
             f"keep_out_m: at {at_s:.1f} s the path is {nearest_m:.4g} m from the body ({where} m in rtn), inside the "
-            f"sphere of {self.radius_m:g} m{corridor}: go round it, end farther out, or make the sphere smaller"
+            f"sphere of {self.radius_m:g} m{corridor}; go round it, end farther out, or make the sphere smaller"
         )

@@ -205,7 +205,7 @@ def check_lengths(operation: Any, mean_motion_rad_s: float, center: CentralBody 
             at = f"{name}[{int(np.argmax(sizes_m > radius_m))}]" if rows.ndim == 2 else name
             raise ScenarioError(
                 f"{at}: {float(sizes_m.max()) / units.KM:.4g} km is farther than the body is from {center.name}'s centre, "
-                f"{radius_m / units.KM:.0f} km, where Clohessy-Wiltshire does not apply: come nearer, or use lambert"
+                f"{radius_m / units.KM:.0f} km, where Clohessy-Wiltshire does not apply; come nearer, or use lambert"
             )
 
 
@@ -233,7 +233,7 @@ def check_plan(plan: Plan, operation: Any, *, far: bool = False, center: Central
     if not plan.duration_s <= LONGEST_S:
         raise ScenarioError(
             f"{key}: the plan takes {format_years(plan.duration_s)} years, and plans are for up to "
-            f"{format_years(LONGEST_S)}: give a shorter time"
+            f"{format_years(LONGEST_S)}; give a shorter time"
         )
     speeds_m_s, places_m = [impulse.size_m_s for impulse in plan.impulses], [0.0]
     for leg, begin_s, end_s in plan.stretches():
@@ -243,13 +243,13 @@ def check_plan(plan: Plan, operation: Any, *, far: bool = False, center: Central
     if not max(speeds_m_s) <= FASTEST_M_S:
         raise ScenarioError(
             f"{key}: the plan needs {max(speeds_m_s):.3g} m/s, faster than bodies pass each other near the Earth, at most "
-            f"{FASTEST_M_S:g} m/s: give a longer time or a shorter way"
+            f"{FASTEST_M_S:g} m/s; give a longer time or a shorter way"
         )
     radius_m = float(np.cbrt(center.gm_m3_s2 / plan.mean_motion_rad_s**2))
     if not far and not max(places_m) <= radius_m:
         raise ScenarioError(
             f"{key}: the plan leads {max(places_m) / units.KM:.4g} km away, farther than the body is from {center.name}'s "
-            f"centre, {radius_m / units.KM:.0f} km, where Clohessy-Wiltshire does not apply: plan a shorter time, or use "
+            f"centre, {radius_m / units.KM:.0f} km, where Clohessy-Wiltshire does not apply; plan a shorter time, or use "
             "lambert"
         )
     return plan

@@ -14,7 +14,17 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, add_place
-from rso_lidar.orbit import Branch, Epochs, Trajectory, Transfer, Way, find_center, propagate_two_body, solve_lambert
+from rso_lidar.orbit import (
+    Branch,
+    Epochs,
+    Trajectory,
+    Transfer,
+    Way,
+    find_center,
+    propagate_two_body,
+    rtn_matrix,
+    solve_lambert,
+)
 from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
@@ -24,7 +34,6 @@ from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast, make
 from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative import hill
 from rso_lidar.rpo.relative.reference_orbit import add_relative_state, find_relative_state
-from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 
 class Hop(ProximityOperation):
@@ -146,28 +155,28 @@ class Waypoints(ProximityOperation):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if (self.times_s is None) == (self.speed_m_s is None):
-            raise ValueError("needs exactly one of times_s and speed_m_s: give one of them")
+            raise ValueError("needs exactly one of times_s and speed_m_s; give one of them")
         if self.hold_s > 0.0 and not self.stop:
-            raise ValueError("hold_s: to hold a position it must stop there: set stop = true, or leave hold_s out")
+            raise ValueError("hold_s: to hold a position it must stop there; set stop = true, or leave hold_s out")
         if self.times_s is None:
             for k, (one, other) in enumerate(pairwise(self.positions_m)):
                 if one == other:
                     raise ValueError(
-                        f"positions_m[{k + 1}]: is the same as the position before it: leave it out, or use times_s"
+                        f"positions_m[{k + 1}]: is the same as the position before it; leave it out, or use times_s"
                     )
             return self
         if len(self.times_s) != len(self.positions_m):
             raise ValueError(
-                f"times_s: {len(self.times_s)} times for {len(self.positions_m)} positions in positions_m: "
+                f"times_s: {len(self.times_s)} times for {len(self.positions_m)} positions in positions_m; "
                 "give as many times as positions"
             )
         if self.times_s[0] != 0.0:
-            raise ValueError(f"times_s[0]: a plan begins at 0, not at {self.times_s[0]:g} s: count from there")
+            raise ValueError(f"times_s[0]: a plan begins at 0, not at {self.times_s[0]:g} s; count from there")
         for k, (before_s, after_s) in enumerate(pairwise(self.times_s)):
             if after_s <= before_s + (self.hold_s if k else 0.0):
                 held = f", after a hold of {self.hold_s:g} s" if self.hold_s and k else ""
                 raise ValueError(
-                    f"times_s[{k + 1}]: {after_s:g} s leaves no time for the transfer from {before_s:g} s{held}: "
+                    f"times_s[{k + 1}]: {after_s:g} s leaves no time for the transfer from {before_s:g} s{held}; "
                     "give a later time"
                 )
         return self
@@ -350,7 +359,7 @@ def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[fl
     least_m = _find_lowest_m(start_m, orbit, part.duration_s)
     if least_m < units.EARTH_RADIUS_M:
         raise ScenarioError(
-            f"duration_s: the transfer comes within {least_m / units.KM:.0f} km of the Earth's centre, and hits it: "
+            f"duration_s: the transfer comes within {least_m / units.KM:.0f} km of the Earth's centre, and hits it; "
             "change the duration, the revolutions or the way"
         )
     return part.keep_out.check(check_plan(plan, part, far=True))

@@ -38,7 +38,7 @@ def solve_departure_m_s(
         if no velocity reaches the aim
     """
     if not duration_s > 0.0:
-        raise ScenarioError(f"transfer: one in {duration_s:g} s needs infinite speed: give more than zero")
+        raise ScenarioError(f"transfer: one in {duration_s:g} s needs infinite speed; give more than zero")
     start, aim, still = np.asarray(from_m, dtype=float), np.asarray(to_m, dtype=float), np.zeros(3)
     gap = aim - clohessy_wiltshire(start, still, duration_s, mean_motion_rad_s)[0]
     reach_s = clohessy_wiltshire(still, np.eye(3), duration_s, mean_motion_rad_s)[0].T
@@ -56,6 +56,6 @@ def solve_departure_m_s(
             turns = duration_s * mean_motion_rad_s / math.tau
             raise ScenarioError(
                 f"transfer: after {turns:.6g} revolutions of the body no departure velocity reaches the aim {name} "
-                f"(whole {'' if rows.start == 0 else 'half '}revolutions do not): change the duration by a few percent"
+                f"(whole {'' if rows.start == 0 else 'half '}revolutions do not); change the duration by a few percent"
             )
     return velocity

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import math
 from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,6 +34,8 @@ class DeviationFlow:
     start_utc : start of the run
     """
 
+    TIE_S: ClassVar[float] = 1e-6  # nodes nearer than this are one
+
     def __init__(self, node_s: np.ndarray, reference: Path, forces: Forces, start_utc: datetime.datetime) -> None:
         self.node_s = node_s
         first = reference(node_s[:1])[0]
@@ -58,6 +61,10 @@ class DeviationFlow:
         node : index of the node
         state : (6, n) deviations of position [m] and velocity [m/s] there, inertial axes
         push : function of the index of a stage in `stage_s` that returns further accelerations (3, n) or (3, 1) [m/s2]
+
+        Returns
+        -------
+        (6, n) deviations there
         """
         h, at = float(self._step_s[node]), int(self._begins[node])
         d, v = state[:3], state[3:]
@@ -75,7 +82,16 @@ class DeviationFlow:
         return np.concatenate([d, v])
 
     def transition(self, node: int) -> np.ndarray:
-        """Return the state transition matrix (6, 6) to the next node: small deviations, position [m] and velocity [m/s]."""
+        """Return the state transition matrix from a node to the next one, for small deviations.
+
+        Parameters
+        ----------
+        node : index of the node
+
+        Returns
+        -------
+        (6, 6) of position [m] and velocity [m/s], inertial axes
+        """
         small = np.array([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3])
         # the mean of both signs cancels the second order, which is 1e-7 of a deviation
         there, back = (self.advance(node, sign * np.diag(small)) for sign in (1.0, -1.0))

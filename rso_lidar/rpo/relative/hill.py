@@ -16,9 +16,10 @@ from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit import EARTH, CentralBody, Epochs, Trajectory, find_center, states_about_center
+from rso_lidar.orbit import EARTH, CentralBody, Epochs, Trajectory, find_center, find_center_states, subtract_center
 from rso_lidar.part import Flag, Vector
 from rso_lidar.pose import dot
+from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative import curvilinear
 from rso_lidar.rpo.relative.relative_motion import RelativeState
 
@@ -133,7 +134,7 @@ def describe_validity(
     if e > ECCENTRIC:
         sentences.append(
             f"hill: the chief's eccentricity is {e:.4f}; above {ECCENTRIC:g} Clohessy-Wiltshire, which takes it as "
-            f"circular, is off by up to {30.0 * e:.0%} of the separation for each revolution: "
+            f"circular, is off by up to {30.0 * e:.0%} of the separation for each revolution; "
             f"use yamanaka_ankersen{elements} or nonlinear"
         )
     return sentences
@@ -216,7 +217,7 @@ def _propagate(
 
 def find_start_state(chief: Trajectory, start_utc: datetime.datetime) -> tuple[np.ndarray, np.ndarray]:
     """Return position (3,) [m] and velocity (3,) [m/s] of a chief about its central body at `start_utc`, in GCRS axes."""
-    state = states_about_center(chief, Epochs(start_utc, np.zeros(1)))
+    state = _states_about_center(chief, Epochs(start_utc, np.zeros(1)))
     return np.asarray(state.position_m)[0], np.asarray(state.velocity_m_s)[0]
 
 
@@ -251,7 +252,7 @@ def mean_motion_of_state(position_m: np.ndarray, velocity_m_s: np.ndarray, gm_m3
     alpha = float(2.0 / np.linalg.norm(position_m) - np.sum(velocity_m_s * velocity_m_s) / gm_m3_s2)
     if alpha <= 0.0:
         raise ScenarioError(
-            "relative_to: its orbit is open and has no mean motion: use motion 'nonlinear' about it, or 'state'"
+            "relative_to: its orbit is open and has no mean motion; use motion 'nonlinear' about it, or 'state'"
         )
     return math.sqrt(gm_m3_s2 * alpha**3)
 
@@ -301,7 +302,7 @@ def describe_flattening(
     if share <= TURNED:
         return []
     if center is not EARTH:
-        better = "its other harmonics, which are as large, are left out too: take the result as an estimate"
+        better = "its other harmonics, which are as large, are left out too; take the result as an estimate"
     return [
         f"{name}: in {swept_rad / math.tau:.1f} revolutions {center.name}'s flattening (J2), which this model leaves out, "
         f"moves the body by up to {share:.0%} of the separation: {better}"
@@ -310,6 +311,11 @@ def describe_flattening(
 
 def _find_radius(chief: Trajectory, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:
     """Return the distance of a chief from the centre of its central body [m] and its rate [m/s] (time,)."""
-    state = states_about_center(chief, epochs)
+    state = _states_about_center(chief, epochs)
     radius = np.sqrt(dot(state.position_m, state.position_m))
     return radius, dot(state.position_m, state.velocity_m_s) / radius
+
+
+def _states_about_center(trajectory: Trajectory, epochs: Epochs) -> BodyState:
+    """Return the states (time, 3) of a trajectory relative to the centre of its central body, in GCRS axes."""
+    return subtract_center(trajectory.states(epochs), find_center_states(trajectory, epochs))

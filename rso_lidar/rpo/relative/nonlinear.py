@@ -17,7 +17,7 @@ from rso_lidar.orbit import (
     Impulse,
     Maneuver,
     Trajectory,
-    describe_late,
+    describe_late_maneuvers,
     find_center,
     integrate_orbit,
     propagate_two_body,
@@ -55,7 +55,7 @@ class Nonlinear(RelativeState):
         for key in ("forces", "maneuvers"):
             if getattr(self, key):
                 raise ScenarioError(
-                    f"{key}: are integrated with the Earth's gravity, and '{self.relative_to}' orbits about {center.name}: "
+                    f"{key}: are integrated with the Earth's gravity, and '{self.relative_to}' orbits about {center.name}; "
                     "leave them out"
                 )
 
@@ -102,7 +102,7 @@ class Nonlinear(RelativeState):
         -------
         one line of advice; empty if there are none
         """
-        return describe_late(self.maneuvers, end_s)
+        return describe_late_maneuvers(self.maneuvers, end_s)
 
     @property
     def impulses_s(self) -> tuple[float, ...]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit import (
-    DIFFERENCE_STEP_S,
     EARTH,
     Burn,
     Epochs,
@@ -21,14 +20,15 @@ from rso_lidar.orbit import (
     find_center,
     integrate_orbit,
     propagate_two_body,
+    rtn_matrix,
     state_rates,
 )
 from rso_lidar.pose import cross, rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import find_start_state
-from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 Vector3 = tuple[float, float, float]
+_STEP_S = 2.0  # of differences of velocity
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,16 @@ class ReferenceOrbit:
         return BodyState(rows[:, :3], rows[:, 3:])
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants of the chief's own maneuvers [s]."""
+        """Return the instants at which the chief's own maneuvers begin, end or change.
+
+        Parameters
+        ----------
+        epochs : not used
+
+        Returns
+        -------
+        (break,) times since `start_utc` [s]
+        """
         return np.array([edge_s for one in self.maneuvers for edge_s in one.edges_s])
 
     def express(self, body: BodyState, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:
@@ -125,12 +134,12 @@ class ReferenceOrbit:
         if self.forces is None:
             return None
         times, breaks = epochs.time_s, self.breaks_s(epochs)
-        smooth = np.all(np.abs(np.subtract.outer(times, breaks)) > 2.0 * DIFFERENCE_STEP_S, axis=1)
+        smooth = np.all(np.abs(np.subtract.outer(times, breaks)) > 2.0 * _STEP_S, axis=1)
         acceleration = np.empty((len(times), 3))
         try:
-            around = np.add.outer(DIFFERENCE_STEP_S * np.array([-2.0, -1.0, 1.0, 2.0]), times[smooth])
+            around = np.add.outer(_STEP_S * np.array([-2.0, -1.0, 1.0, 2.0]), times[smooth])
             v = self.orbit(around.ravel())[:, 3:].reshape(4, -1, 3)
-            acceleration[smooth] = (v[0] - 8.0 * v[1] + 8.0 * v[2] - v[3]) / (12.0 * DIFFERENCE_STEP_S)
+            acceleration[smooth] = (v[0] - 8.0 * v[1] + 8.0 * v[2] - v[3]) / (12.0 * _STEP_S)
         except PropagationError:  # it falls just after an epoch
             smooth[:] = False
         if not smooth.all():

@@ -131,7 +131,7 @@ class RelativeElements(RelativeMotion):
         if turned_rad > _TURNED_RAD:
             sentences.append(
                 f"relative_elements: the chief's inclination is {of[4] / units.DEG:.3g} deg, so delta_iy_m turns the node "
-                f"by {turned_rad / units.DEG:.3g} deg and the elements no longer mean amplitudes: use nonlinear"
+                f"by {turned_rad / units.DEG:.3g} deg and the elements no longer mean amplitudes; use nonlinear"
             )
         if not self.j2:
             return sentences + describe_flattening(
@@ -145,7 +145,7 @@ class RelativeElements(RelativeMotion):
         if low_m < _IN_AIR_M and duration_s > units.DAY_S:
             sentences.append(
                 f"relative_elements: the chief comes down to {low_m / units.KM:.0f} km in {duration_s / units.DAY_S:.1f} "
-                "days, where drag, which this model leaves out, moves bodies of unequal area and mass apart: use a motion "
+                "days, where drag, which this model leaves out, moves bodies of unequal area and mass apart; use a motion "
                 "of type numerical for each"
             )
         return sentences
@@ -190,12 +190,12 @@ def _find_start_elements(
         if abs(value) > half_m:
             raise ScenarioError(
                 f"{name}: {value / units.KM:.4g} km is more than half the chief's orbit, {half_m / units.KM:.0f} km either "
-                "way, beyond which angles repeat: make it smaller"
+                "way, beyond which angles repeat; make it smaller"
             )
     body = add_relative_elements(of, part.elements_m)
     if not (body[0] > 0.0 and body[0] * (1.0 - math.hypot(body[2], body[3])) > units.EARTH_RADIUS_M):
         raise ScenarioError(
-            "delta_a_m, delta_ex_m, delta_ey_m: they put the body's perigee inside the Earth: make them smaller"
+            "delta_a_m, delta_ex_m, delta_ey_m: they put the body's perigee inside the Earth; make them smaller"
         )
     for row in (of, body):
         row.flags.writeable = False
@@ -251,7 +251,7 @@ def add_relative_elements(chief: np.ndarray, elements_m: np.ndarray) -> np.ndarr
     sine = np.sin(c[..., 4])
     if np.any((np.abs(diy) > np.abs(sine)) & (diy != 0.0)):
         raise ScenarioError(
-            "delta_iy_m: the chief's orbit is too near the equator for it, whose node would turn by delta_iy / (a sin i): "
+            "delta_iy_m: the chief's orbit is too near the equator for it, whose node would turn by delta_iy / (a sin i); "
             "use motion 'nonlinear'"
         )
     node = diy / np.where(sine == 0.0, 1.0, sine)

@@ -38,7 +38,7 @@ class RtnMotion(Part):
         if center is not EARTH and not self.any_center:
             raise ScenarioError(
                 f"'{kind_of(self)}' has the Earth's gravity, and '{getattr(self, 'relative_to', 'its chief')}' orbits about "
-                f"{center.name}: use 'hill', 'yamanaka_ankersen', 'nonlinear' without forces, or a plan of impulses"
+                f"{center.name}; use 'hill', 'yamanaka_ankersen', 'nonlinear' without forces, or a plan of impulses"
             )
 
     @abstractmethod

@@ -14,7 +14,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit import EARTH, Epochs, Trajectory, find_center, start_eccentric_anomaly
+from rso_lidar.orbit import EARTH, Epochs, Trajectory, find_center, solve_kepler
 from rso_lidar.part import Vector
 from rso_lidar.rpo.relative.hill import FAR_M, GM, describe_flattening, find_eccentricity, find_start_state
 from rso_lidar.rpo.relative.relative_motion import RelativeState
@@ -65,7 +65,7 @@ class YamanakaAnkersen(RelativeState):
             sentences.append(
                 f"yamanaka_ankersen: the separation reaches {farthest_m / units.KM:.1f} km; beyond {FAR_M / units.KM:g} km "
                 f"the neglected second order, here up to some {off_m:.3g} m for each "
-                f"revolution, matters: use nonlinear{' or relative_elements' if center is EARTH else ''}"
+                f"revolution, matters; use nonlinear{' or relative_elements' if center is EARTH else ''}"
             )
         return sentences + describe_flattening("yamanaka_ankersen", epochs, *start, center=center)
 
@@ -121,7 +121,7 @@ class _ChiefOrbit:
         self.e = math.hypot(e_cos, e_sin)
         if alpha <= 0.0 or self.e >= 1.0:
             raise ScenarioError(
-                "relative_to: its orbit is open, and yamanaka_ankersen is for ellipses: use motion 'nonlinear'"
+                "relative_to: its orbit is open, and yamanaka_ankersen is for ellipses; use motion 'nonlinear'"
             )
         self.true_rad = math.atan2(e_sin, e_cos)
         self.k2 = math.sqrt(gm / p**3)
@@ -169,7 +169,7 @@ class _ChiefOrbit:
         """
         k1, k2, k3, k4, k5, k6 = constants
         e = self.e
-        sin_e, cos_e = _solve_kepler(self.mean_rad + self.mean_motion_rad_s * time_s, e)
+        sin_e, cos_e = solve_kepler(self.mean_rad + self.mean_motion_rad_s * time_s, e)
         shrunk = 1.0 / (1.0 - e * cos_e)  # a / r
         sin, cos = self.axes_ratio * sin_e * shrunk, (cos_e - e) * shrunk
         rho, e_sin, j = 1.0 + e * cos, e * sin, self.k2 * time_s
@@ -203,20 +203,6 @@ class _ChiefOrbit:
             k2 * s_slope + k3 * c_slope - 3.0 * e * (s_slope * turn + k4 * sin / rho),
         )
         put(2, 1.0, k5 * cos + k6 * sin, k6 * cos - k5 * sin)
-
-
-def _solve_kepler(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return sine and cosine of the eccentric anomaly (Markley 1995, eqs. 15-26, then a step of Newton's method)."""
-    m = mean_rad - math.tau * np.round(mean_rad / math.tau)
-    anomaly = start_eccentric_anomaly(m, e)
-    f2, f3 = e * np.sin(anomaly), e * np.cos(anomaly)
-    f0, f1 = anomaly - f2 - m, 1.0 - f3
-    step = -f0 / (f1 - 0.5 * f0 * f2 / f1)
-    step = -f0 / (f1 + 0.5 * step * (f2 + step * f3 / 3.0))
-    anomaly = anomaly - f0 / (f1 + 0.5 * step * (f2 + step / 3.0 * (f3 - 0.25 * step * f2)))
-    s, c = np.sin(anomaly), np.cos(anomaly)
-    rest = (anomaly - e * s - m) / (1.0 - e * c)  # residual of rounding
-    return s - rest * c, c + rest * s
 
 
 def _estimate_second_order_m(

@@ -213,7 +213,7 @@ class Assembly:
             return own.duration_s, "plan"
         why = "the operation then ends" if leg.has_own_end else f"{LONGEST_WAIT:g} revolutions"
         raise ScenarioError(
-            f"until: the condition '{leg.until.name}' is not met within {limit_s:.1f} s ({why}): change the condition, "
+            f"until: the condition '{leg.until.name}' is not met within {limit_s:.1f} s ({why}); change the condition, "
             "or the leg"
         )
 

@@ -89,7 +89,7 @@ class AfterTime(EndCondition):
     @model_validator(mode="after")
     def _one_time(self) -> Self:
         if (self.duration_s is None) == (self.at_s is None):
-            raise ValueError("needs exactly one of duration_s and at_s: give one of them")
+            raise ValueError("needs exactly one of duration_s and at_s; give one of them")
         return self
 
     def margin(self, flight: LegFlight, time_s: np.ndarray) -> np.ndarray:
@@ -101,7 +101,7 @@ class AfterTime(EndCondition):
         length_s = self._length_s(flight)
         if length_s < 0.0:
             raise ScenarioError(
-                f"until.at_s: the leg begins at {flight.begin_s:.1f} s, after {self.at_s:g} s: give a later time, or "
+                f"until.at_s: the leg begins at {flight.begin_s:.1f} s, after {self.at_s:g} s; give a later time, or "
                 "shorten the legs before"
             )
         return length_s if length_s <= until_s * (1.0 + 1e-12) else None
@@ -122,7 +122,7 @@ class _Bounds(EndCondition):
         unit : with which their keys end
         """
         if (most is None) == (least is None):
-            raise ValueError(f"needs exactly one of at_most_{unit} and at_least_{unit}: give one of them")
+            raise ValueError(f"needs exactly one of at_most_{unit} and at_least_{unit}; give one of them")
 
 
 class AtRange(_Bounds):

@@ -15,6 +15,7 @@ from rso_lidar.orbit import (
     mean_from_osculating,
     osculating_from_mean,
     propagate_j2_secular,
+    rtn_matrix,
     sun_position_m,
     sunlit_fraction,
 )
@@ -22,7 +23,6 @@ from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.plans.plan import Path
 from rso_lidar.rpo.relative.relative_elements import rotate_to_equator
-from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class SunOverChief:
     def _states(self, time_s: np.ndarray) -> tuple[BodyState, np.ndarray]:
         """Return the states of the chief and the positions of the Sun (time, 3), inertial."""
         if self.start_utc is None:
-            raise ScenarioError("needs the date for the Sun: use plan(start_utc, chief) instead of make_plan")
+            raise ScenarioError("needs the date for the Sun; use plan(start_utc, chief) instead of make_plan")
         mean, back = self._mean_elements
         flown = osculating_from_mean(propagate_j2_secular(mean, np.asarray(time_s, dtype=float)))
         there = BodyState(*(rotate_vectors(back, vectors) for vectors in flown))

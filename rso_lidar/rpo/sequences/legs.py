@@ -243,7 +243,7 @@ class CoEllipticLeg(_AxisLeg, CoElliptic):
     @model_validator(mode="after")
     def _gets_there(self) -> Self:
         if self.until is None and self.to_m is None and self.duration_s is None:
-            raise ValueError("needs one of to_m, duration_s and until: give one of them")
+            raise ValueError("needs one of to_m, duration_s and until; give one of them")
         return self
 
     def start_values(self, state: State | None) -> dict[str, Any]:
@@ -339,7 +339,7 @@ class DriftLeg(SequenceLeg):
         """Return the plan of the leg; see `SequenceLeg`."""
         n = mean_motion_of_state(chief.position_m, chief.velocity_m_s)
         if state is None:
-            raise ScenarioError("drift: the first leg begins nowhere: give the sequence's position_m and velocity_m_s")
+            raise ScenarioError("drift: the first leg begins nowhere; give the sequence's position_m and velocity_m_s")
         return Plan(self.name, n, self.duration_s or 2.0 * np.pi / n, (make_coast(0.0, *state, n),))
 
 

@@ -41,18 +41,18 @@ class PlanLimits:
         if plan.duration_s > LONGEST_S:
             raise ScenarioError(
                 f"legs: the plan takes {format_years(plan.duration_s)} years, and plans are for up to "
-                f"{format_years(LONGEST_S)}: give shorter legs"
+                f"{format_years(LONGEST_S)}; give shorter legs"
             )
         if self.delta_v_m_s is not None and (total_m_s := plan.delta_v_m_s) > self.delta_v_m_s:
             raise ScenarioError(
-                f"max_delta_v_m_s: the plan needs {total_m_s:.5g} m/s, more than {self.delta_v_m_s:g} m/s: give longer "
+                f"max_delta_v_m_s: the plan needs {total_m_s:.5g} m/s, more than {self.delta_v_m_s:g} m/s; give longer "
                 "transfers or shorter holds, or raise the limit"
             )
         largest = max(plan.impulses, key=lambda impulse: impulse.size_m_s, default=None)
         if self.impulse_m_s is not None and largest is not None and largest.size_m_s > self.impulse_m_s:
             raise ScenarioError(
                 f"max_impulse_m_s: the impulse at {largest.time_s:.1f} s is {largest.size_m_s:.5g} m/s, more than "
-                f"{self.impulse_m_s:g} m/s: give a longer transfer, or raise the limit"
+                f"{self.impulse_m_s:g} m/s; give a longer transfer, or raise the limit"
             )
         if self.acceleration_m_s2 is not None:
             for times_s, control in _sample_thrust(plan):
@@ -60,7 +60,7 @@ class PlanLimits:
                 if (found := float(size.max())) > self.acceleration_m_s2:
                     raise ScenarioError(
                         f"max_acceleration_m_s2: at {times_s[np.argmax(size)]:.1f} s thrust accelerates by {found:.4g} "
-                        f"m/s2, more than {self.acceleration_m_s2:g} m/s2: fly slower or nearer to the V-bar, or raise "
+                        f"m/s2, more than {self.acceleration_m_s2:g} m/s2; fly slower or nearer to the V-bar, or raise "
                         "the limit"
                     )
         if self.plume_half_angle_deg is not None and self.plume_range_m is not None:
@@ -87,7 +87,7 @@ class PlanLimits:
                 k = int(np.argmax(hits))
                 raise ScenarioError(
                     f"plume_half_angle_deg: at {times_s[k]:.1f} s, {away_m[k]:.4g} m away, the body is "
-                    f"{off_rad[k] / units.DEG:.1f} deg off the exhaust, less than {half_angle_deg:g} deg: brake farther "
+                    f"{off_rad[k] / units.DEG:.1f} deg off the exhaust, less than {half_angle_deg:g} deg; brake farther "
                     "out, approach from another side, or shrink plume_range_m"
                 )
 

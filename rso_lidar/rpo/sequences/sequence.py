@@ -73,13 +73,13 @@ class Sequence(ProximityOperation):
         for k, leg in enumerate(self.legs):
             if leg.relative_to not in (None, self.relative_to):
                 raise ValueError(
-                    f"legs[{k}].relative_to: is '{leg.relative_to}', but the sequence is about '{self.relative_to}': "
+                    f"legs[{k}].relative_to: is '{leg.relative_to}', but the sequence is about '{self.relative_to}'; "
                     "leave it out"
                 )
         if self.velocity_m_s is not None and self.position_m is None:
-            raise ValueError("velocity_m_s: needs position_m: give it, or leave velocity_m_s out")
+            raise ValueError("velocity_m_s: needs position_m; give it, or leave velocity_m_s out")
         if (self.plume_half_angle_deg is None) != (self.plume_range_m is None):
-            raise ValueError("plume_half_angle_deg: belongs to plume_range_m: give both, or neither")
+            raise ValueError("plume_half_angle_deg: belongs to plume_range_m; give both, or neither")
         return self
 
     @property

@@ -13,12 +13,10 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.motion import Chief, find_moon_m
 from rso_lidar.orbit import (
-    angle_outside_field_rad,
     angle_rad,
     beta_angle_rad,
     earth_angular_radius_rad,
     earth_limb_angle_rad,
-    is_earth_lit,
     line_altitude_m,
     phase_angle_rad,
     subtract_center,
@@ -192,3 +190,58 @@ def about_center(mission: Mission, preview: Preview, name: str) -> BodyState:
     name : of the body
     """
     return subtract_center(preview.states[name], Chief(mission.bodies, name).center_states(preview.epochs))
+
+
+def is_earth_lit(boresight: np.ndarray, position_m: np.ndarray, sun_m: np.ndarray) -> np.ndarray:
+    """Determine whether the Earth is in daylight (time,) where a boresight meets it, or at the nearest point of its limb.
+
+    Parameters
+    ----------
+    boresight : (time, 3) direction in root axes, of any length
+    position_m, sun_m : (time, 3) position of the observer and of the Sun [m]
+    """
+    ahead = boresight / np.sqrt(np.sum(boresight**2, axis=-1, keepdims=True))
+    distance = np.sqrt(np.sum(position_m**2, axis=-1))
+    along = -np.sum(position_m * ahead, axis=-1)
+    inside = (
+        along**2 - distance**2 + units.EARTH_RADIUS_M**2
+    )  # discriminant of the ray's first intersection with the sphere
+    met = position_m + (along - np.sqrt(np.maximum(inside, 0.0)))[..., None] * ahead
+    # limb point in the plane of boresight and Earth's centre, at the central angle acos(R / r) from the nadir point
+    up = position_m / distance[..., None]
+    aside = ahead - np.sum(ahead * up, axis=-1)[..., None] * up
+    aside = aside / np.maximum(np.sqrt(np.sum(aside**2, axis=-1)), 1e-300)[..., None]
+    cosine = np.minimum(units.EARTH_RADIUS_M / distance, 1.0)
+    limb = cosine[..., None] * up + np.sqrt(1.0 - cosine**2)[..., None] * aside
+    place = np.where(((inside > 0.0) & (along > 0.0))[..., None], met, limb)
+    lit: np.ndarray = np.sum(place * sun_m, axis=-1) > 0.0
+    return lit
+
+
+def angle_outside_field_rad(direction: np.ndarray, half_field: np.ndarray) -> np.ndarray:
+    """Return the angle (time,) [rad] from a rectangular field of view to directions, 0 inside the field.
+
+    A disk of angular radius q about the direction overlaps the field where this angle is at most q.
+
+    Parameters
+    ----------
+    direction : (time, 3) in lidar axes, +z the boresight, of any length
+    half_field : (time, 2) or (2,) tangents of the half angles to the right and down
+    """
+    unit = direction / np.maximum(np.sqrt(np.sum(direction**2, axis=-1, keepdims=True)), 1e-300)
+    # the field is symmetric: fold the direction into the quadrant with x and y positive
+    x, y, z = np.abs(unit[..., 0]), np.abs(unit[..., 1]), unit[..., 2]
+    right, down = np.broadcast_to(half_field[..., 0], x.shape), np.broadcast_to(half_field[..., 1], x.shape)
+    over_x, over_y = x - right * z, y - down * z
+    inside = (over_x <= 0.0) & (over_y <= 0.0) & (z > 0.0)
+    corner = angle_rad(np.stack([x, y, z], axis=-1), np.stack([right, down, np.ones_like(x)], axis=-1))
+    best = corner
+    for over, across, along, edge, reach in ((over_x, x, y, right, down), (over_y, y, x, down, right)):
+        norm = np.sqrt(1.0 + edge**2)
+        foot = (
+            z + edge * across
+        ) / norm  # projection of the direction onto the plane of the edge, along the middle of the edge
+        on_edge = (over > 0.0) & (foot > 0.0) & (along * norm <= reach * foot)
+        best = np.where(on_edge, np.arcsin(np.clip(over / norm, -1.0, 1.0)), best)
+    angle: np.ndarray = np.where(inside, 0.0, best)
+    return angle

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.motion import Body
-from rso_lidar.orbit import angle_off_axis_rad
+from rso_lidar.orbit import angle_rad
 from rso_lidar.part import GREATEST, Direction, NotNegative, Part, Positive, Text
 
 Exclusion = Annotated[Positive, Field(lt=180)]
@@ -76,7 +76,7 @@ class Corridor(Part):
         ----------
         place_m : points (time, 3) in the axes of the apex [m]
         """
-        return angle_off_axis_rad(place_m, np.array(self.axis))
+        return angle_rad(place_m, np.array(self.axis))
 
     def applies(self, place_m: np.ndarray) -> np.ndarray:
         """Return whether (time) points are within the length of the corridor.

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError, add_place
-from rso_lidar.motion import Angle, HingeAxes
+from rso_lidar.motion import HingeAngle, HingeAxes
 from rso_lidar.part import Direction, Name, Part, Text, Vector
 from rso_lidar.records import Hinge
 from rso_lidar.scene import body_from_mesh
@@ -46,7 +46,7 @@ class Joint(Part):
             "model's."
         ),
     )
-    angle: Angle = Field(description="Law of the hinge angle.")
+    angle: HingeAngle = Field(description="Law of the hinge angle.")
 
 
 @dataclass(frozen=True)

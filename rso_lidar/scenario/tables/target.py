@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.errors import MeshError, ScenarioError
-from rso_lidar.motion import RESERVED, Body, HingeAxes
+from rso_lidar.motion import RESERVED_AXES, Body, HingeAxes
 from rso_lidar.part import Positive, Text, Vector
 from rso_lidar.records import PartClass, Symmetry, Taxonomy
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
@@ -107,8 +107,8 @@ class Target(Body):
 
     @model_validator(mode="after")
     def _allowed(self) -> Self:
-        if self.name in RESERVED:
-            raise ValueError(f"name: '{self.name}' is reserved ({', '.join(RESERVED)}); choose another")
+        if self.name in RESERVED_AXES:
+            raise ValueError(f"name: '{self.name}' is reserved ({', '.join(RESERVED_AXES)}); choose another")
         given = sum(shape is not None for shape in (self.model, self.terrain, self.fragment))
         if given != 1:
             both = ", not both" if given else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit import ElementSet, Omm, Tle, parse_text, read_element_sets
+from rso_lidar.orbit import ElementSet, Omm, Tle, parse_element_sets, read_element_sets
 
 _PASTED = "the pasted text"
 
@@ -18,7 +18,7 @@ def read_pasted_set(text: str) -> Tle | Omm:
     CatalogError
         If the text is not one element set, or its numbers are not possible.
     """
-    found, junk = parse_text(text, _PASTED)
+    found, junk = parse_element_sets(text, _PASTED)
     if len(found) != 1:
         raise CatalogError(f"{_PASTED}: holds {len(found)} element sets; paste one")
     if problem := found[0].problem or next(iter(junk), None):

@@ -5,19 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar.rpo import (
-    ORBIT,
-    THRUST,
+    ORBIT_STATES,
+    THRUST_STATES,
     DeviationFlow,
     FilterBank,
     HeldThrustErrors,
     NavigationErrors,
-    NominalFlight,
+    TwoImpulseGuidance,
     apply_matrix,
 )
 from rso_lidar.study.dispersions.filter_nodes import FilterNodes
-
-_WEAK = 1e-3  # share of the strongest direction below which a component of the aim cannot be commanded
-TIE_S = 1e-6  # instants nearer than this are one
+from rso_lidar.study.dispersions.nominal_flight import NominalFlight
 
 
 class DispersedFlight:
@@ -41,9 +39,9 @@ class DispersedFlight:
         self.flight, self.sample_s = flight, sample_s
         # A correction aims at an instant that may lie behind the last sample; the runs end there all the same.
         last_s = float(sample_s[-1])
-        due = [one for one in flight.updates if one.time_s <= last_s + TIE_S]
+        due = [one for one in flight.updates if one.time_s <= last_s + DeviationFlow.TIE_S]
         node_s = flight.list_nodes_s(max([last_s, *(one.aim_s for one in due)]), sample_s)
-        self.node_s = node_s[np.append(True, np.diff(node_s) > TIE_S)]
+        self.node_s = node_s[np.append(True, np.diff(node_s) > DeviationFlow.TIE_S)]
         self.flow = DeviationFlow(self.node_s, flight.craft_m, flight.forces, flight.start_utc)
         self.axes, self.turn_rad_s = flight.chief_axes(self.node_s)
         self.sample = np.array([self.find_node(at_s) for at_s in sample_s])
@@ -68,7 +66,9 @@ class DispersedFlight:
             self.thrust = HeldThrustErrors(self.flow.stage_s, flight.chief_axes, flight.control_m_s2, flight.thrusters)
         # (6, 4) what the errors of held thrust do to the next node
         self.held = {
-            node: self.flow.advance(node, np.zeros((ORBIT, THRUST)), self.thrust.make_push(np.eye(THRUST)))
+            node: self.flow.advance(
+                node, np.zeros((ORBIT_STATES, THRUST_STATES)), self.thrust.make_push(np.eye(THRUST_STATES))
+            )
             for node in range(len(self.node_s) - 1)
             if self.thrust is not None and self.find_leg(node) is not None
         }
@@ -101,7 +101,7 @@ class DispersedFlight:
         numbers : (6, run) standard normal; without rows where it has no errors
         """
         if self.target_root is None:
-            return np.zeros((ORBIT, numbers.shape[1]))
+            return np.zeros((ORBIT_STATES, numbers.shape[1]))
         return apply_matrix(self.target_root, numbers)
 
     def carry_target(self, node: int, deviations: np.ndarray) -> np.ndarray:
@@ -135,11 +135,11 @@ class DispersedFlight:
 
     def find_node(self, at_s: float) -> int:
         """Return the index of the node at an instant [s]."""
-        return min(int(np.searchsorted(self.node_s, at_s - TIE_S)), len(self.node_s) - 1)
+        return min(int(np.searchsorted(self.node_s, at_s - DeviationFlow.TIE_S)), len(self.node_s) - 1)
 
     def _sum_burns(self, node: int) -> np.ndarray | None:
         at_s = self.node_s[node]
-        here = [one.delta_v_m_s for one in self.flight.burns if abs(one.time_s - at_s) <= TIE_S]
+        here = [one.delta_v_m_s for one in self.flight.burns if abs(one.time_s - at_s) <= DeviationFlow.TIE_S]
         return np.sum(here, axis=0) if here else None
 
     def _find_gain(self, now: int, aim: int) -> tuple[np.ndarray, np.ndarray]:
@@ -153,7 +153,7 @@ class DispersedFlight:
         for node in range(now, aim):
             through = self.transition[node] @ through
         reach = through[:3, 3:]
-        velocity = -np.linalg.pinv(reach, rcond=_WEAK) @ through[:3]
+        velocity = -np.linalg.pinv(reach, rcond=TwoImpulseGuidance.WEAK_SHARE) @ through[:3]
         arrival = -(through[3:] + through[3:, 3:] @ velocity)
         return velocity, arrival
 

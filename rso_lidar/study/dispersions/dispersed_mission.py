@@ -14,7 +14,7 @@ import numpy as np
 
 from rso_lidar.confidence_intervals import clopper_pearson_bounds
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.motion import chief_of, has_orbit
+from rso_lidar.motion import get_chief_name
 from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario, require_scenario
@@ -263,12 +263,12 @@ def _find_target(scenario: Scenario, target: str | None) -> str:
     if scenario.dispersion is None:
         raise ScenarioError("disperse: the scenario has no table dispersion; add [dispersion] with the errors")
     names = [one.name for one in scenario.target]
-    chief = chief_of(scenario.bodies[-1].motion)
+    chief = get_chief_name(scenario.bodies[-1].motion)
     name = target or (chief if chief in names else next(iter(names), ""))
     if name not in names:
         raise ScenarioError(f"target: no target '{name}' (known: {', '.join(names) or 'none'})")
-    moving = {body.name: body.motion for body in scenario.bodies}
-    if scenario.is_local or not all(has_orbit(moving[one]) for one in (name, scenario.bodies[-1].name)):
+    orbiting = {body.name for body in scenario.bodies if body.orbits}
+    if scenario.is_local or not orbiting >= {name, scenario.bodies[-1].name}:
         raise ScenarioError("disperse: needs orbits about the Earth, of the follower and of the target")
     return name
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.rpo import FilterBank, NavigationErrors, Push, apply_matrix, find_nees
+from rso_lidar.rpo import FilterBank, NavigationErrors, apply_matrix
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.filter_nodes import find_burn_covariance
 from rso_lidar.study.dispersions.linear_dispersion import LinearDispersion, find_linear_dispersion, list_sources
 
+_Push = Callable[[int], np.ndarray]  # acceleration (3, run) [m/s2] at a stage of the integrator
 _INITIAL, _PER_BURN, _PER_UPDATE, _PER_LEG = 6, 8, 6, 4  # standard normal numbers
 
 
@@ -153,7 +154,7 @@ class Disperser:
         known: np.ndarray = state + self.nodes.to_inertial(node, noise)
         return known
 
-    def _find_push(self, node: int, held: np.ndarray, *, without_burns: bool) -> Push | None:
+    def _find_push(self, node: int, held: np.ndarray, *, without_burns: bool) -> _Push | None:
         """Return the error of held thrust from a node to the next; None without held thrust.
 
         Parameters
@@ -167,7 +168,7 @@ class Disperser:
             return None
         return thrust.stop() if without_burns else thrust.make_push(held[_PER_LEG * leg : _PER_LEG * (leg + 1)])
 
-    def _advance(self, node: int, state: np.ndarray, bank: FilterBank | None, push: Push | None) -> np.ndarray:
+    def _advance(self, node: int, state: np.ndarray, bank: FilterBank | None, push: _Push | None) -> np.ndarray:
         """Return true deviations (6, run) at the next node, and propagate the filters with them, in one integration.
 
         Parameters
@@ -226,7 +227,7 @@ class Disperser:
         return counts + [_INITIAL] * (at.target_root is not None)
 
 
-def _push_truth(push: Push, still: np.ndarray, stage: int) -> np.ndarray:
+def _push_truth(push: _Push, still: np.ndarray, stage: int) -> np.ndarray:
     """Return the error of held thrust for true states, and none for estimates.
 
     Parameters
@@ -264,3 +265,18 @@ class _KnowledgeNotes:
         self.paths.error_m[:, sample] = error[:3].T
         self.paths.sigma_m[:, sample] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, :3])
         self.paths.nees[:, sample] = find_nees(error, covariance)
+
+
+def find_nees(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the normalised estimation errors squared (run,); chi-square with six degrees of freedom if consistent.
+
+    Parameters
+    ----------
+    error : (6, run) estimates less true states
+    covariance : (run, 6, 6) of the filters, in the same axes
+    """
+    scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    unit = covariance / (scale[:, :, None] * scale[:, None, :])
+    normal = error.T / scale
+    found: np.ndarray = np.sum(normal * np.linalg.solve(unit, normal[..., None])[..., 0], axis=1)
+    return found

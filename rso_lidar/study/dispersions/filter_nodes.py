@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar.orbit import Epochs
-from rso_lidar.rpo import FilterBank, NominalFlight, RelativeFilter, ScalarUpdate, Thrusters, find_clear_views
+from rso_lidar.rpo import DeviationFlow, FilterBank, RelativeFilter, ScalarUpdate, Thrusters, find_clear_views
+from rso_lidar.study.dispersions.nominal_flight import NominalFlight
 
 PER_SENSOR = 3  # standard normal numbers of a measurement
-_TIE_S = 1e-6
 
 
 class FilterNodes:
@@ -25,7 +25,7 @@ class FilterNodes:
         assert flight.chief_m is not None
         self.part = part
         instants = part.list_instants_s(0.0, float(node_s[-1]))
-        nodes = np.minimum(np.searchsorted(node_s, instants - _TIE_S), len(node_s) - 1)
+        nodes = np.minimum(np.searchsorted(node_s, instants - DeviationFlow.TIE_S), len(node_s) - 1)
         chief, craft = flight.chief_m(node_s[nodes]), flight.craft_m(node_s[nodes])
         clear = find_clear_views(part.sensors, Epochs(flight.start_utc, node_s[nodes]), chief, craft)
         self._reference = dict(zip(nodes.tolist(), craft - chief, strict=True))

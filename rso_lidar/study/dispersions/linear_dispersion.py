@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.rpo import ORBIT, THRUST, FilterBank, NavigationErrors
+from rso_lidar.rpo import ORBIT_STATES, THRUST_STATES, FilterBank, NavigationErrors
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 
 SOURCES = ("start", "burns", "navigation")
@@ -46,27 +46,27 @@ class _SourceColumns:
 
     def __init__(self, craft: np.ndarray, estimate_states: int) -> None:
         count = craft.shape[1]
-        self.matrix = np.vstack([craft, np.zeros((estimate_states + ORBIT + 3, count))])
+        self.matrix = np.vstack([craft, np.zeros((estimate_states + ORBIT_STATES + 3, count))])
         self.labels = ["start"] * count
         if estimate_states:
-            self.estimate[:ORBIT] = craft
+            self.estimate[:ORBIT_STATES] = craft
 
     @property
     def craft(self) -> np.ndarray:
         """Deviations (6, column) of the craft."""
-        rows: np.ndarray = self.matrix[:ORBIT]
+        rows: np.ndarray = self.matrix[:ORBIT_STATES]
         return rows
 
     @property
     def estimate(self) -> np.ndarray:
         """Deviations (state, column) of the estimate."""
-        rows: np.ndarray = self.matrix[ORBIT : -ORBIT - 3]
+        rows: np.ndarray = self.matrix[ORBIT_STATES : -ORBIT_STATES - 3]
         return rows
 
     @property
     def target(self) -> np.ndarray:
         """Deviations (6, column) of the body approached."""
-        rows: np.ndarray = self.matrix[-ORBIT - 3 : -3]
+        rows: np.ndarray = self.matrix[-ORBIT_STATES - 3 : -3]
         return rows
 
     @property
@@ -109,18 +109,19 @@ def list_sources(flight: DispersedFlight) -> tuple[str, ...]:
 
 def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
     """Return the linear covariance at the samples of a flight."""
-    bank = flight.make_filters(np.zeros((ORBIT, 1)), np.zeros((ORBIT, 1))) if flight.filter is not None else None
+    still = np.zeros((ORBIT_STATES, 1))
+    bank = flight.make_filters(still, still) if flight.filter is not None else None
     columns = _SourceColumns(flight.to_inertial(0, flight.root), 0 if bank is None else len(bank.state))
-    columns.widen(THRUST * len(flight.legs), "burns")
+    columns.widen(THRUST_STATES * len(flight.legs), "burns")
     if flight.target_root is not None:
-        columns.widen(ORBIT, TARGET)
-        columns.target[:, -ORBIT:] = flight.target_root
+        columns.widen(ORBIT_STATES, TARGET)
+        columns.target[:, -ORBIT_STATES:] = flight.target_root
         if bank is not None:
-            columns.estimate[:ORBIT, -ORBIT:] = -flight.target_root
+            columns.estimate[:ORBIT_STATES, -ORBIT_STATES:] = -flight.target_root
     if bank is not None:
         assert flight.filter is not None
-        columns.widen(ORBIT, "navigation")
-        columns.estimate[:ORBIT, -ORBIT:] = flight.to_inertial(0, np.diag(flight.filter.part.start_sigma))
+        columns.widen(ORBIT_STATES, "navigation")
+        columns.estimate[:ORBIT_STATES, -ORBIT_STATES:] = flight.to_inertial(0, np.diag(flight.filter.part.start_sigma))
     aim, kept, known_at = -1, {}, {}
     for node in range(flight.last + 1):
         if bank is not None:
@@ -138,14 +139,14 @@ def find_linear_dispersion(flight: DispersedFlight) -> LinearDispersion:
             columns.craft[3:] += axes @ change
             errors = axes @ _find_burn_root(flight, node, change)
             if bank is not None:
-                columns.estimate[3:ORBIT] += axes @ change
+                columns.estimate[3:ORBIT_STATES] += axes @ change
                 bank.add_burn(np.zeros((3, 1)), (errors @ errors.T)[:, :, None])
             columns.widen(3, "burns")
             columns.craft[3:, -3:] = errors
         labels = np.array(columns.labels)
         kept[node] = flight.to_rotating(node, columns.relative), labels
         if bank is not None:
-            known_at[node] = flight.to_rotating(node, columns.estimate[:ORBIT] - columns.relative)
+            known_at[node] = flight.to_rotating(node, columns.estimate[:ORBIT_STATES] - columns.relative)
         if node < flight.last:
             _carry(flight, bank, node, columns)
     rows = [kept[node] for node in flight.sample]
@@ -169,7 +170,7 @@ def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _Sou
     assert filters is not None
     if node not in filters:
         return
-    for one in filters.observe(bank, node, np.zeros((ORBIT, 1)), np.zeros((filters.per_instant, 1))):
+    for one in filters.observe(bank, node, np.zeros((ORBIT_STATES, 1)), np.zeros((filters.per_instant, 1))):
         slope, gain = one.slope[:, 0], one.gain[:, 0]
         apart = slope @ (columns.relative[:3] - columns.estimate[:3])
         columns.estimate[:] += np.outer(gain, apart)
@@ -183,10 +184,10 @@ def _find_known(flight: DispersedFlight, node: int, columns: _SourceColumns) -> 
     """Return the deviation (6, column) that guidance knows, inertial axes."""
     errors = flight.flight.navigation
     if not isinstance(errors, NavigationErrors):
-        return columns.estimate[:ORBIT]
-    columns.widen(ORBIT, "navigation")
+        return columns.estimate[:ORBIT_STATES]
+    columns.widen(ORBIT_STATES, "navigation")
     known = columns.relative
-    known[:, -ORBIT:] = flight.to_inertial(node, np.diag(errors.sigma))
+    known[:, -ORBIT_STATES:] = flight.to_inertial(node, np.diag(errors.sigma))
     return known
 
 
@@ -203,17 +204,17 @@ def _carry(flight: DispersedFlight, bank: FilterBank | None, node: int, columns:
     if flight.target_root is not None:
         columns.target[:] = flight.target_flow.transition(node) @ columns.target
     if leg is not None:
-        place = start + THRUST * leg
-        columns.craft[:, place : place + THRUST] += flight.held[node]
+        place = start + THRUST_STATES * leg
+        columns.craft[:, place : place + THRUST_STATES] += flight.held[node]
     if bank is None:
         return
-    if len(columns.estimate) > ORBIT and leg is not None and (node == 0 or flight.find_leg(node - 1) != leg):
-        columns.estimate[ORBIT:] = 0.0
-    estimate = flight.transition[node] @ columns.estimate[:ORBIT]
-    if leg is not None and len(columns.estimate) > ORBIT:
-        estimate += flight.held[node] @ columns.estimate[ORBIT:]
-    columns.estimate[:ORBIT] = estimate
-    flight.carry_filters(bank, node, np.zeros((ORBIT, 1)))
+    if len(columns.estimate) > ORBIT_STATES and leg is not None and (node == 0 or flight.find_leg(node - 1) != leg):
+        columns.estimate[ORBIT_STATES:] = 0.0
+    estimate = flight.transition[node] @ columns.estimate[:ORBIT_STATES]
+    if leg is not None and len(columns.estimate) > ORBIT_STATES:
+        estimate += flight.held[node] @ columns.estimate[ORBIT_STATES:]
+    columns.estimate[:ORBIT_STATES] = estimate
+    flight.carry_filters(bank, node, np.zeros((ORBIT_STATES, 1)))
 
 
 def _find_burn_root(flight: DispersedFlight, node: int, change: np.ndarray) -> np.ndarray:

@@ -11,12 +11,13 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import suppress_warnings
-from rso_lidar.motion import Chief, find_nominal_flight, truth
+from rso_lidar.motion import Chief, truth
 from rso_lidar.orbit import Epochs
 from rso_lidar.rpo import KeepOutSphere, NavigationErrors
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.dispersed_paths import DispersedPaths, Disperser
+from rso_lidar.study.dispersions.nominal_flight import find_nominal_flight
 from rso_lidar.study.dispersions.outcomes import Sight, find_nearest_m, make_detection
 from rso_lidar.study.dispersions.target_errors import TargetAttitude, resolve_element_sets
 

@@ -20,11 +20,11 @@ class EstimatedOrbit:
 
     Parameters
     ----------
-    start_utc : start of the run.
-    epoch_s : instant of the state, since `start_utc` [s].
-    position_m, velocity_m_s : (3,) in GCRS axes [m], [m/s].
-    covariance : (6, 6) of position and velocity [m²], [m²/s], [m²/s²].
-    forces : on the body besides the central attraction; None for two-body motion.
+    start_utc : start of the run
+    epoch_s : instant of the state, since `start_utc` [s]
+    position_m, velocity_m_s : (3,) in GCRS axes [m], [m/s]
+    covariance : (6, 6) of position and velocity [m²], [m²/s], [m²/s²]
+    forces : on the body besides the central attraction; None for two-body motion
     """
 
     start_utc: datetime.datetime
@@ -49,7 +49,7 @@ class EstimatedOrbit:
 
         Parameters
         ----------
-        epoch_s : instant since `start_utc` [s].
+        epoch_s : instant since `start_utc` [s]
         """
         if epoch_s == self.epoch_s:
             return self
@@ -72,15 +72,15 @@ def propagate_state(
 
     Parameters
     ----------
-    vector : (6) position [m] and velocity [m/s] at `epoch_s` in GCRS axes.
-    time_s : (time) instants since `start_utc` [s].
-    epoch_s : instant of the state [s].
-    start_utc : start of the run.
-    forces : besides the central attraction; None for two-body motion.
+    vector : (6) position [m] and velocity [m/s] at `epoch_s` in GCRS axes
+    time_s : (time) instants since `start_utc` [s]
+    epoch_s : instant of the state [s]
+    start_utc : start of the run
+    forces : besides the central attraction; None for two-body motion
 
     Returns
     -------
-    states (time) in GCRS axes.
+    states (time) in GCRS axes
     """
     if forces is None:
         return BodyState(*propagate_two_body(vector[:3], vector[3:], time_s - epoch_s))
@@ -93,8 +93,8 @@ def find_transition(vector: np.ndarray, since_s: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    vector : (6) state at the epoch.
-    since_s : (time) time since then [s].
+    vector : (6) state at the epoch
+    since_s : (time) time since then [s]
     """
     columns = []
     for k, step in enumerate(STEPS):

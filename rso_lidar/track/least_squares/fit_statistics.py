@@ -15,12 +15,12 @@ class FitStatistics:
 
     Parameters
     ----------
-    time_s : (measurement) instants since start_utc [s].
-    residual : (measurement, row) measured minus predicted, in SI units.
-    square : (measurement) squared norm of each residual in units of its covariance.
-    used : (measurement) bool, false for outliers.
-    chi2 : sum of squares of the used measurements and of the priors, in units of their covariance.
-    degrees_of_freedom : expectation of `chi2` if noise and motion are as assumed.
+    time_s : (measurement) instants since start_utc [s]
+    residual : (measurement, row) measured minus predicted, in SI units
+    square : (measurement) squared norm of each residual in units of its covariance
+    used : (measurement) bool, false for outliers
+    chi2 : sum of squares of the used measurements and of the priors, in units of their covariance
+    degrees_of_freedom : expectation of `chi2` if noise and motion are as assumed
     """
 
     time_s: np.ndarray
@@ -36,8 +36,8 @@ class FitStatistics:
 
         Parameters
         ----------
-        time_s : (measurement) instants of its measurements [s].
-        solution : with residuals and chi-square.
+        time_s : (measurement) instants of its measurements [s]
+        solution : with residuals and chi-square
 
         Returns
         -------
@@ -88,8 +88,8 @@ def chi_square_bounds(degrees_of_freedom: int, share: float = SHARE) -> tuple[fl
 
     Parameters
     ----------
-    degrees_of_freedom : of the distribution.
-    share : probability within the bounds.
+    degrees_of_freedom : of the distribution
+    share : probability within the bounds
 
     Examples
     --------

@@ -51,7 +51,7 @@ class GatedSolution:
 
         Parameters
         ----------
-        derivative : (measurement, row, column) of the predictions with respect to quantities that are not estimated.
+        derivative : (measurement, row, column) of the predictions with respect to quantities that are not estimated
 
         Returns
         -------
@@ -66,9 +66,9 @@ def check_epoch(epoch_s: float | None, time_s: np.ndarray, name: str) -> float:
 
     Parameters
     ----------
-    epoch_s : instant [s] (None: the first measurement).
-    time_s : (measurement) instants [s].
-    name : start of the error message.
+    epoch_s : instant [s] (None: the first measurement)
+    time_s : (measurement) instants [s]
+    name : start of the error message
     """
     at_s = float(time_s[0]) if epoch_s is None else float(epoch_s)
     if not time_s.min() - units.DAY_S <= at_s <= time_s.max() + units.DAY_S:
@@ -83,8 +83,8 @@ def whiten_each(values: np.ndarray, factor: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    values : (measurement, row, column).
-    factor : (measurement, row, row) lower Cholesky factors of their covariances.
+    values : (measurement, row, column)
+    factor : (measurement, row, row) lower Cholesky factors of their covariances
 
     Returns
     -------
@@ -109,17 +109,17 @@ def solve_gated(
     Parameters
     ----------
     model : ``model(values)`` returns the residuals (measurement, row), measured minus predicted, and the derivatives
-        (measurement, row, parameter) of the predictions.
-    start : (parameter) first values; also the means of the prior.
-    covariance : (measurement, row, row) of each measurement.
+        (measurement, row, parameter) of the predictions
+    start : (parameter) first values; also the means of the prior
+    covariance : (measurement, row, row) of each measurement
 
     Other Parameters
     ----------------
-    prior_sigma : (parameter) standard deviations of independent priors about `start`; infinite for none.
+    prior_sigma : (parameter) standard deviations of independent priors about `start`; infinite for none
     whitening : ``whitening(values (measurement, row, column), used)`` converts the used measurements to rows (white,
-        column) with unit covariance, where errors of measurements are correlated (None: independent ones).
-    gate : probability that a measurement without fault is kept.
-    name : start of error messages.
+        column) with unit covariance, where errors of measurements are correlated (None: independent ones)
+    gate : probability that a measurement without fault is kept
+    name : start of error messages
 
     Returns
     -------
@@ -129,7 +129,7 @@ def solve_gated(
     ------
     ScenarioError
         For a gate that is no probability, a singular covariance, or measurements that do not determine the parameters or
-        contradict each other.
+        contradict each other
     """
     from scipy.optimize import least_squares
     from scipy.special import chdtri
@@ -244,9 +244,9 @@ def _check_rank(slopes: np.ndarray, prior: np.ndarray, name: str) -> None:
 
     Parameters
     ----------
-    slopes : (white, parameter) derivatives.
-    prior : (known, parameter) rows of the prior.
-    name : start of the error message.
+    slopes : (white, parameter) derivatives
+    prior : (known, parameter) rows of the prior
+    name : start of the error message
     """
     rows = np.concatenate([slopes, prior])
     length = np.sqrt((rows**2).sum(axis=0))

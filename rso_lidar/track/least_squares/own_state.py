@@ -37,8 +37,8 @@ class GnssErrors:
 
         Parameters
         ----------
-        time_s : (time) instants [s].
-        kind : 0 or 1.
+        time_s : (time) instants [s]
+        kind : 0 or 1
         """
         white = max((self.position_m, self.velocity_m_s)[kind], _LEAST[kind])
         slow = (self.slow_position_m, self.slow_velocity_m_s)[kind]
@@ -54,9 +54,9 @@ class OwnOrbitFit:
 
     Parameters
     ----------
-    orbit : estimated state with its covariance, and its forces.
-    statistics : residuals (solution, 6) of position [m] and velocity [m/s] in GCRS axes, outliers and chi-square.
-    n_solutions : valid solutions that were given; of more than 1,000, an even selection is fitted.
+    orbit : estimated state with its covariance, and its forces
+    statistics : residuals (solution, 6) of position [m] and velocity [m/s] in GCRS axes, outliers and chi-square
+    n_solutions : valid solutions that were given; of more than 1,000, an even selection is fitted
     """
 
     orbit: EstimatedOrbit
@@ -99,16 +99,16 @@ def fit_own_state(
 
     Parameters
     ----------
-    time_s : (solution) instants since `start_utc` [s].
-    position_m, velocity_m_s : (solution, 3) in GCRS axes [m], [m/s]; rows with NaN are left out.
-    errors : of the receiver.
-    start_utc : start of the run.
-    epoch_s : instant of the estimated state [s] (None: the first solution).
+    time_s : (solution) instants since `start_utc` [s]
+    position_m, velocity_m_s : (solution, 3) in GCRS axes [m], [m/s]; rows with NaN are left out
+    errors : of the receiver
+    start_utc : start of the run
+    epoch_s : instant of the estimated state [s] (None: the first solution)
 
     Other Parameters
     ----------------
-    forces : on the body besides the central attraction; None for two-body motion.
-    gate : probability that a solution without fault is kept.
+    forces : on the body besides the central attraction; None for two-body motion
+    gate : probability that a solution without fault is kept
 
     Returns
     -------
@@ -117,7 +117,7 @@ def fit_own_state(
     Raises
     ------
     ScenarioError
-        For fewer than three solutions, arrays of other shapes, or an epoch more than a day from them.
+        For fewer than three solutions, arrays of other shapes, or an epoch more than a day from them
     """
     from scipy.linalg import solve_triangular
 
@@ -173,8 +173,8 @@ def _find_start(time_s: np.ndarray, rows: np.ndarray, at_s: float) -> np.ndarray
 
     Parameters
     ----------
-    time_s, rows : solutions (solution), (solution, 6).
-    at_s : epoch [s].
+    time_s, rows : solutions (solution), (solution, 6)
+    at_s : epoch [s]
     """
     some = np.unique(np.linspace(0, len(rows) - 1, min(9, len(rows))).round().astype(int))
     states = [
@@ -197,12 +197,17 @@ def describe_forces(forces: Forces | None) -> str:
 
 
 def format_fit_row(head: str, values: np.ndarray, form: str) -> str:
-    """Format a row of a table: a heading and numbers.
+    """Format a row of the table of a fit: a heading and numbers.
 
     Parameters
     ----------
-    head : heading.
-    values : numbers.
-    form : format of each.
+    head : heading, padded to 16 characters
+    values : (n,) numbers
+    form : format of each number, as after the colon of an f-string
+
+    Returns
+    -------
+    str
+        the row
     """
     return f"{head:<16}" + "  ".join(f"{value:{form}}" for value in values)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from rso_lidar.rpo import (
 from rso_lidar.track.least_squares.estimated_orbit import STEPS, EstimatedOrbit, propagate_state
 
 RelativeModel = Literal["nonlinear", "yamanaka_ankersen", "hill"]
-RELATIVE_MODELS: tuple[RelativeModel, ...] = ("nonlinear", "yamanaka_ankersen", "hill")
+RELATIVE_MODELS: tuple[RelativeModel, ...] = get_args(RelativeModel)
 _MOST_PASSES, _CLOSE_M = 20, 1e-7  # each pass divides the error by the ratio of orbit radius and distance
 
 
@@ -30,9 +30,9 @@ class RelativePrediction:
 
     Parameters
     ----------
-    own : orbit of the follower; its epoch is that of the relative state.
-    time_s : (time) instants since `start_utc` [s].
-    motion : "nonlinear" integrates both orbits with the forces of `own`; "yamanaka_ankersen" and "hill" are linear.
+    own : orbit of the follower; its epoch is that of the relative state
+    time_s : (time) instants since `start_utc` [s]
+    motion : "nonlinear" integrates both orbits with the forces of `own`; "yamanaka_ankersen" and "hill" are linear
     """
 
     def __init__(self, own: EstimatedOrbit, time_s: np.ndarray, motion: RelativeModel) -> None:
@@ -47,8 +47,8 @@ class RelativePrediction:
 
         Parameters
         ----------
-        relative : (6) relative state [m], [m/s].
-        own : (6) state of the follower (None: the estimated one).
+        relative : (6) relative state [m], [m/s]
+        own : (6) state of the follower (None: the estimated one)
         """
         at = self._own
         goal = at.vector if own is None else own
@@ -71,7 +71,7 @@ class RelativePrediction:
 
         Parameters
         ----------
-        relative : (6) relative state [m], [m/s].
+        relative : (6) relative state [m], [m/s]
         """
         target = self.find_target(relative)
         there = target.states(self._epochs)
@@ -90,7 +90,7 @@ class RelativePrediction:
 
         Parameters
         ----------
-        relative : (6) relative state [m], [m/s].
+        relative : (6) relative state [m], [m/s]
         """
         target = self.find_target(relative)
         there = target.states(self._epochs)
@@ -102,7 +102,7 @@ class RelativePrediction:
 
         Parameters
         ----------
-        relative : (6) relative state [m], [m/s].
+        relative : (6) relative state [m], [m/s]
         """
         bare = EstimatedOrbit(
             self._own.start_utc,
@@ -133,8 +133,8 @@ class RelativePrediction:
 
         Parameters
         ----------
-        columns : (6, column).
-        target : orbit of the target.
+        columns : (6, column)
+        target : orbit of the target
         """
         at = np.array(target.position_m), np.array(target.velocity_m_s)
         flown = []

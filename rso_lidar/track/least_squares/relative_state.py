@@ -11,7 +11,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit import Epochs, rtn_matrix
 from rso_lidar.records import BodyState
 from rso_lidar.track.least_squares.estimated_orbit import EstimatedOrbit
-from rso_lidar.track.least_squares.fit_statistics import FitStatistics, normalize_error
+from rso_lidar.track.least_squares.fit_statistics import FitStatistics, chi_square_bounds, normalize_error
 from rso_lidar.track.least_squares.gated_solution import MEASUREMENT_GATE, check_epoch, solve_gated
 from rso_lidar.track.least_squares.own_state import describe_forces, format_fit_row
 from rso_lidar.track.least_squares.relative_prediction import RelativeModel, RelativePrediction
@@ -27,10 +27,10 @@ class SightBias:
     Parameters
     ----------
     offset_m : mean (3) of centroid minus origin of the target along the line of sight (away from the lidar), across it in
-        the orbital plane, and across it out of the plane [m].
-    offset_sigma_m : its standard deviations (3) [m]; 0 for an offset that is known, infinite for one without a prior.
+        the orbital plane, and across it out of the plane [m]
+    offset_sigma_m : its standard deviations (3) [m]; 0 for an offset that is known, infinite for one without a prior
     turn_sigma_rad : standard deviations (3) of a rotation about the axes of the follower's body [rad], such as a
-        misalignment of the boresight; 0 for none.
+        misalignment of the boresight; 0 for none
     """
 
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -44,16 +44,16 @@ class RelativeOrbitFit:
 
     Parameters
     ----------
-    epoch_s : instant of the state, since start_utc [s].
+    epoch_s : instant of the state, since start_utc [s]
     position_m, velocity_m_s : (3) of the follower in the rotating rtn axes of the target [m], [m/s], as in the motions
-        `hill` and `nonlinear`.
-    covariance : (6, 6) of both, with the uncertainty of the biases and of the follower's orbit.
-    offset_m, offset_sigma_m : (3) estimated offset of the centroid from the target's origin [m], in the axes of `SightBias`.
-    turn_rad, turn_sigma_rad : (3) estimated rotation about body axes [rad].
+        `hill` and `nonlinear`
+    covariance : (6, 6) of both, with the uncertainty of the biases and of the follower's orbit
+    offset_m, offset_sigma_m : (3) estimated offset of the centroid from the target's origin [m], in the axes of `SightBias`
+    turn_rad, turn_sigma_rad : (3) estimated rotation about body axes [rad]
     statistics : residuals (measurement, 3) along the line of sight, across it in the orbital plane and out of it [m],
-        outliers, and chi-square.
-    own : orbit of the follower.
-    motion : model of the relative motion.
+        outliers, and chi-square
+    own : orbit of the follower
+    motion : model of the relative motion
     """
 
     epoch_s: float
@@ -79,25 +79,44 @@ class RelativeOrbitFit:
 
         Parameters
         ----------
-        position_m, velocity_m_s : (3) true relative state [m], [m/s].
+        position_m, velocity_m_s : (3) true relative state [m], [m/s]
 
         Returns
         -------
-        the NEES, whose mean is 6.
+        the NEES, whose mean is 6
         """
         error = np.concatenate([self.position_m - position_m, self.velocity_m_s - velocity_m_s])
         return normalize_error(error, self.covariance)
+
+    def describe_error(self, position_m: np.ndarray, velocity_m_s: np.ndarray) -> list[str]:
+        """Describe the error against the true state, and its NEES.
+
+        Parameters
+        ----------
+        position_m, velocity_m_s : (3) true relative state [m], [m/s]
+
+        Returns
+        -------
+        lines of text
+        """
+        low, high = chi_square_bounds(6)
+        nees = self.normalize_error(position_m, velocity_m_s)
+        return [
+            format_fit_row("error [m]", self.position_m - position_m, "12.4f"),
+            format_fit_row("error [m/s]", self.velocity_m_s - velocity_m_s, "12.6f"),
+            f"NEES {nees:.2f}, 6 expected (95 % bounds {low:.2f} to {high:.2f})",
+        ]
 
     def describe(self, target: str = "the target") -> str:
         """Describe state, standard deviations, biases and chi-square.
 
         Parameters
         ----------
-        target : its name.
+        target : its name
 
         Returns
         -------
-        lines of text.
+        lines of text
         """
         stats, sigma = self.statistics, self.sigma
         forces = f", {describe_forces(self.own.forces)}" if self.motion == "nonlinear" else ""
@@ -143,18 +162,18 @@ def fit_relative_state(
 
     Parameters
     ----------
-    time_s : (measurement) instants since `own.start_utc` [s].
-    position_m : (measurement, 3) of the target minus the follower's origin in GCRS axes [m]; rows with NaN are left out.
-    covariance_m2 : (measurement, 3, 3) of each, independent of the others [m²].
-    own : orbit of the follower.
-    epoch_s : instant of the estimated state [s] (None: the first measurement).
-    motion : "nonlinear", "yamanaka_ankersen" or "hill".
+    time_s : (measurement) instants since `own.start_utc` [s]
+    position_m : (measurement, 3) of the target minus the follower's origin in GCRS axes [m]; rows with NaN are left out
+    covariance_m2 : (measurement, 3, 3) of each, independent of the others [m²]
+    own : orbit of the follower
+    epoch_s : instant of the estimated state [s] (None: the first measurement)
+    motion : "nonlinear", "yamanaka_ankersen" or "hill"
 
     Other Parameters
     ----------------
-    bias : constant errors to estimate.
-    inertial_from_body : (measurement, 3, 3) attitude of the follower, for the rotation of `bias`.
-    gate : probability that a measurement without fault is kept.
+    bias : constant errors to estimate
+    inertial_from_body : (measurement, 3, 3) attitude of the follower, for the rotation of `bias`
+    gate : probability that a measurement without fault is kept
 
     Returns
     -------
@@ -164,7 +183,7 @@ def fit_relative_state(
     ------
     ScenarioError
         For fewer than three measurements, arrays of other shapes, an epoch more than a day from them, or measurements that
-        do not determine the state.
+        do not determine the state
     """
     time_s, position_m, covariance_m2 = (np.asarray(each, dtype=float) for each in (time_s, position_m, covariance_m2))
     n = time_s.size
@@ -242,8 +261,8 @@ def find_sight_axes(line_m: np.ndarray, own: BodyState) -> np.ndarray:
 
     Parameters
     ----------
-    line_m : (time, 3) lines of sight [m].
-    own : states (time) of the follower, whose orbital plane is meant.
+    line_m : (time, 3) lines of sight [m]
+    own : states (time) of the follower, whose orbital plane is meant
     """
     along = line_m / np.linalg.norm(line_m, axis=1)[:, None]
     axes = rtn_matrix(own.position_m, own.velocity_m_s)[0]
@@ -260,9 +279,9 @@ def _find_start(line: np.ndarray, flown: BodyState, prediction: RelativePredicti
 
     Parameters
     ----------
-    line : (measurement, 3) target minus follower [m].
-    flown : states of the follower.
-    prediction : of the measured instants.
+    line : (measurement, 3) target minus follower [m]
+    flown : states of the follower
+    prediction : of the measured instants
     """
     slopes = prediction.differentiate(np.zeros(6))
     found: np.ndarray = np.linalg.lstsq(slopes.reshape(-1, 6), line.ravel(), rcond=None)[0]

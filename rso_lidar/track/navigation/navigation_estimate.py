@@ -13,12 +13,12 @@ class NavigationEstimate:
 
     Parameters
     ----------
-    time_s : instant since start_utc [s].
-    position_m, velocity_m_s : of the follower (xyz) [m], [m/s].
-    relative_position_m, relative_velocity_m_s : of the target relative to the follower (xyz) [m], [m/s].
-    inertial_from_body : attitude of the follower, a matrix (3, 3).
+    time_s : instant since start_utc [s]
+    position_m, velocity_m_s : of the follower (xyz) [m], [m/s]
+    relative_position_m, relative_velocity_m_s : of the target relative to the follower (xyz) [m], [m/s]
+    inertial_from_body : attitude of the follower, a matrix (3, 3)
     covariance : (15, 15) of the errors of these, in this order; the error of the attitude is a small rotation in body axes
-        [rad].
+        [rad]
     """
 
     time_s: float

@@ -36,15 +36,15 @@ class NavigationFilter:
 
     Parameters
     ----------
-    estimate : at the start, with its covariance.
+    estimate : at the start, with its covariance
     gyro, star_tracker, gnss, relative_gnss : sensors whose samples will be given. Their models supply all noise.
 
     Other Parameters
     ----------------
     own_acceleration_m_s2_sqrt_hz, target_acceleration_m_s2_sqrt_hz : roots of the spectral densities of white
-        accelerations of the follower and of the target that are not modelled, each axis [m/s²/√Hz].
-    oblate : whether the Earth's J2 acts on both.
-    has_gravity : False in a local world.
+        accelerations of the follower and of the target that are not modelled, each axis [m/s²/√Hz]
+    oblate : whether the Earth's J2 acts on both
+    has_gravity : False in a local world
     """
 
     def __init__(
@@ -115,8 +115,8 @@ class NavigationFilter:
 
         Parameters
         ----------
-        time_s : instant of the sample [s].
-        rate_rad_s : (xyz) in the gyro's axes [rad/s].
+        time_s : instant of the sample [s]
+        rate_rad_s : (xyz) in the gyro's axes [rad/s]
         """
         if self._rates and time_s <= self._rates[-1][0]:
             raise ScenarioError(f"navigation: a sample of the gyro at {time_s:g} s comes late; sort them by time")
@@ -136,7 +136,7 @@ class NavigationFilter:
 
         Parameters
         ----------
-        time_s : instant [s], not before the present.
+        time_s : instant [s], not before the present
         """
         step_s = time_s - self.time_s
         if step_s < 0.0:
@@ -193,8 +193,8 @@ class NavigationFilter:
 
         Parameters
         ----------
-        time_s : instant [s].
-        inertial_from_body : measured attitude, a matrix (3, 3).
+        time_s : instant [s]
+        inertial_from_body : measured attitude, a matrix (3, 3)
         """
         from scipy.spatial.transform import Rotation
 
@@ -212,8 +212,8 @@ class NavigationFilter:
 
         Parameters
         ----------
-        time_s : instant [s].
-        position_m, velocity_m_s : of the antenna (xyz) in inertial axes [m], [m/s].
+        time_s : instant [s]
+        position_m, velocity_m_s : of the antenna (xyz) in inertial axes [m], [m/s]
         """
         part = _require(self._gnss, "gnss")
         self.predict(time_s)
@@ -236,8 +236,8 @@ class NavigationFilter:
 
         Parameters
         ----------
-        time_s : instant [s].
-        position_m, velocity_m_s : of the follower relative to the target, in the axes of the sensor [m], [m/s].
+        time_s : instant [s]
+        position_m, velocity_m_s : of the follower relative to the target, in the axes of the sensor [m], [m/s]
         """
         part = _require(self._relative, "relative_gnss")
         self.predict(time_s)
@@ -264,11 +264,11 @@ class NavigationFilter:
 
         Parameters
         ----------
-        time_s : instant [s].
-        position_m : of the target's origin (xyz) in lidar axes [m].
-        covariance_m2 : of it (3, 3) [m²].
-        body_from_lidar : rotation (3, 3) of the lidar on the follower.
-        origin_m : position of the lidar (xyz) in body axes [m].
+        time_s : instant [s]
+        position_m : of the target's origin (xyz) in lidar axes [m]
+        covariance_m2 : of it (3, 3) [m²]
+        body_from_lidar : rotation (3, 3) of the lidar on the follower
+        origin_m : position of the lidar (xyz) in body axes [m]
         """
         self.predict(time_s)
         self._predict_orbits()
@@ -283,7 +283,7 @@ class NavigationFilter:
 
         Parameters
         ----------
-        time_s : instant [s], not before the present.
+        time_s : instant [s], not before the present
         """
         self.predict(time_s)
         self._predict_orbits()
@@ -307,10 +307,10 @@ class NavigationFilter:
 
         Parameters
         ----------
-        source : what measured.
-        innovation : measured minus predicted (row).
-        sensitivity : its derivatives by the error states (row, state).
-        noise : covariance of the measurement (row, row).
+        source : what measured
+        innovation : measured minus predicted (row)
+        sensitivity : its derivatives by the error states (row, state)
+        noise : covariance of the measurement (row, row)
         """
         crossed = self._covariance @ sensitivity.T
         spread = sensitivity @ crossed + noise

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion import Mount, Ptu, lidar_from_ptu, ptu_link
+from rso_lidar.motion import Mount, Ptu, lidar_from_ptu, make_ptu_link
 from rso_lidar.pose import matrix_from_quaternion
 from rso_lidar.records import (
     GnssSamples,
@@ -39,17 +39,17 @@ class Navigator:
 
     Parameters
     ----------
-    gyro, star_tracker, gnss : sensors of the scenario.
-    relative_gnss : of the scenario (None: the lidar alone measures the relative state).
-    ptu : pan-tilt unit of the scenario (None: the lidar is fixed to the follower).
-    mount : of the lidar, as in the scenario's [lidar].
+    gyro, star_tracker, gnss : sensors of the scenario
+    relative_gnss : of the scenario (None: the lidar alone measures the relative state)
+    ptu : pan-tilt unit of the scenario (None: the lidar is fixed to the follower)
+    mount : of the lidar, as in the scenario's [lidar]
 
     Other Parameters
     ----------------
     centroid_m : distance of the visible centroid from the target's origin, 1 sigma of each axis [m], added to the covariance
-        of a fix.
-    pointing_rad : error of the boresight, 1 sigma of each axis [rad], such as that of the PTU's encoders.
-    **settings : further settings of `NavigationFilter`, such as `target_acceleration_m_s2_sqrt_hz`.
+        of a fix
+    pointing_rad : error of the boresight, 1 sigma of each axis [rad], such as that of the PTU's encoders
+    **settings : further settings of `NavigationFilter`, such as `target_acceleration_m_s2_sqrt_hz`
 
     >>> navigate = Navigator(gyro=gyro, star_tracker=tracker, gnss=gnss)   # doctest: +SKIP
     """
@@ -88,8 +88,8 @@ class Navigator:
 
         Parameters
         ----------
-        observation : of a flash, with the samples of other sensors.
-        fix : position of the target in lidar axes, such as `locate_centroid` finds it.
+        observation : of a flash, with the samples of other sensors
+        fix : position of the target in lidar axes, such as `locate_centroid` finds it
         """
         for name in self._names:
             if name not in observation.sensors:
@@ -130,14 +130,14 @@ class Navigator:
 
         Parameters
         ----------
-        observation : of the flash.
-        fix : in lidar axes.
+        observation : of the flash
+        fix : in lidar axes
         """
         turned, origin = (self._mount.rotation * lidar_from_ptu().inv()).as_matrix(), np.array(self._mount.position_m)
         if self._ptu is not None:
             if observation.pan_tilt_rad is None:
                 raise ScenarioError("Navigator: the observation has no pan and tilt; leave out ptu")
-            link = ptu_link(self._ptu.mount, *observation.pan_tilt_rad.tolist())
+            link = make_ptu_link(self._ptu.mount, *observation.pan_tilt_rad.tolist())
             turned, origin = link.matrix @ turned, link.translation_m + link.matrix @ origin
         across = np.eye(3) * float(fix.position_m @ fix.position_m) - np.outer(fix.position_m, fix.position_m)
         spread = fix.covariance_m2 + self._centroid_m**2 * np.eye(3) + self._pointing_rad**2 * across
@@ -177,8 +177,8 @@ class Navigator:
 
         Parameters
         ----------
-        states : (12) with the state of the follower.
-        position_m, velocity_m_s : of the follower relative to the target, in the axes of the sensor.
+        states : (12) with the state of the follower
+        position_m, velocity_m_s : of the follower relative to the target, in the axes of the sensor
         """
         assert self._relative is not None
         relative = np.zeros(6)
@@ -198,10 +198,10 @@ def _advance(
 
     Parameters
     ----------
-    navigation : the filter.
-    rates : instants and samples of the gyro that it has not been given.
-    waiting : other measurements, in the order of their instants.
-    until_s : the instant [s].
+    navigation : the filter
+    rates : instants and samples of the gyro that it has not been given
+    waiting : other measurements, in the order of their instants
+    until_s : the instant [s]
     """
     updates: dict[str, Any] = {
         "star_tracker": navigation.update_attitude,

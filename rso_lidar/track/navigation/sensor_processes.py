@@ -25,8 +25,8 @@ class SensorProcesses:
 
         Parameters
         ----------
-        part : the sensor.
-        first : index of its first state.
+        part : the sensor
+        first : index of its first state
         """
         model = part.error_model
         kept = np.flatnonzero(model.channel >= 0)  # -1: not added, such as a scale factor
@@ -46,8 +46,8 @@ class SensorProcesses:
 
         Parameters
         ----------
-        count : number of channels.
-        size : number of states.
+        count : number of channels
+        size : number of states
         """
         matrix = np.zeros((count, size))
         matrix[self.channels, self.places] = 1.0

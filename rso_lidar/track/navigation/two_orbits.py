@@ -16,7 +16,7 @@ def accelerate(position_m: np.ndarray, *, oblate: bool) -> np.ndarray:
 
     Parameters
     ----------
-    position_m : (3) in inertial axes [m].
+    position_m : (3) in inertial axes [m]
     oblate : whether J2 is included (Vallado 4th ed., eq. 8-29).
     """
     square = float(position_m @ position_m)
@@ -33,7 +33,7 @@ def find_gradient(position_m: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    position_m : (3) in inertial axes [m].
+    position_m : (3) in inertial axes [m]
     """
     square = float(position_m @ position_m)
     return np.asarray(_GM / (square * np.sqrt(square)) * (3.0 / square * np.outer(position_m, position_m) - np.eye(3)))
@@ -59,16 +59,16 @@ def predict_orbits(
 
     Parameters
     ----------
-    state : (12) position [m] and velocity [m/s] of the follower, then of the target relative to it, in inertial axes.
-    step_s : length of the step [s].
+    state : (12) position [m] and velocity [m/s] of the follower, then of the target relative to it, in inertial axes
+    step_s : length of the step [s]
     own_m_s2_sqrt_hz, target_m_s2_sqrt_hz : roots of the spectral densities of the white accelerations of the follower and of
-        the target that are not modelled, each axis [m/s²/√Hz].
-    oblate : whether the Earth's J2 acts.
-    has_gravity : False in a local world.
+        the target that are not modelled, each axis [m/s²/√Hz]
+    oblate : whether the Earth's J2 acts
+    has_gravity : False in a local world
 
     Returns
     -------
-    the state after the step, the transition matrix (12, 12), and the covariance (12, 12) that the accelerations add.
+    the state after the step, the transition matrix (12, 12), and the covariance (12, 12) that the accelerations add
     """
     transition, noise = np.eye(STATES), np.zeros((STATES, STATES))
     count = max(1, int(np.ceil(step_s / _LONGEST_STEP_S)))

@@ -64,13 +64,13 @@ class _Hypothesis:
 
         Parameters
         ----------
-        time_s : instant [s].
-        middle_m : mean of the points (xyz), in axes that do not turn [m].
-        axes_from_lidar : attitude of the lidar in these axes.
+        time_s : instant [s]
+        middle_m : mean of the points (xyz), in axes that do not turn [m]
+        axes_from_lidar : attitude of the lidar in these axes
 
         Returns
         -------
-        the predicted pose lidar_from_body.
+        the predicted pose lidar_from_body
         """
         from scipy.spatial.transform import Rotation
 
@@ -92,12 +92,12 @@ class _Hypothesis:
 
         Parameters
         ----------
-        time_s : instant of the pose [s].
-        found : the pose.
-        misfit : of the pose [m].
-        middle_m : mean of the points (xyz), in axes that do not turn [m].
-        axes_from_lidar : attitude of the lidar in these axes.
-        is_turned : whether the pose was corrected by a turn about an axis of the body, which is no motion.
+        time_s : instant of the pose [s]
+        found : the pose
+        misfit : of the pose [m]
+        middle_m : mean of the points (xyz), in axes that do not turn [m]
+        axes_from_lidar : attitude of the lidar in these axes
+        is_turned : whether the pose was corrected by a turn about an axis of the body, which is no motion
         """
         in_axes = pose(rotation=axes_from_lidar) * found.pose
         if time_s > self.time_s and not is_turned:
@@ -124,11 +124,11 @@ class PoseFollower:
 
     Parameters
     ----------
-    model : of the target; the angles of its hinges are the first guess.
-    min_points : fewest points for a pose.
-    most_points : most points in one alignment; denser clouds are thinned evenly.
-    patience : fewest clouds between two acquisitions, each of which takes about a hundred times as long as a step.
-    hypotheses : most hypotheses in parallel.
+    model : of the target; the angles of its hinges are the first guess
+    min_points : fewest points for a pose
+    most_points : most points in one alignment; denser clouds are thinned evenly
+    patience : fewest clouds between two acquisitions, each of which takes about a hundred times as long as a step
+    hypotheses : most hypotheses in parallel
     """
 
     def __init__(
@@ -158,15 +158,15 @@ class PoseFollower:
 
         Parameters
         ----------
-        time_s : instant [s].
-        points_m : points (n, 3) in lidar axes [m].
-        axes_from_lidar : attitude of the lidar in axes that do not turn.
+        time_s : instant [s]
+        points_m : points (n, 3) in lidar axes [m]
+        axes_from_lidar : attitude of the lidar in axes that do not turn
         half_field_rad : half of the field of view [rad], as in `icp.misfit_m`; parts of the model outside it are not
             compared with the points. Infinite for a target that is entirely inside.
 
         Returns
         -------
-        pose of the body with its misfit, and hinge angles; None with fewer points than `min_points`, or without a match.
+        pose of the body with its misfit, and hinge angles; None with fewer points than `min_points`, or without a match
         """
         if len(points_m) < self.min_points:
             return None

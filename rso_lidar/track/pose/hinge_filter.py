@@ -34,8 +34,8 @@ class HingeFilter:
 
         Parameters
         ----------
-        time_s : instant [s].
-        angles_rad, sigmas_rad : of the hinges by name, with their standard deviations.
+        time_s : instant [s]
+        angles_rad, sigmas_rad : of the hinges by name, with their standard deviations
         """
         return cls(
             time_s,
@@ -61,8 +61,8 @@ class HingeFilter:
 
         Parameters
         ----------
-        angles_rad, sigmas_rad : of the hinges by name, with their standard deviations, which include the prediction's.
-        is_predicted : whether the prediction was the guess of these angles; if not, the filter starts again.
+        angles_rad, sigmas_rad : of the hinges by name, with their standard deviations, which include the prediction's
+        is_predicted : whether the prediction was the guess of these angles; if not, the filter starts again
         """
         if not is_predicted:
             again = HingeFilter.start(self.time_s, angles_rad, sigmas_rad)

@@ -65,21 +65,21 @@ def align(
 
     Parameters
     ----------
-    points_m : points (n, 3) in lidar axes [m].
-    model : points and normals of the target.
-    guess : lidar_from_body to start from.
-    steps : greatest number of steps.
+    points_m : points (n, 3) in lidar axes [m]
+    model : points and normals of the target
+    guess : lidar_from_body to start from
+    steps : greatest number of steps
     hinge_sigmas_rad : standard deviation of the guess of each hinge by name [rad]. A hinge that is not named has that of an
         angle of which nothing is known, uniform over the circle: 104 degrees. A hinge that no point shows keeps its guess.
 
     Returns
     -------
-    pose lidar_from_body and hinge angles, with the rms distance of the points.
+    pose lidar_from_body and hinge angles, with the rms distance of the points
 
     Raises
     ------
     ScenarioError
-        If there are fewer than six points.
+        If there are fewer than six points
     """
     points = np.asarray(points_m, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < _FEWEST:
@@ -133,9 +133,9 @@ def _turn_rows(at: np.ndarray, normal: np.ndarray, nearest: np.ndarray, model: S
 
     Parameters
     ----------
-    at, normal : points (n, xyz) in body axes [m], and normals of their planes.
-    nearest : numbers (n) of the points of the model.
-    model : of the target.
+    at, normal : points (n, xyz) in body axes [m], and normals of their planes
+    nearest : numbers (n) of the points of the model
+    model : of the target
     """
     columns = []
     for number, hinge in enumerate(model.hinges):
@@ -152,9 +152,9 @@ def _estimate_hinge_sigmas_rad(rows: np.ndarray, off: np.ndarray, sigma_rad: np.
 
     Parameters
     ----------
-    rows, off : of the last step of the least squares, with distances [m].
-    sigma_rad : standard deviations of the guess (hinge) [rad].
-    radius_m : of the model, the unit of the columns.
+    rows, off : of the last step of the least squares, with distances [m]
+    sigma_rad : standard deviations of the guess (hinge) [rad]
+    radius_m : of the model, the unit of the columns
     """
     noise_m2 = max(float(off @ off) / max(len(rows) - rows.shape[1], 1), (_ROUNDING * radius_m) ** 2)
     square = np.einsum("ni,nj->ij", rows, rows)
@@ -185,16 +185,16 @@ def misfit_m(
 
     Parameters
     ----------
-    lidar_from_body : the pose.
-    model : points of the target, at the angles of its hinges.
-    points_m : points (n, 3) in lidar axes [m].
-    outline : result of `find_outline`; distances from it are across the line of sight.
+    lidar_from_body : the pose
+    model : points of the target, at the angles of its hinges
+    points_m : points (n, 3) in lidar axes [m]
+    outline : result of `find_outline`; distances from it are across the line of sight
     half_field_rad : half of the side of a square field of view [rad], or its half width and half height; infinite for a
-        target that is entirely inside.
+        target that is entirely inside
 
     Returns
     -------
-    misfit [m]; infinite if the model is not entirely ahead of the lidar, or entirely outside the field of view.
+    misfit [m]; infinite if the model is not entirely ahead of the lidar, or entirely outside the field of view
     """
     apart, nearest = model.find_nearest(lidar_from_body.inv().apply(points_m))
     every = max(1, len(model.points_m) // _SILHOUETTE)
@@ -218,8 +218,8 @@ def _find_returning(model: SampledMesh, nearest: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    model : of the target.
-    nearest : numbers (n) of the points of the mesh that are nearest to those of a cloud.
+    model : of the target
+    nearest : numbers (n) of the points of the mesh that are nearest to those of a cloud
     """
     assert model.hinge_of is not None
     found = np.bincount(model.hinge_of[nearest] + 1, minlength=len(model.hinges) + 1)

@@ -42,15 +42,15 @@ def acquire(
 
     Parameters
     ----------
-    points_m : points (n, 3) in lidar axes [m].
-    model : of the target.
-    starts : number of start attitudes.
-    count : most poses to return.
-    half_field_rad : as in `misfit_m`.
+    points_m : points (n, 3) in lidar axes [m]
+    model : of the target
+    starts : number of start attitudes
+    count : most poses to return
+    half_field_rad : as in `misfit_m`
 
     Returns
     -------
-    poses, the best first.
+    poses, the best first
     """
     points = np.asarray(points_m, dtype=float)
     some = points[:: max(1, len(points) // _COARSE_POINTS)]
@@ -83,10 +83,10 @@ def align_again(points_m: np.ndarray, model: SampledMesh, found: Alignment, step
 
     Parameters
     ----------
-    points_m : points (n, 3) in lidar axes [m].
-    model : of the target.
-    found : the alignment to start from.
-    steps : greatest number of steps; None for the default of `align`.
+    points_m : points (n, 3) in lidar axes [m]
+    model : of the target
+    found : the alignment to start from
+    steps : greatest number of steps; None for the default of `align`
     """
     posed = model.turn_hinges(found.hinge_angles_rad)
     return align(points_m, posed, found.pose) if steps is None else align(points_m, posed, found.pose, steps)
@@ -97,7 +97,7 @@ def _improve_hinges(points_m: np.ndarray, model: SampledMesh, found: Alignment, 
 
     Parameters
     ----------
-    points_m, model, found, steps : as in `align_again`.
+    points_m, model, found, steps : as in `align_again`
     """
     other, gain = search_hinges(points_m, model, found)
     return align_again(points_m, model, other, steps) if gain > LIKELIER else found
@@ -110,8 +110,8 @@ def measure_misfit_m(
 
     Parameters
     ----------
-    found : the alignment.
-    model, points_m, outline, half_field_rad : as in `misfit_m`.
+    found : the alignment
+    model, points_m, outline, half_field_rad : as in `misfit_m`
     """
     posed = model.turn_hinges(found.hinge_angles_rad)
     return misfit_m(found.pose, posed, points_m, outline, half_field_rad)
@@ -126,14 +126,14 @@ def search_hinges(points_m: np.ndarray, model: SampledMesh, found: Alignment) ->
 
     Parameters
     ----------
-    points_m : points (n, 3) in lidar axes [m].
-    model : of the target.
-    found : the alignment to start from.
+    points_m : points (n, 3) in lidar axes [m]
+    model : of the target
+    found : the alignment to start from
 
     Returns
     -------
     the best other alignment, and its log-likelihood over that of the first one, under normal errors; zero if there is no
-    better one.
+    better one
     """
     points = np.asarray(points_m, dtype=float)
     some = points[:: max(1, len(points) // _TURN_POINTS)]
@@ -157,13 +157,13 @@ def keep_sides(points_m: np.ndarray, model: SampledMesh, found: Alignment) -> Al
 
     Parameters
     ----------
-    points_m : points (n, 3) in lidar axes [m].
-    model : of the target, at the angles to be near to.
-    found : the alignment.
+    points_m : points (n, 3) in lidar axes [m]
+    model : of the target, at the angles to be near to
+    found : the alignment
 
     Returns
     -------
-    the alignment, with its hinges within a quarter of a turn of the model's where the points allow it.
+    the alignment, with its hinges within a quarter of a turn of the model's where the points allow it
     """
     for hinge, near_rad in zip(model.hinges, model.hinge_angles_rad, strict=True):
         angle_rad = found.hinge_angles_rad[hinge.name]
@@ -182,9 +182,9 @@ def _measure_hinge_m2(seen_m: np.ndarray, model: SampledMesh, hinge: int) -> np.
 
     Parameters
     ----------
-    seen_m : points (n, xyz) in body axes [m].
-    model : of the target.
-    hinge : index of the hinge; the first angle is the present one of the model.
+    seen_m : points (n, xyz) in body axes [m]
+    model : of the target
+    hinge : index of the hinge; the first angle is the present one of the model
     """
     steps = 2.0 * np.pi / _HINGE_ANGLES * np.arange(_HINGE_ANGLES)
     apart, off = np.full(len(seen_m), np.inf), np.zeros(len(seen_m))
@@ -203,9 +203,9 @@ def _measure_part(seen_m: np.ndarray, model: SampledMesh, part: int) -> tuple[np
 
     Parameters
     ----------
-    seen_m : points (n, xyz) in body axes [m].
-    model : of the target.
-    part : index of the hinge, -1 for the body.
+    seen_m : points (n, xyz) in body axes [m]
+    model : of the target
+    part : index of the hinge, -1 for the body
     """
     angle_rad = model.hinge_angles_rad[part] if part >= 0 else 0.0
     apart, nearest = model.find_nearest_on_part(seen_m, part, angle_rad)
@@ -219,8 +219,8 @@ def _compare(count: int, first_m2: float, other_m2: float) -> float:
 
     Parameters
     ----------
-    count : number of points.
-    first_m2, other_m2 : mean square distances of the alignments [m2].
+    count : number of points
+    first_m2, other_m2 : mean square distances of the alignments [m2]
     """
     return 0.5 * count * (first_m2 / other_m2 - 1.0)
 
@@ -230,9 +230,9 @@ def _measure_alignment_m2(points_m: np.ndarray, model: SampledMesh, found: Align
 
     Parameters
     ----------
-    points_m : points (n, 3) in lidar axes [m].
-    model : of the target.
-    found : the alignment.
+    points_m : points (n, 3) in lidar axes [m]
+    model : of the target
+    found : the alignment
     """
     posed = model.turn_hinges(found.hinge_angles_rad)
     return float(_measure_planes_m2(found.pose.inv().apply(points_m)[None], posed)[0])
@@ -249,15 +249,15 @@ def search_turns(
 
     Parameters
     ----------
-    points_m : points (n, 3) in lidar axes [m].
-    model : of the target.
-    found : the pose to start from.
-    half_field_rad : as in `misfit_m`.
+    points_m : points (n, 3) in lidar axes [m]
+    model : of the target
+    found : the pose to start from
+    half_field_rad : as in `misfit_m`
 
     Returns
     -------
     the best other pose, and its log-likelihood over that of the first one, under normal errors; minus infinity if it would
-    put the model outside the outline of the points.
+    put the model outside the outline of the points
     """
     points = np.asarray(points_m, dtype=float)
     model = model.turn_hinges(found.hinge_angles_rad)
@@ -290,8 +290,8 @@ def _measure_planes_m2(clouds_m: np.ndarray, model: SampledMesh) -> np.ndarray:
 
     Parameters
     ----------
-    clouds_m : points (cloud, n, 3) in body axes [m].
-    model : of the target.
+    clouds_m : points (cloud, n, 3) in body axes [m]
+    model : of the target
     """
     _, nearest = model.find_nearest(clouds_m.reshape(-1, 3))
     off = ((clouds_m.reshape(-1, 3) - model.points_m[nearest]) * model.normals[nearest]).sum(axis=1)
@@ -305,13 +305,13 @@ def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> l
 
     Parameters
     ----------
-    ranked : poses, the best first.
-    model : points of the target, with its long axis.
-    count : greatest number of poses to select.
+    ranked : poses, the best first
+    model : points of the target, with its long axis
+    count : greatest number of poses to select
 
     Returns
     -------
-    the selected poses, the best first.
+    the selected poses, the best first
     """
     chosen: list[Alignment] = []
     for by_axis in (True, False):
@@ -328,13 +328,13 @@ def _angle_between_rad(one: Alignment, other: Alignment, model: SampledMesh, by_
 
     Parameters
     ----------
-    one, other : the poses.
-    model : points of the target, with its long axis.
-    by_axis : whether to compare the directions of the long axis only.
+    one, other : the poses
+    model : points of the target, with its long axis
+    by_axis : whether to compare the directions of the long axis only
 
     Returns
     -------
-    angle from 0 to pi [rad].
+    angle from 0 to pi [rad]
     """
     if by_axis:
         a, b = (found.pose.rotation.apply(model.long_axis) for found in (one, other))

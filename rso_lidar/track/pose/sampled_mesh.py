@@ -35,12 +35,12 @@ class MeshHinge:
 
         Parameters
         ----------
-        points_m : (…, xyz) in body axes [m].
-        angle_rad : right-handed angle [rad].
+        points_m : (…, xyz) in body axes [m]
+        angle_rad : right-handed angle [rad]
 
         Returns
         -------
-        the turned points (…, xyz) [m].
+        the turned points (…, xyz) [m]
         """
         at = np.array(self.position_m)
         turned: np.ndarray = at + (points_m - at) @ self.make_rotation(angle_rad).as_matrix().T
@@ -51,11 +51,11 @@ class MeshHinge:
 
         Parameters
         ----------
-        angle_rad : right-handed angle [rad].
+        angle_rad : right-handed angle [rad]
 
         Returns
         -------
-        rotation in body axes.
+        rotation in body axes
         """
         from scipy.spatial.transform import Rotation
 
@@ -122,16 +122,16 @@ class SampledMesh:
 
         Parameters
         ----------
-        angles_rad : angle of each hinge by its name [rad], right-handed from the mesh at zero; those not named stay.
+        angles_rad : angle of each hinge by its name [rad], right-handed from the mesh at zero; those not named stay
 
         Returns
         -------
-        the mesh; itself where no angle is given.
+        the mesh; itself where no angle is given
 
         Raises
         ------
         ScenarioError
-            If there is no hinge of a name, or an angle is not finite.
+            If there is no hinge of a name, or an angle is not finite
         """
         names = [hinge.name for hinge in self.hinges]
         for name, angle_rad in angles_rad.items():
@@ -155,12 +155,12 @@ class SampledMesh:
 
         Parameters
         ----------
-        points_m : points (n, xyz) in body axes [m].
-        angles_rad : of the hinges [rad]; None for those at which the points of the mesh stand.
+        points_m : points (n, xyz) in body axes [m]
+        angles_rad : of the hinges [rad]; None for those at which the points of the mesh stand
 
         Returns
         -------
-        distances (n) [m] and numbers (n) of the nearest points.
+        distances (n) [m] and numbers (n) of the nearest points
         """
         if not self.hinges:
             found: tuple[np.ndarray, np.ndarray] = self.tree.query(points_m)
@@ -178,8 +178,8 @@ class SampledMesh:
 
         Parameters
         ----------
-        numbers : of the points (n).
-        angles_rad : of the hinges [rad].
+        numbers : of the points (n)
+        angles_rad : of the hinges [rad]
         """
         zero = self.at_zero or self
         points, normals = zero.points_m[numbers], zero.normals[numbers]
@@ -197,13 +197,13 @@ class SampledMesh:
 
         Parameters
         ----------
-        points_m : points (n, xyz) in body axes [m].
-        part : index of the hinge, -1 for the body.
-        angle_rad : angle of the hinge [rad].
+        points_m : points (n, xyz) in body axes [m]
+        part : index of the hinge, -1 for the body
+        angle_rad : angle of the hinge [rad]
 
         Returns
         -------
-        distances (n) [m], infinite where the part has no points, and numbers (n) of the nearest points.
+        distances (n) [m], infinite where the part has no points, and numbers (n) of the nearest points
         """
         numbers, tree = (self.at_zero or self).part_trees[part + 1]
         if not len(numbers):
@@ -226,20 +226,20 @@ def sample_mesh(
 
     Parameters
     ----------
-    corners_m : corners (facet, 3, xyz) of its facets [m], with all hinges at zero.
-    count : number of points.
-    rng : random generator for the points; None for a fixed sequence.
-    hinges : of the mesh, about which some of its facets turn.
-    hinge_of_facet : (facet) index of the hinge that carries each facet, -1 for the body; required with hinges.
+    corners_m : corners (facet, 3, xyz) of its facets [m], with all hinges at zero
+    count : number of points
+    rng : random generator for the points; None for a fixed sequence
+    hinges : of the mesh, about which some of its facets turn
+    hinge_of_facet : (facet) index of the hinge that carries each facet, -1 for the body; required with hinges
 
     Returns
     -------
-    points and normals of the mesh, in its axes.
+    points and normals of the mesh, in its axes
 
     Raises
     ------
     ScenarioError
-        If the corners have another shape, or the hinges of the facets do not match.
+        If the corners have another shape, or the hinges of the facets do not match
     """
     corners = np.asarray(corners_m, dtype=float)
     if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners):
@@ -263,9 +263,9 @@ def _check_hinges(hinges: Sequence[MeshHinge], hinge_of_facet: np.ndarray | None
 
     Parameters
     ----------
-    hinges : of the mesh.
-    hinge_of_facet : (facet) index of the hinge of each facet, -1 for the body.
-    facets : number of facets.
+    hinges : of the mesh
+    hinge_of_facet : (facet) index of the hinge of each facet, -1 for the body
+    facets : number of facets
     """
     of_facet = np.asarray(-1 if hinge_of_facet is None else hinge_of_facet)
     if of_facet.shape != (facets,) or of_facet.min() < -1 or of_facet.max() >= len(hinges):
@@ -297,13 +297,13 @@ def measure_visible_centroid(model: SampledMesh, directions: int = 60, cells: in
 
     Parameters
     ----------
-    model : of the target.
-    directions : number of viewing directions.
-    cells : cells per side of the grid about the model; the nearest point in each cell is visible.
+    model : of the target
+    directions : number of viewing directions
+    cells : cells per side of the grid about the model; the nearest point in each cell is visible
 
     Returns
     -------
-    mean along the line of sight [m], negative toward the lidar; its standard deviation [m]; rms across it per axis [m].
+    mean along the line of sight [m], negative toward the lidar; its standard deviation [m]; rms across it per axis [m]
     """
     along, across = [], []
     width = 2.0 * model.radius_m / cells

@@ -9,7 +9,8 @@ import pytest
 
 from rso_lidar.errors import PropagationError
 from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
-from rso_lidar.orbit import Catalog, ElementSet, Epochs, SetSequence, propagate_in_teme, screen
+from rso_lidar.orbit import Catalog, ElementSet, Epochs, SetSequence, screen
+from rso_lidar.orbit.sets.teme import propagate_in_teme
 from rso_lidar.study import encounters, scenario_text
 
 EPOCH = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.motion import AttitudeTable, Body, Fixed, LvlhCcsds, Tumble, truth, write_aem, write_attitude_csv
-from rso_lidar.orbit import Epochs, Kepler, gcrs_from_eme2000
+from rso_lidar.orbit import Epochs, Kepler
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 ORBIT = Kepler(
@@ -84,7 +85,7 @@ def test_the_first_version_must_say_its_direction(tmp_path):
     # 504.0-B-1 makes ATTITUDE_DIR obligatory; 504.0-B-2 has none, and always goes from A to B
     path = saved(tmp_path, HEAD + segment(rows(QUARTER), ATTITUDE_DIR=None))
     with pytest.raises(
-        ScenarioError, match="line 4: the metadata lack ATTITUDE_DIR, which the standard requires: add it"
+        ScenarioError, match="line 4: the metadata lack ATTITUDE_DIR, which the standard requires; add it"
     ) as error:
         flown(AttitudeTable(file=path), [0.0])
     assert "\n" not in str(error.value)
@@ -209,9 +210,9 @@ def test_xml(tmp_path):
         (HEAD + segment(rows(QUARTER), QUATERNION_TYPE=None), "line 4: the metadata lack QUATERNION_TYPE"),
         (
             HEAD + segment(rows(QUARTER), QUATERNION_TYPE="MIDDLE"),
-            "line 13: QUATERNION_TYPE MIDDLE: write FIRST or LAST",
+            "line 13: QUATERNION_TYPE MIDDLE; write FIRST or LAST",
         ),
-        (HEAD + segment(rows(QUARTER), ATTITUDE_DIR="AB"), "line 10: ATTITUDE_DIR AB: write A2B or B2A"),
+        (HEAD + segment(rows(QUARTER), ATTITUDE_DIR="AB"), "line 10: ATTITUDE_DIR AB; write A2B or B2A"),
         (HEAD + segment(rows(QUARTER), REF_FRAME_B="STAR_TRACKER_1"), "one of them must be SC_BODY"),
         (HEAD + segment(rows(QUARTER), REF_FRAME_A="ITRF-97"), "line 8: an attitude in ITRF-97 is not supported"),
         (HEAD + segment(rows(QUARTER), REF_FRAME_A="TEME"), "line 8: an attitude in TEME"),

@@ -12,7 +12,7 @@ from rso_lidar.motion import (
     Ptu,
     ScanPoint,
     SecondOrder,
-    ptu_link,
+    make_ptu_link,
     sense,
     start,
     step,
@@ -42,19 +42,19 @@ def ramp(time_s):
     [(0, 0, (1, 0, 0)), (90, 0, (0, 1, 0)), (0, 90, (0, 0, 1)), (-90, 0, (0, -1, 0)), (180, 0, (-1, 0, 0))],
 )
 def test_pan_turns_left_and_tilt_looks_up(pan_deg, tilt_deg, boresight):
-    link = ptu_link(Mount(), pan_deg * DEG, tilt_deg * DEG)
+    link = make_ptu_link(Mount(), pan_deg * DEG, tilt_deg * DEG)
     np.testing.assert_allclose(link.pose.apply([1, 0, 0]), boresight, atol=1e-15)
 
 
 def test_tilt_comes_after_pan():
-    link = ptu_link(Mount(), 90 * DEG, 90 * DEG)
+    link = make_ptu_link(Mount(), 90 * DEG, 90 * DEG)
     np.testing.assert_allclose(link.pose.apply(np.eye(3)), [(0, 0, 1), (-1, 0, 0), (0, -1, 0)], atol=1e-15)
 
 
 def test_pan_and_tilt_of_the_boresight_are_those_put_in():
     rng = np.random.default_rng(5)
     pan, tilt = rng.uniform(-np.pi, np.pi, 100), rng.uniform(-1.5, 1.5, 100)
-    link = ptu_link(Mount(), pan, tilt)
+    link = make_ptu_link(Mount(), pan, tilt)
     np.testing.assert_allclose(find_pan_tilt(link.pose.apply([1, 0, 0])), (pan, tilt), atol=1e-12)
 
 
@@ -62,8 +62,8 @@ def test_link_rates_are_those_of_its_angles():
     rng = np.random.default_rng(6)
     pan, tilt, pan_rate, tilt_rate = rng.uniform(-1, 1, (4, 50))
     mount, h = Mount(position_m=(0, 0, 0.5), euler_zyx_deg=(20, -30, 40)), 1e-5
-    link = ptu_link(mount, pan, tilt, pan_rate, tilt_rate)
-    before, after = (ptu_link(mount, pan + s * pan_rate, tilt + s * tilt_rate).pose.rotation for s in (-h, h))
+    link = make_ptu_link(mount, pan, tilt, pan_rate, tilt_rate)
+    before, after = (make_ptu_link(mount, pan + s * pan_rate, tilt + s * tilt_rate).pose.rotation for s in (-h, h))
     # central difference: h^2 / 6 and eps / h
     np.testing.assert_allclose(link.angular_velocity_rad_s, (before.inv() * after).as_rotvec() / (2 * h), atol=1e-9)
     assert not link.velocity_m_s.any()

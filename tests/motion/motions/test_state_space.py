@@ -507,5 +507,5 @@ def test_euler_angles_near_their_singularity_are_told_and_at_it_refused():
     "name", ["euler", "euler_zyx", "euler_zzx_rad", "euler_ZYX_rad", "euler_zyx_grad", "quaternion"]
 )
 def test_an_attitude_that_nobody_has_named(name):
-    with pytest.raises(ScenarioError, match=r"names no attitude: write quaternion_xyzw, or Euler angles"):
+    with pytest.raises(ScenarioError, match=r"names no attitude; write quaternion_xyzw, or Euler angles"):
         StateSpaceAttitude(dynamics=_pitching, attitude_state=name, initial_state=(0.0,) * 7)

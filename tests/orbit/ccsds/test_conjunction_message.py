@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit import ConjunctionMessage, gcrs_from_eme2000
+from rso_lidar.orbit import ConjunctionMessage
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 from rso_lidar.shipped import shipped
 
 TEXT = shipped("tle/flyby.cdm").read_text(encoding="ascii")
@@ -89,7 +90,7 @@ def test_terms_of_velocity_may_be_left_out_but_not_a_part_of_them():
         ("CCSDS_CDM_VERS = 1.0", "CCSDS_CDM_VERS = 7.0", "CDM: CCSDS_CDM_VERS 7.0 is not supported"),
         ("TCA = ", "TCB = ", "CDM: the message lacks TCA"),
         ("TCA = 2024-09-17", "TCA = 2024-19-17", "CDM: line 6: epoch '2024-19-17"),
-        ("OBJECT = OBJECT2", "OBJECT = OBJECT3", "CDM: line .*: OBJECT OBJECT3: a message has OBJECT1 and then"),
+        ("OBJECT = OBJECT2", "OBJECT = OBJECT3", "CDM: line .*: OBJECT OBJECT3; a message has OBJECT1 and then"),
         ("REF_FRAME = GCRF", "REF_FRAME = MOON_ME", "CDM: line 18: reference frame MOON_ME is not supported"),
         ("CR_R = 1.000000e+02 [m**2]", "CR_R = 1e2 [km**2]", r"CDM: line 25: CR_R in km\*\*2: write it in m\*\*2"),
         ("CR_R = 1.000000e+02", "CR_R = many", "CDM: line 25: CR_R 'many' is not a number"),
@@ -101,7 +102,7 @@ def test_terms_of_velocity_may_be_left_out_but_not_a_part_of_them():
         ),
         ("MISS_DISTANCE = 120", "as far as 120", "CDM: line 7: 'as far as 120 .m.' is not KEYWORD = value"),
         ("RELATIVE_SPEED = 25 [m/s]", "COLLISION_PROBABILITY = 1.5", "CDM: line 8: COLLISION_PROBABILITY is 1.5: give"),
-        ("CATALOG_NAME = SATCAT", "ORBIT_CENTER = MOON", "CDM: line 12: ORBIT_CENTER MOON: only EARTH"),
+        ("CATALOG_NAME = SATCAT", "ORBIT_CENTER = MOON", "CDM: line 12: ORBIT_CENTER MOON; only EARTH"),
         ("HBR = 6 [m]", "HBR = -6 [m]", "CDM: line 9: HBR is -6: give"),
     ],
 )
@@ -159,7 +160,7 @@ def test_keywords_without_use_never_block_a_message():
 def test_a_covariance_may_be_that_of_an_unknown_position():
     message = ConjunctionMessage.from_text(TEXT.replace("CR_R = 1.000000e+02", "CR_R = 3.7e13"))
     assert message.first.covariance_rtn[0, 0] == 3.7e13
-    with pytest.raises(ScenarioError, match=r"^CDM: line 25: CR_R is 1e30: give a finite number within 1e"):
+    with pytest.raises(ScenarioError, match=r"^CDM: line 25: CR_R is 1e30; give a finite number within 1e"):
         ConjunctionMessage.from_text(TEXT.replace("CR_R = 1.000000e+02", "CR_R = 1e30"))
     nowhere = re.sub(r"(C[RTN]DOT_\w+) = \S+", r"\1 = NaN", TEXT)
     assert not ConjunctionMessage.from_text(nowhere).first.has_velocity_covariance

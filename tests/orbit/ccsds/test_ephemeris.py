@@ -14,15 +14,15 @@ from rso_lidar.orbit import (
     Epochs,
     Kepler,
     find_ground_track,
-    find_table,
     gcrs_from_axes,
-    gcrs_from_eme2000,
     gcrs_from_teme,
     write_ephemeris_csv,
     write_oem,
 )
 from rso_lidar.orbit.ccsds.ephemeris_arc import read_arcs
 from rso_lidar.orbit.ccsds.interpolation import interpolate_hermite, interpolate_lagrange
+from rso_lidar.orbit.ccsds.reader import find_table
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
 from rso_lidar.records import BodyState
 from tests.orbit.earth.earth_for_tests import finals
 
@@ -317,8 +317,8 @@ def test_xml_rows_are_read_by_name(tmp_path):
                 [row(minute, *place, *push) for minute in range(3)],
                 "line 2: the stateVector lacks X_DOT, Y_DOT, Z_DOT: give",
             ),
-            ([row(minute, *speed) for minute in range(3)], "the stateVector lacks X, Y, Z: give all"),
-            ([whole[0], [*row(1, *place, *speed), ("X", 7100)], whole[2]], "line 3: X is given twice: remove one"),
+            ([row(minute, *speed) for minute in range(3)], "the stateVector lacks X, Y, Z; give all"),
+            ([whole[0], [*row(1, *place, *speed), ("X", 7100)], whole[2]], "line 3: X is given twice; remove one"),
         ]
     ):
         with pytest.raises(ScenarioError, match=says):
@@ -338,7 +338,7 @@ def test_a_degree_is_written_in_ascii_digits(tmp_path, word):
 @pytest.mark.parametrize("word", ["7_000", "٧٠٠٠", "７０００"])
 def test_a_number_is_written_in_ascii_digits(tmp_path, word):
     rows = [f"2024-09-17T12:0{m}:00 {word} 0 0 0 0 0" for m in range(5)]
-    with pytest.raises(ScenarioError, match=r"line 11: X '.*' is not a number: correct it"):
+    with pytest.raises(ScenarioError, match=r"line 11: X '.*' is not a number; correct it"):
         Ephemeris(file=saved(tmp_path, HEAD + segment(rows))).states(Epochs(START, np.array([0.0])))
 
 
@@ -349,7 +349,7 @@ def test_a_number_is_written_in_ascii_digits(tmp_path, word):
         (HEAD + segment(straight(range(5)), "MOON_ME"), "line 8: reference frame MOON_ME is not supported"),
         (
             HEAD + segment(straight(range(5)), center="MARS BARYCENTER"),
-            "line 7: CENTER_NAME MARS BARYCENTER: only EARTH",
+            "line 7: CENTER_NAME MARS BARYCENTER; only EARTH",
         ),
         (HEAD + segment(straight(range(5)), system="TDB"), "line 9: TIME_SYSTEM TDB is not supported"),
         (HEAD + segment(straight(range(5))).replace("REF_FRAME = GCRF\n", ""), "line 4: the metadata lack REF_FRAME"),
@@ -362,7 +362,7 @@ def test_a_number_is_written_in_ascii_digits(tmp_path, word):
             HEAD + segment(["2024-13-17T12:00:00 1 2 3 4 5 6", *straight(range(1, 3))]),
             "line 11: epoch .*day does not exist",
         ),
-        (HEAD + segment(straight([0, 2, 1])), "line 13: its epoch is before that of the row before: sort the rows"),
+        (HEAD + segment(straight([0, 2, 1])), "line 13: its epoch is before that of the row before; sort the rows"),
         (
             HEAD + segment([*straight([0, 1]), straight([1], 1.001)[0], *straight([2])]),
             "line 13: its epoch occurs twice, in the row before, too: .* begin a new segment there",
@@ -472,4 +472,4 @@ def test_positions_of_another_unit_are_refused(tmp_path, factor, says):
     rows = [f"2024-09-17T12:{m:02d}:00 {factor * (7000 + 60 * m)} 0 0 {factor} 0 0" for m in range(5)]
     with pytest.raises(ScenarioError, match=says) as refused:
         read_arcs(*find_table(saved(tmp_path, HEAD + segment(rows))), None)
-    assert str(refused.value).endswith(", where nothing orbits it: correct their unit")
+    assert str(refused.value).endswith(", where nothing orbits it; correct their unit")

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.orbit import Epochs, format_epochs, format_kvn, parse_epoch_ps, read_message
-from rso_lidar.orbit.epochs import PS_PER_S, format_epoch_ps
+from rso_lidar.orbit import Epochs
+from rso_lidar.orbit.ccsds.kvn import format_kvn
+from rso_lidar.orbit.ccsds.reader import read_message
+from rso_lidar.orbit.epochs import PS_PER_S, format_epoch_ps, format_epochs, parse_epoch_ps
 
 HEAD = "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2024-01-01T00:00:00\nORIGINATOR = TEST\n"
 META = "META_START\nOBJECT_NAME = A\nOBJECT_ID = 2024-001A\nMETA_STOP\n"
@@ -103,7 +105,7 @@ def test_blocks_comments_and_covariance():
         ("<aem version='2.0'></aem>", "does not contain <oem>"),
         (
             "<!DOCTYPE html><html><p>403 Forbidden</html>",
-            r"is a web page \(HTML\) and no OEM: fetch the file again",
+            r"is a web page \(HTML\) and no OEM; fetch the file again",
         ),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><oem version='2.0'/>", "DOCTYPE"),
         (
@@ -146,7 +148,7 @@ def test_xml_is_read_by_local_names_within_its_own_message():
         (segment,) = message.segments
         assert segment.rows == [(1, ["2026-05-01", "0", "1", "2", "3", "4", "5"])]
         assert {key: entry.value for key, entry in segment.meta.items()} == {"OBJECT_NAME": "A"}
-    with pytest.raises(ScenarioError, match=r"a.xml: holds several <oem>: split it"):
+    with pytest.raises(ScenarioError, match=r"a.xml: holds several <oem>; split it"):
         read_message(f"<ndm>{plain}{prefixed}</ndm>", "OEM", "a.xml")
 
 

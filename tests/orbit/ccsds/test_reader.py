@@ -47,10 +47,10 @@ def test_text_of_any_usual_encoding_is_read(tmp_path, content):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (TEXT.encode("utf-16-le"), "is not UTF-8 text, it contains NUL characters: save it as UTF-8"),
+        (TEXT.encode("utf-16-le"), "is not UTF-8 text, it contains NUL characters; save it as UTF-8"),
         (b"\xff\xfea", "is not UTF-16 text"),
-        (b"\xe9t\xe9", "is not UTF-8 text: give the path"),
-        (gzip.compress(TEXT.encode())[:-12], "is gzip that is cut short: copy it again"),
+        (b"\xe9t\xe9", "is not UTF-8 text; give the path"),
+        (gzip.compress(TEXT.encode())[:-12], "is gzip that is cut short; copy it again"),
         (b"\x1f\x8b" + b"no gzip at all", "is damaged gzip"),
         (gzip.compress(b""), "is empty"),
     ],
@@ -68,7 +68,7 @@ def test_decompression_stops_at_the_limit_of_size(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "MOST_BYTES", 2**20)
     path = tmp_path / "large.oem.gz"
     path.write_bytes(gzip.compress(b" " * (2**20 - 1) + b"a") + gzip.compress(b"b"))
-    with pytest.raises(ScenarioError, match="holds more than 1 MiB after decompression: give a smaller file"):
+    with pytest.raises(ScenarioError, match="holds more than 1 MiB after decompression; give a smaller file"):
         read_table_text(path)
     path.write_bytes(gzip.compress(b" " * (2**20 - 1) + b"a"))
     assert len(read_table_text(path)) == 2**20

@@ -194,7 +194,7 @@ def test_what_a_filter_is_asked_wrongly():
         ({"at": now, "max_age_days": float("nan")}, "max_age_days: 'nan' is not an age"),
         ({"at": now, "max_age_days": -1.0}, "is not an age"),
         ({"at": now, "max_age_days": "1"}, "is not an age"),
-        ({"epoch_within": ("2024-01-01",)}, "is not a span: give two times"),
+        ({"epoch_within": ("2024-01-01",)}, "is not a span; give two times"),
         ({"epoch_within": "2024"}, "is not a span"),
         ({"epoch_within": 5}, "is not a span"),
         ({"epoch_within": (now, "2024-01-01")}, "epoch_within: '2024-01-01' is not a time"),

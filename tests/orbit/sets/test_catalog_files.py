@@ -170,7 +170,7 @@ def test_a_spoilt_beginning_spoils_no_record(form):
 def test_texts_that_are_no_catalogue_are_one_line():
     cases = {
         "": "is empty",
-        "[]": r"does not contain a two-line element set or an OMM, but '\[\]': fetch it again",
+        "[]": r"does not contain a two-line element set or an OMM, but '\[\]'; fetch it again",
         "{}": "OMM, but '{}'",
         "[[[": "does not contain a two-line",
         "[" * 100_000 + '"': "does not contain a two-line",
@@ -214,13 +214,13 @@ def test_the_refusal_quotes_the_answer_of_a_server(answer, quoted):
     with pytest.raises(CatalogError) as caught:
         Catalog.from_text(answer, "answer.tle")
     begin = "answer.tle: does not contain a two-line element set or an OMM, but"
-    assert str(caught.value) == f"{begin} '{quoted}': fetch it again, or give another file"
+    assert str(caught.value) == f"{begin} '{quoted}'; fetch it again, or give another file"
 
 
 def test_a_compressed_catalogue_is_refused_as_such(tmp_path):
     path = tmp_path / "sets.tle.gz"
     path.write_bytes(gzip.compress(b"1 25544U"))
-    with pytest.raises(CatalogError, match=r"sets\.tle\.gz: is compressed \(gzip\): decompress it$"):
+    with pytest.raises(CatalogError, match=r"sets\.tle\.gz: is compressed \(gzip\); decompress it$"):
         Catalog.from_file(path)
 
 

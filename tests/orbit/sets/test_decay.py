@@ -9,19 +9,9 @@ from sgp4.model import Satrec
 from sgp4.propagation import sgp4init
 
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit import (
-    Catalog,
-    ElementSet,
-    Epochs,
-    Fleet,
-    SetSequence,
-    propagate_in_teme,
-    propagate_sgp4,
-    screen,
-    screen_pairs,
-)
+from rso_lidar.orbit import Catalog, ElementSet, Epochs, Fleet, SetSequence, propagate_sgp4, screen, screen_pairs
 from rso_lidar.orbit.sets.decay import _SECULAR, DecayTimes, _RadiusBounds
-from rso_lidar.orbit.sets.teme import MOST_AGE_S, find_decay_times
+from rso_lidar.orbit.sets.teme import MOST_AGE_S, find_decay_times, propagate_in_teme
 
 UTC = datetime.UTC
 DAY_S = 86_400.0
@@ -100,7 +90,7 @@ def test_all_ways_to_a_state_say_the_same():
             ask()
         assert caught.value.bad.tolist() == bad
     with pytest.raises(
-        PropagationError, match=r"has decayed .*, SGP4 error 6, by 2026-05-01T14:33:54.330Z: use epochs"
+        PropagationError, match=r"has decayed .*, SGP4 error 6, by 2026-05-01T14:33:54.330Z; use epochs"
     ):
         propagate_sgp4(HIGH_DRAG, Epochs(EPOCH, day_s[3:]))
     assert "by 2026-05-01T14:33:54.330Z (elements of 2026-04-30T12:00Z)" in fleet.describe_loss(0, 5.0 * DAY_S, 6)[1]

@@ -5,9 +5,10 @@ import datetime
 import numpy as np
 import pytest
 
-from rso_lidar.orbit import Epochs, propagate_in_teme
+from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.sets.element_set import NO_EPOCH, element_set_from_omm, parse_epoch
 from rso_lidar.orbit.sets.formats import parse_lines
+from rso_lidar.orbit.sets.teme import propagate_in_teme
 
 # python-sgp4's sample_omm.csv: Vanguard 1, CelesTrak
 VANGUARD = {
@@ -141,11 +142,11 @@ def test_epochs_that_are_none(text, why):
         ),
         (
             {"BSTAR": None, "MEAN_MOTION": "x", "INCLINATION": "y"},
-            "BSTAR is missing; MEAN_MOTION 'x' is not a number; INCLINATION 'y' is not a number: correct the record",
+            "BSTAR is missing; MEAN_MOTION 'x' is not a number; INCLINATION 'y' is not a number; correct the record",
         ),
         (
             dict.fromkeys(("MEAN_MOTION", "ECCENTRICITY", "INCLINATION", "MEAN_ANOMALY", "BSTAR"), "x"),
-            "MEAN_ANOMALY 'x' is not a number; BSTAR 'x' is not a number: correct the record",
+            "MEAN_ANOMALY 'x' is not a number; BSTAR 'x' is not a number; correct the record",
         ),
     ],
 )

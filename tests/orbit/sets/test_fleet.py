@@ -5,8 +5,9 @@ import datetime
 import numpy as np
 import pytest
 
-from rso_lidar.orbit import Epochs, Fleet, propagate_in_teme
+from rso_lidar.orbit import Epochs, Fleet
 from rso_lidar.orbit.sets.formats import parse_lines
+from rso_lidar.orbit.sets.teme import propagate_in_teme
 from rso_lidar.orbit.sets.tle_text import compute_checksum
 
 UTC = datetime.UTC

@@ -4,8 +4,8 @@ import datetime
 
 import numpy as np
 
-from rso_lidar.orbit import Epochs, find_failures, gcrs_from_teme
-from rso_lidar.orbit.sets.teme import REASONS
+from rso_lidar.orbit import Epochs, gcrs_from_teme
+from rso_lidar.orbit.sets.teme import REASONS, find_failures
 
 
 def test_every_code_of_the_library_has_words():

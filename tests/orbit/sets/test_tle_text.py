@@ -192,7 +192,7 @@ def test_a_set_that_no_tle_can_hold_does_not_stop_the_others(tmp_path):
         Catalog(tuple(sets), where="some.json").write(tmp_path / "some.tle")
     assert [str(warning.message) for warning in told] == [
         "some.json: 2 of 4 element sets are left out, the first is NORAD 340000: its number is above 339999, the "
-        "largest of a TLE: write .json"
+        "largest of a TLE; write .json"
     ]
     assert [entry.norad_id for entry in Catalog.from_file(tmp_path / "some.tle")] == [7, 9]
     with pytest.raises(CatalogError, match="above 339999"):
@@ -205,5 +205,5 @@ def test_one_bad_day_spoils_one_record():
     catalog = Catalog.from_text("\n".join((text, LINES[1], *LINES)), "some.tle")
     assert len(catalog) == 1
     assert catalog.problems == (
-        "some.tle: line 1: epoch '25366.50000000' is not a year and day (2025 has 365 days): fetch the set again",
+        "some.tle: line 1: epoch '25366.50000000' is not a year and day (2025 has 365 days); fetch the set again",
     )

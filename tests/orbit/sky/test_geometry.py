@@ -11,8 +11,6 @@ from rso_lidar.orbit import (
     Eclipse,
     Epochs,
     State,
-    angle_off_axis_rad,
-    angle_outside_field_rad,
     angle_rad,
     beta_angle_rad,
     earth_angular_radius_rad,
@@ -20,7 +18,6 @@ from rso_lidar.orbit import (
     find_eclipses,
     find_minimum,
     find_spans_below,
-    is_earth_lit,
     line_altitude_m,
     phase_angle_rad,
     shadow_margins_rad,
@@ -78,27 +75,6 @@ class TestEarth:
         assert np.isnan(earth_angular_radius_rad(row(0, 0, 0))).all()
         assert earth_angular_radius_rad(row(EARTH, 0, 0))[0] == pytest.approx(math.pi / 2)
 
-    @pytest.mark.parametrize(
-        ("sun", "down", "ahead"),
-        [((AU, 0, 0), True, True), ((-AU, 0, 0), False, False), ((0, AU, 0), None, True), ((0, -AU, 0), None, False)],
-    )
-    def test_which_side_of_it_is_seen(self, sun, down, ahead):
-        """Straight down, and over the horizon toward +y, where the limb is 19.9 degrees along from the point below."""
-        if down is not None:
-            assert is_earth_lit(row(-1, 0, 0), self.position, row(*sun))[0] == down
-        assert is_earth_lit(row(0, 1, 0), self.position, row(*sun))[0] == ahead
-        assert is_earth_lit(row(-0.1, 1, 0), self.position, row(*sun))[0] == ahead
-
-    def test_the_limb_that_it_takes_is_the_one_ahead(self):
-        """The point below is 10 degrees on the night side: the limb 19.9 degrees toward the Sun lies in daylight."""
-        sun = AU * row(-math.sin(10 * units.DEG), math.cos(10 * units.DEG), 0)
-        assert not is_earth_lit(row(-1, 0, 0), self.position, sun)[0]
-        assert not is_earth_lit(row(-1, 0.1, 0), self.position, sun)[
-            0
-        ]  # meets the ground 40 km toward it, still at night
-        assert is_earth_lit(row(0, 1, 0), self.position, sun)[0]
-        assert not is_earth_lit(row(0, -1, 0), self.position, sun)[0]
-
     def test_a_line_that_it_blocks(self):
         a = row(EARTH + 400e3, 0, 0)
         assert line_altitude_m(a, a)[0] == pytest.approx(400e3)
@@ -108,39 +84,6 @@ class TestEarth:
         )  # away from it: the near end is lowest
         quarter = row(0, EARTH + 400e3, 0)
         assert line_altitude_m(a, quarter)[0] == pytest.approx((EARTH + 400e3) / math.sqrt(2) - EARTH)
-
-
-class TestField:
-    half = np.array([math.tan(10 * units.DEG), math.tan(5 * units.DEG)])
-
-    def outside_deg(self, *direction):
-        return angle_outside_field_rad(row(*direction), self.half)[0] / units.DEG
-
-    def test_inside(self):
-        for x, y in ((0, 0), (0.17, 0), (-0.17, 0.08), (0.17, -0.08)):
-            assert self.outside_deg(5 * x, 5 * y, 5) == 0.0
-
-    @pytest.mark.parametrize("sign", [1, -1])
-    def test_beside_its_edges(self, sign):
-        for turn_deg in (11, 30, 89, 91):
-            turn = turn_deg * units.DEG
-            assert self.outside_deg(sign * math.sin(turn), 0, math.cos(turn)) == pytest.approx(turn_deg - 10, abs=1e-9)
-            assert self.outside_deg(0, sign * math.sin(turn), math.cos(turn)) == pytest.approx(turn_deg - 5, abs=1e-9)
-
-    def test_against_the_nearest_of_many_directions_inside(self):
-        """The least angle to a grid of 400 x 400 in the field: never below, and above by at most half a grid cell."""
-        directions = np.random.default_rng(1).normal(size=(60, 3))
-        x, y = np.meshgrid(np.linspace(-1, 1, 400) * self.half[0], np.linspace(-1, 1, 400) * self.half[1])
-        grid = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
-        cell = math.hypot(self.half[0], self.half[1]) / 399
-        for direction, got in zip(directions, angle_outside_field_rad(directions, self.half), strict=True):
-            nearest = angle_rad(grid, direction[None]).min()
-            assert -1e-12 <= nearest - got <= cell
-
-
-def test_a_cone_has_the_same_angle_at_any_distance():
-    places = np.array([[5.0, 5.0, 0.0], [300.0, 300.0, 0.0], [-1.0, 0.0, 0.0]])
-    np.testing.assert_allclose(angle_off_axis_rad(places, np.array([2.0, 0.0, 0.0])) / units.DEG, [45, 45, 180])
 
 
 class TestSpans:

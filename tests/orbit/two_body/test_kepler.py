@@ -294,7 +294,7 @@ def test_state_part_is_the_same_motion():
         ({"semi_major_axis_km": 6400.0, "eccentricity": 0.01}, "below the Earth's surface"),
         (
             {"semi_major_axis_km": 42164170.0},
-            r"semi_major_axis_km: 42164170 km is beyond 3e\+06 km, .* as metres it would be 42164.17 km: give kilometres",
+            r"semi_major_axis_km: 42164170 km is beyond 3e\+06 km, .* as metres it would be 42164.17 km; give kilometres",
         ),
         ({"semi_major_axis_km": -42164170.0, "eccentricity": 1.2}, "as metres it would be -42164.17 km"),
         ({"inclination_deg": 200.0}, "outside 0 to 180"),
@@ -309,7 +309,7 @@ def test_impossible_orbits_are_refused(changes, message):
 
 def test_impossible_states_are_refused():
     with pytest.raises(
-        ScenarioError, match=r"is 42164 m .* inside the Earth; as kilometres it would be 4\.2164e\+07 m: give m"
+        ScenarioError, match=r"is 42164 m .* inside the Earth; as kilometres it would be 4\.2164e\+07 m; give m"
     ):
         State(epoch_utc=EPOCH, position_m=(42164.0, 0.0, 0.0), velocity_m_s=(0.0, 3.07, 0.0))
     with pytest.raises(ScenarioError, match="give it a component across"):
@@ -321,7 +321,7 @@ def test_impossible_states_are_refused():
 def test_a_speed_in_kilometres_per_second_is_asked_about():
     place = {"epoch_utc": EPOCH, "position_m": (0.0, 7e6, 0.0)}
     with pytest.warns(
-        RsoLidarWarning, match=r"7\.5 m/s is a fall into the Earth; as kilometres .* of 7500 m/s: give metres"
+        RsoLidarWarning, match=r"7\.5 m/s is a fall into the Earth; as kilometres .* of 7500 m/s; give metres"
     ):
         State(**place, velocity_m_s=(7.5, 0.0, 0.0))
     for speed in (0.9, 11.0, 1000.0):  # escape speed is 10 672 m/s there

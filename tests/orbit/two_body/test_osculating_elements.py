@@ -13,11 +13,10 @@ from rso_lidar.orbit import (
     eccentric_from_mean,
     elements_from_state,
     mean_from_true,
-    start_eccentric_anomaly,
     state_from_elements,
     true_from_mean,
 )
-from rso_lidar.orbit.two_body.anomaly import eccentric_from_true, true_from_eccentric
+from rso_lidar.orbit.two_body.anomaly import eccentric_from_true, start_eccentric_anomaly, true_from_eccentric
 
 GM = units.EARTH_GM_M3_S2
 EPS = np.finfo(float).eps

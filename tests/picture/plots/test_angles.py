@@ -4,15 +4,9 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture import angles_figure, ptu_figure, save_figure
+from rso_lidar.picture.plots.angles import join_viewing_geometry
 from rso_lidar.pose import Link, PoseTree, pose
-from rso_lidar.records import (
-    BodyState,
-    PtuAngles,
-    Truth,
-    compute_viewing_geometry,
-    find_shadow_spans_s,
-    join_viewing_geometry,
-)
+from rso_lidar.records import BodyState, PtuAngles, Truth, compute_viewing_geometry, find_shadow_spans_s
 from rso_lidar.units import DEG
 
 # The lidar's axes for one that looks along the follower's +x: x right, y down, z ahead (conventions: REP-103 optical).

@@ -127,7 +127,7 @@ def test_keep_out_is_watched_on_the_flown_path():
     past = HOP.replace(to_m=(0.0, -290.0, 0.0), keep_out_m=285.0)
     epochs = Epochs(START, np.linspace(0.0, 3600.0, 361))
     (line,) = Flown(plan=past, forces=Forces(zonal_degree=2)).validity(epochs, CHIEF)
-    assert "inside the sphere of 285 m: add guidance" in line
+    assert "inside the sphere of 285 m; add guidance" in line
     corrected = Flown(plan=past, forces=Forces(), guidance=TwoImpulseGuidance(at_s=(1350.0, 2700.0)))
     assert corrected.validity(Epochs(START, np.linspace(0.0, 2700.0, 271)), CHIEF) == []
 

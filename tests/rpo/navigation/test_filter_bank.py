@@ -7,8 +7,9 @@ import pytest
 from scipy.stats import chi2
 
 from rso_lidar.orbit import Epochs, sun_position_m
-from rso_lidar.rpo import FilterBank, NavigationCamera, NavigationLidar, RelativeFilter, find_clear_views, find_nees
+from rso_lidar.rpo import FilterBank, NavigationCamera, NavigationLidar, RelativeFilter, find_clear_views
 from rso_lidar.rpo.navigation.filter_bank import find_axes_across
+from rso_lidar.study.dispersions.dispersed_paths import find_nees
 
 LIDAR = NavigationLidar(bearing_sigma_deg=0.02, range_sigma_m=0.1)
 CAMERA = NavigationCamera(bearing_sigma_deg=0.01)

@@ -45,7 +45,7 @@ def test_on_the_v_bar_no_pulse_is_needed():
 
 def test_too_many_arcs_are_refused():
     part = rpo.PulsedStationKeeping(**C, position_m=(5000.0, 0.0, 0.0), arc_m=1e-4)
-    with pytest.raises(ScenarioError, match=r"^arc_m: .* a plan has at most 1000: give a larger arc_m"):
+    with pytest.raises(ScenarioError, match=r"^arc_m: .* a plan has at most 1000; give a larger arc_m"):
         part.plan(START, station())
 
 

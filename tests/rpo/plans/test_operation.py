@@ -130,7 +130,7 @@ def test_a_keep_out_sphere_is_kept(part):
     if nearest_m > 1.0:
         part.replace(keep_out_m=0.99 * nearest_m).plan(START, station())
     with pytest.raises(
-        ScenarioError, match=r"keep_out_m: at [\d.]+ s the path is .* inside the sphere of .*: go round"
+        ScenarioError, match=r"keep_out_m: at [\d.]+ s the path is .* inside the sphere of .*; go round"
     ):
         flown(part.replace(keep_out_m=1.01 * nearest_m + 1.0), [0.0])
 
@@ -201,7 +201,7 @@ def test_a_whole_revolution_reaches_only_some_places():
     hop = rpo.Hop(**C, from_m=(0.0, -500.0, 0.0), to_m=(0.0, -100.0, 0.0), duration_s=whole)
     assert hop.plan(START, station()).impulses[0].delta_v_m_s[0] == pytest.approx(0.0, abs=1e-9)
     with pytest.raises(
-        ScenarioError, match=r"transfer: after 1 revolutions .* in the orbit's plane .*: change the duration"
+        ScenarioError, match=r"transfer: after 1 revolutions .* in the orbit's plane .*; change the duration"
     ):
         flown(hop.replace(to_m=(50.0, -100.0, 0.0)), [0.0])
     half = rpo.Hop(**C, from_m=(0.0, -500.0, 0.0), to_m=(0.0, -100.0, 10.0), duration_s=0.5 * whole)

@@ -8,9 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rso_lidar.orbit import Epochs, Forces, Kepler
-from rso_lidar.rpo import DeviationFlow, GuidanceInstant, NavigationErrors, NominalFlight, PlannedImpulse, Thrusters
+from rso_lidar.rpo import DeviationFlow, NavigationErrors, PlannedImpulse, Thrusters
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.dispersed_paths import Disperser
+from rso_lidar.study.dispersions.nominal_flight import GuidanceInstant, NominalFlight
 from rso_lidar.units import EARTH_GM_M3_S2
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

@@ -8,18 +8,10 @@ import pytest
 from scipy.stats import chi2
 
 from rso_lidar.orbit import Epochs, Forces, Kepler
-from rso_lidar.rpo import (
-    GuidanceInstant,
-    NavigationCamera,
-    NavigationLidar,
-    NominalFlight,
-    PlannedImpulse,
-    RelativeFilter,
-    Thrusters,
-    rtn_matrix,
-)
+from rso_lidar.rpo import NavigationCamera, NavigationLidar, PlannedImpulse, RelativeFilter, Thrusters, rtn_matrix
 from rso_lidar.study.dispersions.dispersed_flight import DispersedFlight
 from rso_lidar.study.dispersions.dispersed_paths import Disperser
+from rso_lidar.study.dispersions.nominal_flight import GuidanceInstant, NominalFlight
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 CHIEF = Kepler(

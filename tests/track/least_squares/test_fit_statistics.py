@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rso_lidar.track import FitStatistics, chi_square_bounds
-from rso_lidar.track.least_squares.fit_statistics import normalize_error
+from rso_lidar.track import FitStatistics
+from rso_lidar.track.least_squares.fit_statistics import chi_square_bounds, normalize_error
 
 
 def make(chi2, freedom=30):

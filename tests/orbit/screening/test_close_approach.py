@@ -5,7 +5,7 @@ import datetime
 import numpy as np
 
 from rso_lidar.orbit import Kepler, NamedTrajectory, screen
-from rso_lidar.orbit.screening.distinct_minima import select_distinct_minima
+from rso_lidar.orbit.screening.close_approach import select_distinct_minima
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 

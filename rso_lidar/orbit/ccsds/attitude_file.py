@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import datetime
 import functools
-import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,59 +16,42 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.files import write_text
-from rso_lidar.motion.attitudes.attitude_hold import rtn_from_lvlh_ccsds
-from rso_lidar.orbit import (
-    EPHEMERIS_EDGE_S,
+from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, elapsed_from_ps, read_csv_table
+from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
+from rso_lidar.orbit.ccsds.message import (
     CcsdsMessage,
     CcsdsSegment,
-    Epochs,
     check_increasing,
-    check_unit_quaternions,
-    elapsed_from_ps,
-    find_table,
-    format_epochs,
-    format_kvn,
-    gcrs_from_eme2000,
-    is_message,
-    make_header,
-    parse_epoch_ps,
-    parse_frame,
     parse_number,
-    read_csv_table,
-    read_message,
-    read_table_text,
     select_segments,
     usable_span_s,
 )
+from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
+from rso_lidar.orbit.ccsds.reference_frames import parse_frame
+from rso_lidar.orbit.ccsds.table_segment import TableSegment, sort_segments
+from rso_lidar.orbit.earth.axes import gcrs_from_eme2000
+from rso_lidar.orbit.epochs import Epochs, format_epochs, parse_epoch_ps
+from rso_lidar.orbit.two_body.orbit_axes import rtn_from_lvlh_ccsds
 from rso_lidar.pose import quaternion_xyzw
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-_TURN = (("qx", "qy", "qz", "qw"),)
+_QUATERNION = ("qx", "qy", "qz", "qw")
 _ORBITAL = ("RTN", "RSW", "QSW", "RIC")
 _KINDS = ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/RATE", "QUATERNION/ANGVEL")
 
 
 @dataclass(frozen=True, eq=False)
-class AttitudeSegment:
+class AttitudeSegment(TableSegment):
     """Attitudes of one segment of a table.
 
     Parameters
     ----------
-    where : file and line of the segment, for error messages.
-    start_utc : instant from which all times count; None for the start of the run.
-    begin_s, end_s : usable time span [s].
-    time_s : times of the rows (row) [s].
-    rotation : axes_from_body (row).
-    in_origin : whether the axes are rtn axes at the body's origin, and not root axes.
+    rotation : axes_from_body (row)
+    in_origin : whether the axes are rtn axes at the body's origin, and not inertial axes
     """
 
-    where: str
-    start_utc: datetime.datetime | None
-    begin_s: float
-    end_s: float
-    time_s: np.ndarray
     rotation: Rotation
     in_origin: bool
 
@@ -87,8 +69,14 @@ class AttitudeSegment:
         steps = (self.rotation[:-1].inv() * self.rotation[1:]).as_rotvec()
         return Slerp(self.time_s, self.rotation), steps / np.diff(self.time_s)[:, None]
 
-    def at(self, time_s: np.ndarray, interpolation: str) -> tuple[Rotation, np.ndarray]:
-        """Interpolate axes_from_body and body rates (time, 3) [rad/s]; slerp gives the rate after a row at that row."""
+    def interpolate(self, time_s: np.ndarray, interpolation: str) -> tuple[Rotation, np.ndarray]:
+        """Interpolate axes_from_body and body rates (time, 3) [rad/s]; slerp gives the rate after a row at that row.
+
+        Parameters
+        ----------
+        time_s : (time,) instants since the segment's start, within its rows [s]
+        interpolation : "spline" or "slerp"
+        """
         if interpolation == "spline":
             return self._spline(time_s), self._spline(time_s, 1)
         slerp, rates = self._slerp
@@ -96,27 +84,24 @@ class AttitudeSegment:
         return slerp(time_s), rates[np.clip(after, 0, len(rates) - 1)]
 
 
-# --------------------------------------------------------------------------------------------------------- reading
-
-
 def read_attitudes(file: str, wanted: str | None, axes: str | None) -> tuple[AttitudeSegment, ...]:
     """Read a table of attitudes from a CCSDS AEM or a CSV file, cached until the file changes.
 
     Parameters
     ----------
-    file : path of the file.
-    wanted : name or identifier of one object of an AEM; None for the only one.
-    axes : axes of a CSV table, "inertial", "rtn" or "lvlh_ccsds"; None for inertial.
+    file : path of the file
+    wanted : name or identifier of one object of an AEM; None for the only one
+    axes : axes of a CSV table, "inertial", "rtn" or "lvlh_ccsds"; None for inertial. Those of an AEM are stated in it.
 
     Returns
     -------
-    segments in the order of time.
+    segments in the order of time, as rotations axes_from_body in inertial (GCRS) or rtn axes
 
     Raises
     ------
     ScenarioError
-        If the file is invalid, its segments overlap or differ in axes, or `wanted` or `axes` does not apply to its
-        format.
+        if the file is invalid, its segments overlap or differ in axes, or `wanted` or `axes` does not apply to its
+        format
     """
     return _read_file(*find_table(file), wanted, axes)
 
@@ -125,40 +110,27 @@ def read_attitudes(file: str, wanted: str | None, axes: str | None) -> tuple[Att
 def _read_file(
     path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: str | None
 ) -> tuple[AttitudeSegment, ...]:
-    """Read a table of attitudes that has not changed since it was last read.
+    """Read a table of attitudes, cached until the file changes.
 
     Parameters
     ----------
-    path, wanted, axes : as for `read_attitudes`.
-    _modified_ns, _size : modification time and size of the file, the key of the cache.
-
-    Returns
-    -------
-    segments in the order of time.
-
-    Raises
-    ------
-    ScenarioError
-        As `read_attitudes`.
+    path, wanted, axes : as for `read_attitudes`
+    _modified_ns, _size : modification time and size of the file, the key of the cache
     """
     text = read_table_text(path)
     if not is_message(text):
         if wanted is not None:
-            raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
+            raise ScenarioError(f"{path}: a CSV table holds one object and no name; leave out object '{wanted}'")
         return (_read_csv(text, str(path), axes or "inertial"),)
     if axes is not None:
-        raise ScenarioError(f"{path}: an AEM states its own axes: leave out axes '{axes}'")
+        raise ScenarioError(f"{path}: an AEM states its own axes; leave out axes '{axes}'")
     message = read_message(text, "AEM", str(path))
     arcs: list[AttitudeSegment] = []
     for segment in select_segments(message, wanted):
         arcs.append(_read_segment(message, segment, arcs[0].start_utc if arcs else None))
     if len({arc.in_origin for arc in arcs}) > 1:
-        raise ScenarioError(f"{path}: has segments in inertial axes and in rtn axes: write all in the same axes")
-    arcs.sort(key=lambda arc: arc.begin_s)
-    for before, after in itertools.pairwise(arcs):
-        if after.begin_s < before.end_s - EPHEMERIS_EDGE_S:
-            raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
-    return tuple(arcs)
+        raise ScenarioError(f"{path}: has segments in inertial axes and in rtn axes; write all in the same axes")
+    return sort_segments(arcs)
 
 
 def _read_csv(text: str, where: str, axes: str) -> AttitudeSegment:
@@ -166,59 +138,26 @@ def _read_csv(text: str, where: str, axes: str) -> AttitudeSegment:
 
     Parameters
     ----------
-    text : of the file.
-    where : path of the file, for messages.
-    axes : "inertial", "rtn" or "lvlh_ccsds". The last are converted to rtn.
-
-    Returns
-    -------
-    the segment.
+    text, where : content and name of the file
+    axes : "inertial", "rtn" or "lvlh_ccsds", which are converted to rtn
     """
-    table = read_csv_table(text, where, _TURN, _TURN)
-    quaternion = table.stack(_TURN[0])
-    assert quaternion is not None
-    rotation = _make_rotation(where, quaternion, table.lines)
+    from scipy.spatial.transform import Rotation
+
+    table = read_csv_table(text, where, (_QUATERNION,), (_QUATERNION,))
+    rotation = Rotation.from_quat(table.stack_unit_quaternions(_QUATERNION))
     if axes == "lvlh_ccsds":
         rotation = rtn_from_lvlh_ccsds() * rotation
     time_s = table.time_s
     return AttitudeSegment(where, table.start_utc, time_s[0], time_s[-1], time_s, rotation, axes != "inertial")
 
 
-def _make_rotation(where: str, quaternion: np.ndarray, lines: list[int]) -> Rotation:
-    """Check quaternions and convert them to rotations.
-
-    Parameters
-    ----------
-    where : path of the file, for messages.
-    quaternion : (row, 4) x, y, z, w.
-    lines : line number of each row, for messages.
-
-    Returns
-    -------
-    rotations (row).
-    """
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_quat(check_unit_quaternions(where, quaternion, lines))
-
-
 def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datetime.datetime | None) -> AttitudeSegment:
-    """Read one segment of an AEM.
+    """Read one segment of an AEM, as axes_from_body in inertial or rtn axes.
 
     Parameters
     ----------
-    message : the whole message.
-    segment : the segment.
-    start_utc : instant from which all times count; None for the first row of this segment.
-
-    Returns
-    -------
-    attitudes of the segment, as axes_from_body in root or rtn axes.
-
-    Raises
-    ------
-    ScenarioError
-        If the attitudes are not quaternions, there are fewer than two, or a row is invalid.
+    message, segment : the message and its segment
+    start_utc : instant from which all times count; None for the first row of this segment
     """
     from scipy.spatial.transform import Rotation
 
@@ -226,26 +165,28 @@ def _read_segment(message: CcsdsMessage, segment: CcsdsSegment, start_utc: datet
     kind = message.require(segment, "ATTITUDE_TYPE")
     if kind.value.upper() not in _KINDS:
         raise ScenarioError(
-            f"{message.where}: line {kind.line}: ATTITUDE_TYPE {kind.value} is not supported: "
+            f"{message.where}: line {kind.line}: ATTITUDE_TYPE {kind.value} is not supported; "
             "write the attitudes as QUATERNION"
         )
     system = message.time_system(segment)
     scalar_first = _is_scalar_first(message, segment)
     if len(segment.rows) < 2:
-        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows: it needs at least two")
+        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows; it needs at least two")
     stamps, values, lines = [], [], []
     for line, cells in segment.rows:
         here = f"{message.where}: line {line}"
         if len(cells) < 5 or (len(cells) > 5 and kind.value.upper() == "QUATERNION"):
             raise ScenarioError(
-                f"{here}: has {len(cells)} words: a row of {kind.value} begins with an epoch and 4 numbers"
+                f"{here}: has {len(cells)} words; a row of {kind.value} begins with an epoch and 4 numbers"
             )
         stamps.append(parse_epoch_ps(cells[0], system, here))
         values.append([parse_number(here, "the quaternion", cell) for cell in cells[1:5]])
         lines.append(line)
     check_increasing(message.where, stamps, lines)
     numbers = np.array(values)
-    rotation = _make_rotation(message.where, np.roll(numbers, -1, axis=1) if scalar_first else numbers, lines)
+    if scalar_first:
+        numbers = np.roll(numbers, -1, axis=1)
+    rotation = Rotation.from_quat(check_unit_quaternions(message.where, numbers, lines))
     axes, reverse = _read_axes(message, segment)
     if reverse:
         rotation = rotation.inv()
@@ -265,7 +206,7 @@ def _is_scalar_first(message: CcsdsMessage, segment: CcsdsSegment) -> bool:
         return False
     if entry.value.upper() not in ("FIRST", "LAST"):
         raise ScenarioError(
-            f"{message.where}: line {entry.line}: QUATERNION_TYPE {entry.value}: write FIRST or LAST (the scalar)"
+            f"{message.where}: line {entry.line}: QUATERNION_TYPE {entry.value}; write FIRST or LAST (the scalar)"
         )
     return entry.value.upper() == "FIRST"
 
@@ -276,7 +217,7 @@ def _read_axes(message: CcsdsMessage, segment: CcsdsSegment) -> tuple[str, bool]
     bodily = [key for key, end in ends.items() if end.value.upper().replace(" ", "_").startswith("SC_BODY")]
     if len(bodily) != 1:
         raise ScenarioError(
-            f"{message.where}: line {ends['B'].line}: REF_FRAME_A {ends['A'].value}, REF_FRAME_B {ends['B'].value}: one of "
+            f"{message.where}: line {ends['B'].line}: REF_FRAME_A {ends['A'].value}, REF_FRAME_B {ends['B'].value}; one of "
             "them must be SC_BODY"
         )
     other = ends["A" if bodily == ["B"] else "B"]
@@ -287,7 +228,7 @@ def _read_axes(message: CcsdsMessage, segment: CcsdsSegment) -> tuple[str, bool]
         axes = parse_frame(other.value, f"{message.where}: line {other.line}")
         if axes not in ("gcrs", "eme2000"):
             raise ScenarioError(
-                f"{message.where}: line {other.line}: an attitude in {other.value} is not supported: write it in GCRF or "
+                f"{message.where}: line {other.line}: an attitude in {other.value} is not supported; write it in GCRF or "
                 "EME2000"
             )
     entry = segment.meta.get("ATTITUDE_DIR")
@@ -298,11 +239,8 @@ def _read_axes(message: CcsdsMessage, segment: CcsdsSegment) -> tuple[str, bool]
     direction = entry.value.upper() if entry is not None else "A2B"
     if direction not in ("A2B", "B2A"):
         line = entry.line if entry is not None else segment.line
-        raise ScenarioError(f"{message.where}: line {line}: ATTITUDE_DIR {direction}: write A2B or B2A")
+        raise ScenarioError(f"{message.where}: line {line}: ATTITUDE_DIR {direction}; write A2B or B2A")
     return axes, (direction == "A2B") == (bodily == ["A"])
-
-
-# --------------------------------------------------------------------------------------------------------- writing
 
 
 def write_aem(
@@ -321,28 +259,28 @@ def write_aem(
 
     Parameters
     ----------
-    path : of the file.
-    name : OBJECT_NAME.
-    object_id : OBJECT_ID, the international designator.
-    epochs : at least two instants.
-    inertial_from_body : attitudes (time), or one for all epochs.
+    path : of the file
+    name : OBJECT_NAME
+    object_id : OBJECT_ID, the international designator
+    epochs : at least two instants
+    inertial_from_body : attitudes (time), or one for all epochs
 
     Other Parameters
     ----------------
-    originator : ORIGINATOR in the header.
-    version : of the AEM format.
-    created_utc : CREATION_DATE; None for now.
-    overwrite : replace an existing file.
+    originator : ORIGINATOR in the header
+    version : of the AEM format
+    created_utc : CREATION_DATE; None for now
+    overwrite : replace an existing file
 
     Returns
     -------
-    path of the file.
+    path of the file
 
     Raises
     ------
     RecordingError
-        If there are fewer than two epochs, they do not ascend, their number differs from that of the attitudes, or the
-        file cannot be written.
+        if there are fewer than two epochs, they do not ascend, their number differs from that of the attitudes, or the
+        file cannot be written
     """
     rows, texts = _canonical_quaternions(epochs, inertial_from_body), format_epochs(epochs)
     old = version == "1.0"
@@ -369,23 +307,23 @@ def write_attitude_csv(path: str | Path, epochs: Epochs, axes_from_body: Rotatio
 
     Parameters
     ----------
-    path : of the file.
-    epochs : at least two instants.
-    axes_from_body : attitudes (time), or one for all epochs.
-    overwrite : replace an existing file.
+    path : of the file
+    epochs : at least two instants
+    axes_from_body : attitudes (time), or one for all epochs
+    overwrite : replace an existing file
 
     Returns
     -------
-    path of the file.
+    path of the file
 
     Raises
     ------
     RecordingError
-        If there are fewer than two epochs, they do not ascend, their number differs from that of the attitudes, or the
-        file cannot be written.
+        if there are fewer than two epochs, they do not ascend, their number differs from that of the attitudes, or the
+        file cannot be written
     """
     rows, texts = _canonical_quaternions(epochs, axes_from_body), format_epochs(epochs)
-    lines = [",".join(("utc", *_TURN[0]))]
+    lines = [",".join(("utc", *_QUATERNION))]
     lines += [
         ",".join((f"{text}Z", *(f"{value:.15f}" for value in row))) for text, row in zip(texts, rows, strict=True)
     ]
