@@ -43,10 +43,10 @@ def export_lazily(room: str) -> Callable[[str], object]:
         if name not in (places := _find_exports(room)):
             raise AttributeError(f"module '{room}' has no attribute '{name}'")
         module, original = places[name]
-        if module == room:  # the export is a module of the room
-            value: object = import_module(f"{room}.{original}")
-        else:
-            value = getattr(import_module(module), original)
+        if module != room and hasattr(import_module(module), original):
+            value: object = getattr(import_module(module), original)
+        else:  # the export is itself a module
+            value = import_module(f"{module}.{original}")
         setattr(sys.modules[room], name, value)  # from now on Python finds it without this function
         return value
 

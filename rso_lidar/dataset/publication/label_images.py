@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture import Window, bounding_window, colour_maps, crop, figures, palette, save_figure
+from rso_lidar.picture import Window, colour_maps, figures, palette, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +52,7 @@ def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], 
     Figure
     """
     on_target = images["part_class_id"] >= 0
-    window = crop(bounding_window(on_target))
+    window = Window.about(on_target)
     figure = figures.new_figure(10.6, 3.4, title, note)
     for axes, name in zip(figure.subplots(1, _PANELS).flat, images, strict=False):
         if name == "part_class_id":

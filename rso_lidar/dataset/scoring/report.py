@@ -17,7 +17,7 @@ from rso_lidar.dataset.scoring.score_figures import ScoreFigure, describe_frames
 from rso_lidar.dataset.scoring.scorecard import Scorecard
 from rso_lidar.errors import DatasetError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.picture import LIGHT, Scheme, embed_figure, save_figure, write_page, write_table
+from rso_lidar.picture import LIGHT, Scheme, html_page, save_figure
 
 SUFFIXES = (".html", ".json")
 _MOST_POINTS = 400  # of a curve in JSON
@@ -218,13 +218,13 @@ def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Sc
     if comparison is not None:
         old = ", ".join(run.name for run in comparison.old.runs)
         body += [f"<h2>Against {escape(old)}</h2>", f"<p><b>{escape(describe_result(comparison))}</b></p>"]
-        body.append(embed_figure(draw_comparison(comparison), "gain of each figure of merit", scheme=scheme))
+        body.append(html_page.embed_figure(draw_comparison(comparison), "gain of each figure of merit", scheme=scheme))
         body.append("<pre>" + escape("\n".join(format_comparison(comparison))) + "</pre>")
     body.append("<h2>Figures of merit</h2>")
     body += [f'<p class="quiet">{escape(line)}</p>' for line in format_table(card)[1 : -len(card.merits) - 1]]
     body.append(_tabulate(card))
     for figure in list_figures(card):
-        body.append(embed_figure(figure.draw(), figure.caption, escape(figure.caption), scheme))
+        body.append(html_page.embed_figure(figure.draw(), figure.caption, escape(figure.caption), scheme))
     body.append("<h2>How to read this</h2>")
     body.append(
         "<p>What is independent in a dataset is the encounter, not the frame: intervals are over encounters. Shares have "
@@ -232,7 +232,7 @@ def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Sc
         f"{card.replicates:,} draws. A frame without a prediction counts as a failure.</p>"
         f'<p class="quiet">dataset <code>{escape(card.benchmark.identity)}</code>, rso_lidar {version("rso-lidar")}</p>'
     )
-    return write_page(f"Scores of {names}", body, scheme)
+    return html_page.write_page(f"Scores of {names}", body, scheme)
 
 
 def _list_all(card: Scorecard, comparison: Comparison | None) -> list[ScoreFigure]:
@@ -263,7 +263,7 @@ def _tabulate(card: Scorecard) -> str:
                 f"{merit.value.encounters:,}", merit.better, escape(merit.meaning),
             ]
         )  # fmt: skip
-    return write_table(heads, rows)
+    return html_page.write_table(heads, rows)
 
 
 def _describe_value(value: Value) -> dict[str, Any]:

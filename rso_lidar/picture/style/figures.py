@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -29,6 +30,7 @@ PAGE_DPI = 120  # of figures in web pages
 
 STYLES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))  # of lines beyond as many as there are colours
 
+ROUND = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # leading digits of the ends of scales
 LINE_IN = 0.17  # height of a line of small print [inches]
 
 
@@ -172,3 +174,41 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
 def use_minus_sign(number: str) -> str:
     """Replace the hyphen of a number by a true minus."""
     return number.replace("-", "−")
+
+
+def round_up(value: float) -> float:
+    """Return the smallest round number, one of `ROUND` times a power of ten, that is at least `value`.
+
+    Parameters
+    ----------
+    value : positive; 1 is returned for any other and for NaN.
+
+    Examples
+    --------
+    >>> [round_up(v) for v in (0.13, 2.1, 7.0)]
+    [0.15, 2.5, 8.0]
+    """
+    if not value > 0:
+        return 1.0
+    power = math.floor(math.log10(value) + 1e-12)
+    for step in ROUND:
+        if step * 10.0**power >= value * (1 - 1e-9):
+            return float(f"{step * 10.0**power:.6g}")
+    return float(10.0 ** (power + 1))
+
+
+def round_down(value: float) -> float:
+    """Return the greatest of 1, 2 and 5 times a power of ten that is at most `value`, such as for a scale bar.
+
+    Parameters
+    ----------
+    value : positive.
+
+    Examples
+    --------
+    >>> [round_down(v) for v in (0.13, 2.1, 7.0)]
+    [0.1, 2.0, 5.0]
+    """
+    power = math.floor(math.log10(value) + 1e-12)
+    step = max(step for step in (1.0, 2.0, 5.0) if step * 10.0**power <= value * (1 + 1e-9))
+    return float(f"{step * 10.0**power:.6g}")

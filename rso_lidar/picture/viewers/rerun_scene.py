@@ -22,7 +22,7 @@ from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.files import write_atomically
 from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Thumbnail, on_target, pick
+from rso_lidar.picture.selection.sequence import Thumbnail, find_target_returns, pick
 from rso_lidar.picture.style.palette import DARK, NO_RETURN, OTHER_PART, split_rgb
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.pose import ROOT, PoseTree, quaternion_xyzw
@@ -324,7 +324,7 @@ class RerunScene:
 
 def _median_m(frame: Frame) -> float:
     """Return the median range [m] of the target's returns, NaN where none came back."""
-    seen = frame.range_m[on_target(frame)]
+    seen = frame.range_m[find_target_returns(frame)]
     return float(np.median(seen)) if seen.size else float("nan")
 
 
