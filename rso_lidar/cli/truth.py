@@ -12,8 +12,7 @@ from rso_lidar import orbit, picture
 from rso_lidar.cli.arguments import Dark, Overwrite, ScenarioFile, Settings, TrustCode, TrustFmu, choose_scheme
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.evaluation import build_globe
-from rso_lidar.export import choose_samples, write_czml
+from rso_lidar.evaluation import choose_globe_samples, write_globe
 from rso_lidar.files import check_writable, write_columns
 from rso_lidar.mission_analysis import (
     draw_trajectory,
@@ -88,9 +87,9 @@ def truth(
         if scenario.is_local:
             raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
         if suffix == ".czml":
-            place, _ = fly_open_loop(scenario, frames[choose_samples(frames.size)])
+            place, _ = fly_open_loop(scenario, frames[choose_globe_samples(frames.size)])
             targets = [target.name for target in scenario.target]
-            write_czml(output, build_globe(scenario.name, scenario.time.start_utc, targets, place))
+            write_globe(output, scenario.name, scenario.time.start_utc, targets, place)
         else:
             _write_ephemeris(scenario, output, suffix, body, frames)
     echo(f"{output}")

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         fit_relative_orbit,
     )
     from rso_lidar.evaluation.recorded_runs.conversion import save
+    from rso_lidar.evaluation.recorded_runs.czml import choose_globe_samples
     from rso_lidar.evaluation.recorded_runs.display import (
         VIEW_COLOURS,
         VIEW_TOOLS,
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
         find_frame,
         locate_centers,
     )
-    from rso_lidar.evaluation.recorded_runs.globe import build_globe
+    from rso_lidar.evaluation.recorded_runs.globe import write_globe
     from rso_lidar.evaluation.track_quality.evaluation import TRACKING_AXES, Tracking, tracking
     from rso_lidar.evaluation.track_quality.target_mesh import sample_target
     from rso_lidar.evaluation.track_quality.tracking_figure import TRACKED_QUANTITIES
@@ -60,8 +61,8 @@ __all__ = [
     "Tracking",
     "ViewerChoice",
     "build_elevation_map",
-    "build_globe",
     "build_true_elevation",
+    "choose_globe_samples",
     "choose_viewer",
     "compare_frames",
     "compare_maps",
@@ -77,6 +78,7 @@ __all__ = [
     "show",
     "tracking",
     "view",
+    "write_globe",
 ]
 
 __dir__ = limit_dir(__name__)

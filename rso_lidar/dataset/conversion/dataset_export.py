@@ -14,7 +14,7 @@ from rso_lidar.dataset.conversion.tar_archives import write_tar_archives
 from rso_lidar.dataset.conversion.tensorflow_files import write_tensorflow_files
 from rso_lidar.dataset.shards.layout import is_image
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export import BOP_FULL, check_folder, draft_folder
+from rso_lidar.export import check_folder, draft_folder
 from rso_lidar.units import MM
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def export_dataset(
             info["range_step_mm"] = step_mm = write_image_folders(draft, data, chosen, info)
             lines.append(
                 f"range       {step_mm:g} mm per grey level; 0 is no return, or a range beyond "
-                f"{BOP_FULL * step_mm * MM:,.0f} m"
+                f"{(2**16 - 1) * step_mm * MM:,.0f} m"
             )
         else:
             info["images"], advice = arrays, "choose arrays by --arrays, or all of them by --arrays all"

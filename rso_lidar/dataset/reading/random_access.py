@@ -16,7 +16,7 @@ from rso_lidar.dataset.shards.sensor_file import Constants, read_constants
 from rso_lidar.dataset.shards.shard_file import hash_file, open_shard
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export import check_size
+from rso_lidar.export import check_declared_size
 from rso_lidar.files import convert_path, explain_unreadable
 from rso_lidar.records import Symmetry
 
@@ -221,7 +221,7 @@ class Split:
         if name not in images:
             try:
                 stored = file[name]
-                check_size(stored)
+                check_declared_size(stored)
                 if stored.ndim < _IMAGE_DIMENSIONS:
                     values = self._numbers.setdefault(shard, {})[name] = stored[()]
                     return values

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export import check_size, open_checked
+from rso_lidar.export import check_declared_size, open_checked
 from rso_lidar.files import check_regular, describe_size, expand_user, read_arrays, read_text
 
 SUFFIXES = (".csv", ".parquet", ".npz", ".h5", ".hdf5")
@@ -150,7 +150,7 @@ def _read_hdf5(path: Path, most: PredictionLimits) -> tuple[dict[str, Any], str]
         left = most.size_bytes
         for name, found in file.items():
             if isinstance(found, h5py.Dataset):
-                check_size(found)
+                check_declared_size(found)
                 _check_rows(path, name, found.shape[0] if found.shape else 0, most)
                 left -= 0 if name in PIXELS else found.nbytes
                 if left < 0:

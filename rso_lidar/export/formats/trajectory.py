@@ -174,6 +174,18 @@ def _tabulate(
 def to_stamp_ns(start_utc: str, time_s: float) -> int:
     """Return a time as nanoseconds since 1970 in POSIX time, which counts no leap seconds.
 
+    Parameters
+    ----------
+    start_utc : start of the run, ISO 8601 with an offset.
+    time_s : since the start [s].
+
+    Raises
+    ------
+    RecordingError
+        If `start_utc` has no offset.
+
+    Examples
+    --------
     >>> to_stamp_ns("2024-09-17T12:00:00Z", 0.05)
     1726574400050000000
     """

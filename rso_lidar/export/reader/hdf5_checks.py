@@ -118,7 +118,7 @@ def open_checked(path: Path, *, cache_bytes: int = CACHE_BYTES) -> Any:
     Parameters
     ----------
     path : of the file.
-    cache_bytes : of chunks that libhdf5 keeps for each dataset [bytes].
+    cache_bytes : of chunks that libhdf5 keeps for each dataset [bytes], at most 1 MiB.
 
     Returns
     -------
@@ -128,7 +128,7 @@ def open_checked(path: Path, *, cache_bytes: int = CACHE_BYTES) -> Any:
     import h5py
 
     check_heaps(path)
-    return h5py.File(path, "r", locking="best-effort", rdcc_nbytes=cache_bytes)
+    return h5py.File(path, "r", locking="best-effort", rdcc_nbytes=min(cache_bytes, CACHE_BYTES))
 
 
 def check_heaps(path: Path, *, is_growing: bool = False) -> None:
@@ -185,7 +185,7 @@ def _read_texts(place: Any) -> None:
         if _is_variable(attribute.get_type()):
             attribute.read(np.empty(attribute.shape, attribute.dtype))
     if isinstance(place, h5py.h5d.DatasetID) and _is_variable(place.get_type()):
-        check_size(h5py.Dataset(place))
+        check_declared_size(h5py.Dataset(place))
         h5py.Dataset(place)[()]
 
 
@@ -199,7 +199,7 @@ def _is_variable(kind: Any) -> bool:
     )
 
 
-def check_size(dataset: Any) -> None:
+def check_declared_size(dataset: Any) -> None:
     """Check that a dataset is not much larger than its file, before memory is taken for it.
 
     A dataset without stored data is read as fill values: a file of 1 kB can declare terabytes of them.

@@ -17,7 +17,7 @@ from rso_lidar.export.layout import intermediates
 from rso_lidar.export.layout.checksum import compute_texts_crc32
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, NODE, POINTING, READING
 from rso_lidar.export.layout.target_table import read_targets
-from rso_lidar.export.reader.hdf5_checks import check_size
+from rso_lidar.export.reader.hdf5_checks import check_declared_size
 from rso_lidar.export.reader.hdf5_file import TEMPORARY, open_hdf5
 from rso_lidar.export.reader.zarr_file import SUFFIX, open_zarr
 from rso_lidar.records import SCHEMA_VERSION, Source
@@ -215,7 +215,7 @@ class RecordingFile:
             if dataset.dtype.kind not in _NUMBERS:
                 raise ValueError(f"{dataset.name} holds {dataset.dtype}, not numbers")
             if self._is_hdf5:
-                check_size(dataset)
+                check_declared_size(dataset)
         self._constants = {
             group: {name: float(self._file[group].attrs[name]) for name in intermediates.CONSTANTS.get(group, ())}
             for group in self.kept

@@ -29,7 +29,17 @@ class ImageEncoder:
         self._out = np.empty(bound_stream(largest) + CHECKSUM_BYTES, np.uint8)
 
     def encode(self, entry: np.ndarray) -> np.ndarray:
-        """Encode an image, contiguous, as a chunk; it is valid until the next call."""
+        """Encode an image as a chunk.
+
+        Parameters
+        ----------
+        entry : (row, col), contiguous, of at most `largest` bytes.
+
+        Returns
+        -------
+        ndarray
+            (byte) uint8, to be written with the filter mask 0; a view that is valid until the next call.
+        """
         data = packed(entry.reshape(-1).view(np.uint8))
         words = data[: len(data) // 8 * 8].view(np.uint64)
         length = deflate_planes(data, words, entry.itemsize, self._changes, self._tokens, self._out)

@@ -46,11 +46,26 @@ class CzmlBeam:
     tip_m: np.ndarray
 
 
-def choose_samples(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
-    """Choose at most `most` indices below `n`, evenly spread, both ends included.
+def choose_globe_samples(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
+    """Choose the epochs of a run that a document for a browser globe holds, evenly spread, both ends included.
 
-    >>> choose_samples(10, 4)
-    array([0, 3, 6, 9])
+    Parameters
+    ----------
+    n : number of epochs.
+    most : greatest number of epochs to choose.
+
+    Returns
+    -------
+    ndarray
+        (sample) ascending indices below `n`.
+
+        >>> choose_globe_samples(10, 4)
+        array([0, 3, 6, 9])
+
+    Raises
+    ------
+    RecordingError
+        If `most` is below 2.
     """
     if most < 2:
         raise RecordingError(f"czml: {most} samples cannot show motion; give 2 or more")
@@ -83,7 +98,7 @@ def build_packets(
     time_s = np.asarray(time_s, dtype=float)
     names = [body.name for body in bodies]
     _check_document(time_s, bodies, names, lines, beams)
-    chosen = choose_samples(time_s.size, most)
+    chosen = choose_globe_samples(time_s.size, most)
     at_s = time_s[chosen]
     span = f"{start_utc}/{end_utc}"
     document = {
