@@ -143,7 +143,12 @@ def model(name: str) -> ModelEntry:
 
 
 def is_mesh_path(name: str) -> bool:
-    """Return whether the name of a shape is the path of a file, and no model of the catalogue."""
+    """Return whether the name of a shape is the path of a file, and no model of the catalogue.
+
+    Parameters
+    ----------
+    name : as a target gives it; a path has a slash or a suffix.
+    """
     return any(sign in name for sign in "/\\.")
 
 

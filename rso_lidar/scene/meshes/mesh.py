@@ -136,6 +136,11 @@ def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
     blob : its contents.
     suffix : names the format, in lower case; a solid from `tessellate` is of ".glb" whatever its file is.
 
+    Returns
+    -------
+    Mesh
+        In the units and axes of the file.
+
     Raises
     ------
     MeshError
@@ -210,10 +215,24 @@ def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[MeshPiece]:
 
 
 def read_facet_colours(mesh: Mesh) -> np.ndarray:
-    """Read the colours (facet in the file, rgb) of facets as bytes, numbered like `Mesh.source_facet`.
+    """Read the colours of the facets of a mesh file.
 
     GLB gives a base colour to each group; textures are ignored. PLY gives colours to facets, or to vertices, of which a
     facet gets the mean.
+
+    Parameters
+    ----------
+    mesh : as it was read.
+
+    Returns
+    -------
+    ndarray
+        (facet in the file) texts such as ``#a29225``, numbered like `Mesh.source_facet`.
+
+    Raises
+    ------
+    MeshError
+        If the file holds no colours, or not for all facets.
     """
     path = mesh.path
     suffix = path.suffix.lower()
@@ -225,15 +244,10 @@ def read_facet_colours(mesh: Mesh) -> np.ndarray:
     colours = [piece.colours for piece in pieces if piece.colours is not None]
     if len(colours) != len(pieces) or sum(map(len, colours)) != mesh.source_facets:
         raise MeshError(f"{path.name}: contains no colours, or not for all facets; give parts or facets instead")
-    return np.concatenate(colours)
-
-
-def format_colours(colours: np.ndarray) -> np.ndarray:
-    """Format colours (…, rgb) as texts such as ``#a29225``."""
-    numbers = (colours.astype(np.int64) * np.array([65536, 256, 1])).sum(axis=-1)
+    numbers = (np.concatenate(colours).astype(np.int64) * np.array([65536, 256, 1])).sum(axis=-1)
     distinct, place = np.unique(numbers, return_inverse=True)
     texts: np.ndarray = np.array([f"#{number:06x}" for number in distinct.tolist()], dtype=object)[place]
-    return texts.reshape(colours.shape[:-1])
+    return texts
 
 
 def normalize_mesh(
@@ -275,7 +289,18 @@ def normalize_mesh(
 
 
 def body_from_mesh(vectors: np.ndarray, mesh_axes: str) -> np.ndarray:
-    """Convert vectors (…, xyz) from a mesh's axes to body axes: "z_up" unchanged, "y_up" with the file's y up."""
+    """Convert vectors from a mesh's axes to body axes.
+
+    Parameters
+    ----------
+    vectors : (…, xyz), in any unit.
+    mesh_axes : ``"z_up"`` leaves them unchanged; ``"y_up"`` turns the file's y to z.
+
+    Returns
+    -------
+    ndarray
+        (…, xyz).
+    """
     if mesh_axes == "y_up":
         return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
     return vectors

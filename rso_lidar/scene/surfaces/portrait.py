@@ -36,9 +36,12 @@ class Portrait:
 
 
 def viewer_axes(toward: tuple[float, float, float], up: tuple[float, float, float]) -> np.ndarray:
-    """Return the unit vectors right, down and ahead (3, xyz) of a viewer in the direction `toward`, with `up` upward.
+    """Return the unit vectors right, down and ahead (3, xyz) of a viewer, the rows of lidar_from_body of such a lidar.
 
-    They are the rows of the rotation lidar_from_body of a lidar with that view.
+    Parameters
+    ----------
+    toward : (xyz) direction from the body to the viewer, in body axes.
+    up : (xyz) direction that is upward in the view, in body axes; not along `toward`.
     """
     ahead = -np.asarray(toward, dtype=float) / np.linalg.norm(toward)
     right = np.cross(ahead, np.asarray(up, dtype=float))

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import export
 from rso_lidar.errors import RecordingError
 from rso_lidar.export import read_truth, to_stamp_ns
-from rso_lidar.export.formats.truth_batches import read_truth_batches
 from rso_lidar.export.formats.trajectory import write_csv, write_kitti, write_tum
+from rso_lidar.export.formats.truth_batches import read_truth_batches
 
 COUNT = 9
 FAR_M = 8e-7  # the tree's axes lie 4e7 m apart, and a recorded rotation is good to 2e-15, up to ten times in each pose
