@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rso_lidar.export.reader.stored_array import StoredArray
     from rso_lidar.export.registry import FORMAT_SUFFIXES, FORMATS, Format, format_for, open, save, writer_for
     from rso_lidar.export.writer.chunks import ImageEncoder
-    from rso_lidar.export.writer.folders import check_folder, draft_folder
+    from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
     from rso_lidar.export.writer.recorder import Recorder, check_output, run_id
 else:
     __getattr__ = export_lazily(__name__)
@@ -36,14 +36,14 @@ __all__ = [
     "RecordingStatus",
     "StoredArray",
     "check_declared_size",
-    "check_folder",
+    "check_export_folder",
     "check_kept",
     "check_output",
     "check_parquet",
     "check_self_contained",
     "choose_depth_scale",
     "collect_truth",
-    "draft_folder",
+    "draft_export_folder",
     "encode_png",
     "fit_camera",
     "format_for",

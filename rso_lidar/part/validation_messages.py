@@ -129,7 +129,12 @@ def _choose(annotation: Any, raw: Any) -> type[BaseModel] | None:
 
 
 def part_classes(annotation: Any) -> list[type[BaseModel]]:
-    """Return the part classes that an annotation allows."""
+    """Return the part classes that an annotation allows, in its order.
+
+    Parameters
+    ----------
+    annotation : of a field, such as ``tuple[Lambertian | Phong, ...]``.
+    """
     if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
         return [annotation] if issubclass(annotation, BaseModel) else []
     return [cls for inner in get_args(annotation) for cls in part_classes(inner)]

@@ -14,7 +14,7 @@ from rso_lidar.dataset.conversion.tar_archives import write_tar_archives
 from rso_lidar.dataset.conversion.tensorflow_files import write_tensorflow_files
 from rso_lidar.dataset.shards.layout import is_image
 from rso_lidar.errors import DatasetError, did_you_mean
-from rso_lidar.export import check_folder, draft_folder
+from rso_lidar.export import check_export_folder, draft_export_folder
 from rso_lidar.units import MM
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def export_dataset(
     """
     chosen = _choose_splits(data, splits)
     _check_format(to, images)
-    place = check_folder(path, overwrite=overwrite)
+    place = check_export_folder(path, overwrite=overwrite)
     arrays = choose_images(data.split(chosen[0]), images)
     info: dict[str, Any] = {
         "description": data.spec.name,
@@ -79,7 +79,7 @@ def export_dataset(
         "part_classes": list(data.part_classes),
     }
     lines = []
-    with draft_folder(place, overwrite=overwrite) as draft:
+    with draft_export_folder(place, overwrite=overwrite) as draft:
         if to == "images":
             arrays, advice = list(IMAGES), f"this format has {', '.join(IMAGES)} only"
             info["range_step_mm"] = step_mm = write_image_folders(draft, data, chosen, info)

@@ -20,7 +20,6 @@ from rso_lidar.dataset.metrics.weighted_statistics import Ratios, Statistic
 from rso_lidar.dataset.scoring.scorecard import Scorecard
 from rso_lidar.errors import DatasetError, did_you_mean
 
-COMPARISON_LEVEL = 0.05
 BETTER, WORSE, SAME, UNKNOWN = "better", "worse", "no difference", "too few encounters"
 _MOST_EXACT = 4000  # answers that differ, up to which the exact distribution is computed
 _RUN_KEY = 17
@@ -68,7 +67,7 @@ class Comparison:
 
 
 def compare(
-    new: Scorecard, old: Scorecard, margins: Mapping[str, float] | None = None, level: float = COMPARISON_LEVEL
+    new: Scorecard, old: Scorecard, margins: Mapping[str, float] | None = None, level: float = 0.05
 ) -> Comparison:
     """Compare two algorithms on the same frames.
 

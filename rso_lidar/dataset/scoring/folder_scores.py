@@ -16,7 +16,7 @@ from rso_lidar.dataset.scoring.ground_truth import COLUMNS, MIN_LIT_PIXELS, Fram
 from rso_lidar.dataset.scoring.pose_errors import ModelSurface
 from rso_lidar.dataset.scoring.prediction_file import PIXELS, PredictionLimits
 from rso_lidar.dataset.scoring.prediction_table import Predictions, check_predictions, load_predictions, match_frames
-from rso_lidar.dataset.scoring.scorecard import SCORE_CONFIDENCE, SCORE_REPLICATES, Benchmark, Scorecard, score_run
+from rso_lidar.dataset.scoring.scorecard import Benchmark, Scorecard, score_run
 from rso_lidar.errors import DatasetError, RsoLidarError, warn
 from rso_lidar.track import sample_mesh
 
@@ -32,8 +32,8 @@ def score(
     split: str = "test",
     *,
     min_lit_pixels: int = MIN_LIT_PIXELS,
-    replicates: int = SCORE_REPLICATES,
-    confidence: float = SCORE_CONFIDENCE,
+    replicates: int = Scorecard.replicates,
+    confidence: float = Scorecard.confidence,
 ) -> Scorecard:
     """Score predictions on a split of a dataset.
 

@@ -21,8 +21,6 @@ from rso_lidar.dataset.scoring.presence import Presence, score_presence
 from rso_lidar.errors import DatasetError
 from rso_lidar.records import Symmetry
 
-SCORE_REPLICATES = 2000
-SCORE_CONFIDENCE = 0.95
 _BLOCK = 64  # frames of pixels in memory at once
 
 
@@ -103,12 +101,20 @@ class ScoredMerit:
 
 @dataclass(frozen=True, eq=False)
 class Scorecard:
-    """Scores of an algorithm on a split."""
+    """Scores of an algorithm on a split.
+
+    Parameters
+    ----------
+    benchmark : the frames, and what is true of them.
+    runs : scores of each training run of the algorithm.
+    replicates : draws of the bootstrap over encounters.
+    confidence : level of the intervals.
+    """
 
     benchmark: Benchmark
     runs: tuple[RunScores, ...]
-    replicates: int = SCORE_REPLICATES
-    confidence: float = SCORE_CONFIDENCE
+    replicates: int = 2000
+    confidence: float = 0.95
 
     def draw(self, places: Sequence[int]) -> np.ndarray:
         """Return replicates (run, merit, replicate) of the bootstrap.

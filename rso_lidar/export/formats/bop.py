@@ -20,7 +20,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, warn
 from rso_lidar.export.layout.datasets import compute_lidar_poses
-from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_files import describe_frame, get_file_stem, write_new_file, write_source
 from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.records import Frame
@@ -46,9 +46,9 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
     frames : written one at a time as they come.
     overwrite : replace an older export once the new one is complete.
     """
-    place = check_folder(path, overwrite=overwrite)
+    place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
-    with draft_folder(place, overwrite=overwrite) as draft, ExitStack() as stack:
+    with draft_export_folder(place, overwrite=overwrite) as draft, ExitStack() as stack:
         write_source(draft, first.source, "bop")
         scene = draft / SCENE
         for name in FOLDERS:

@@ -14,7 +14,7 @@ from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout.attributes import AXES
 from rso_lidar.export.layout.datasets import compute_lidar_poses
 from rso_lidar.export.layout.target_table import tabulate_targets
-from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_stream import take_first
 from rso_lidar.records import Frame, Source
 
@@ -39,9 +39,9 @@ def write_frame_files(
     content : encodes a frame.
     overwrite : replace an older export once the new one is complete.
     """
-    place = check_folder(path, overwrite=overwrite)
+    place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
-    with draft_folder(place, overwrite=overwrite) as draft:
+    with draft_export_folder(place, overwrite=overwrite) as draft:
         write_source(draft, first.source, kind)
         sizes: dict[str, int] = {}
         with (draft / "frames.jsonl").open("w", encoding="utf-8", newline="\n") as lines:

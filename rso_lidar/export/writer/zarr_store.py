@@ -28,7 +28,7 @@ from rso_lidar.export.layout.attributes import (
 )
 from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_optional, list_variables
 from rso_lidar.export.reader.zarr_file import add_metadata_crc32, open_zarr
-from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
 from rso_lidar.export.writer.frame_stream import count_frame_bytes, match_entries, pad_all, take_first, to_json
 from rso_lidar.export.writer.lens_tables import LensNumbers
 from rso_lidar.records import Frame, Observation, specs
@@ -47,9 +47,9 @@ def write_zarr(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     overwrite : replace an older export once the new one is complete.
     """
     zarr = _import_zarr(path)
-    place = check_folder(path, overwrite=overwrite)
+    place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
-    with draft_folder(place, overwrite=overwrite) as draft:
+    with draft_export_folder(place, overwrite=overwrite) as draft:
         store = ZarrWriter(zarr, place, draft, first)
         for frame in coming:
             store.add(frame)

@@ -139,11 +139,13 @@ def veil(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.n
 
 
 def veil_on_axis(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.ndarray:
-    """Return the scattered light of each body (body) in a pixel on the boresight [photons/s].
+    """Return the scattered light of each body in a pixel on the boresight (body) [photons/s], in order of `STRAY_BODIES`.
 
     Parameters
     ----------
-    sky, receiver, hidden : as for `veil`.
+    sky : the bodies, from `see_sky`.
+    receiver : the lens with its glare.
+    hidden : (element) elements of the bodies that targets hide from the lens (None: none).
     """
     glare = receiver.glare
     assert glare is not None

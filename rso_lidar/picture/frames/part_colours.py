@@ -81,8 +81,10 @@ def _choose_colours(frame: Frame, kinds: np.ndarray, order: np.ndarray, parts: S
 
     Parameters
     ----------
+    frame : gives the targets and their parts.
     kinds : (kind, [target, part]).
     order : kinds by their number of pixels, most first.
+    parts : numbers (target, part) of parts that get colours of their own first.
     """
     starts = np.cumsum([0, *(len(entry.parts) for entry in frame.source.targets)])
     known = kinds.size and kinds[:, 0].max() < len(starts) - 1 and kinds[:, 1].min() >= 0
