@@ -41,9 +41,13 @@ def new_figure(
 
     Parameters
     ----------
-    width_in, height_in : size of the figure.
-    title, note : the heading.
+    width_in, height_in : size of the figure [inches].
+    title, note : the heading, and a line below it.
     small_print : lines at the foot.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -86,7 +90,13 @@ def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str 
 
 
 def style_bar(bar: Colorbar, label: str = "") -> None:
-    """Give a colour bar its label and quiet numbers."""
+    """Give a colour bar its label and quiet numbers.
+
+    Parameters
+    ----------
+    bar : of the figure.
+    label : with the unit.
+    """
     bar.ax.tick_params(which="both", labelsize=SMALL_PT, color=RULE, labelcolor=QUIET)
     bar.outline.set_edgecolor(RULE)
     bar.set_label(label, fontsize=TEXT_PT, color=QUIET)
@@ -106,17 +116,34 @@ def colour_axis(axes: Axes, side: Literal["left", "right"], colour: str) -> None
 
 
 def colour_of(number: int) -> tuple[str, Any]:
-    """Return the colour and the line style of a curve by its number."""
+    """Return the colour and the line style of a curve by its number.
+
+    Parameters
+    ----------
+    number : from 0; curves beyond as many as there are colours get another line style.
+    """
     return LINES[number % len(LINES)], STYLES[number // len(LINES) % len(STYLES)]
 
 
 def draw_legend(axes: Axes, columns: int = 1) -> None:
-    """Draw a frameless legend in quiet ink where it covers least."""
+    """Draw a frameless legend in quiet ink where it covers least.
+
+    Parameters
+    ----------
+    axes : the plot, whose curves have labels.
+    columns : of the legend.
+    """
     axes.legend(fontsize=SMALL_PT, frameon=False, loc="best", labelcolor=QUIET, ncols=columns)
 
 
 def widen_short_axis(axes: Axes, least: float) -> None:
-    """Widen an axis of values that spans less than `least`, so that rounding does not look like motion."""
+    """Widen an axis of values that is too short, so that rounding does not look like motion.
+
+    Parameters
+    ----------
+    axes : the plot.
+    least : span that the axis of values has at least, in its unit.
+    """
     low, high = axes.get_ylim()
     if high - low < least:
         middle = 0.5 * (low + high)
@@ -125,12 +152,27 @@ def widen_short_axis(axes: Axes, least: float) -> None:
 
 
 def shorten(text: str, letters: int) -> str:
-    """Shorten a text to a number of letters, the last of them an ellipsis."""
+    """Shorten a text to a number of letters, the last of them an ellipsis.
+
+    Parameters
+    ----------
+    text : left as it is if it fits.
+    letters : most letters.
+
+    Returns
+    -------
+    str
+    """
     return text if len(text) <= letters else f"{text[: letters - 1]}…"
 
 
 def format_thousands(*several: Axis) -> None:
-    """Format the ticks of some axes with a comma at each thousand and a true minus."""
+    """Format the ticks of some axes with a comma at each thousand and a true minus.
+
+    Parameters
+    ----------
+    *several : such as ``axes.xaxis``.
+    """
     from matplotlib.ticker import FuncFormatter
 
     for axis in several:
@@ -172,7 +214,16 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
 
 
 def use_minus_sign(number: str) -> str:
-    """Replace the hyphen of a number by a true minus."""
+    """Replace the hyphen of a number by a true minus.
+
+    Parameters
+    ----------
+    number : in digits.
+
+    Returns
+    -------
+    str
+    """
     return number.replace("-", "−")
 
 

@@ -78,6 +78,12 @@ OTHER_PART = "#b9bcc2"
 def split_rgb(colour: str) -> Rgb:
     """Return red, green and blue of a colour as bytes.
 
+    Parameters
+    ----------
+    colour : such as ``"#ff7a18"``.
+
+    Examples
+    --------
     >>> split_rgb("#ff7a18")
     (255, 122, 24)
     """
