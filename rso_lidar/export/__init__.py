@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rso_lidar.export.reader.recording import Frames, Recording
     from rso_lidar.export.reader.status import RecordingStatus, read_status
     from rso_lidar.export.reader.stored_array import StoredArray
-    from rso_lidar.export.registry import FORMAT_SUFFIXES, FORMATS, Format, format_for, open, save, writer_for
+    from rso_lidar.export.registry import FORMATS, Format, format_for, open, save, writer_for
     from rso_lidar.export.writer.chunks import ImageEncoder
     from rso_lidar.export.writer.folders import check_export_folder, draft_export_folder
     from rso_lidar.export.writer.recorder import Recorder, check_output, run_id
@@ -26,7 +26,6 @@ else:
 
 __all__ = [
     "FORMATS",
-    "FORMAT_SUFFIXES",
     "Format",
     "Frames",
     "ImageEncoder",

@@ -13,7 +13,8 @@ from frames_for_tests import make_frame, make_frames
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export import FORMAT_SUFFIXES, FORMATS, format_for, writer_for
+from rso_lidar.export import FORMATS, format_for, writer_for
+from rso_lidar.export.registry import FORMAT_SUFFIXES
 
 FOLDERS = ("pcd", "ply", "bop")
 OURS = ("npz", *FOLDERS, *["zarr"] * bool(find_spec("zarr")))
