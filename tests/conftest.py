@@ -191,3 +191,17 @@ def library(tmp_path, monkeypatch) -> Path:
     folder = tmp_path / "library"
     monkeypatch.setenv("RSO_LIDAR_MODELS", str(folder))
     return folder
+
+
+@pytest.fixture(scope="session")
+def handmade():
+    """Return the module of frames made by hand: make_frame, make_truth, approach."""
+    from tests.picture import frames_for_tests
+
+    return frames_for_tests
+
+
+@pytest.fixture(scope="session")
+def coming(handmade):
+    """Return twelve small frames of an approach from 3 km to 300 m."""
+    return handmade.approach(12, n=64, photons_at_km=60_000.0)

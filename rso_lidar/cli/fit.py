@@ -125,8 +125,8 @@ def describe_error(fit: RelativeOrbitFit, truth: tuple[np.ndarray, np.ndarray]) 
 
     Parameters
     ----------
-    fit : the relative orbit.
-    truth : true position [m] and velocity [m/s] in the same axes.
+    fit : the relative orbit
+    truth : true position [m] and velocity [m/s] in the same axes
     """
     low, high = chi_square_bounds(6)
     return [

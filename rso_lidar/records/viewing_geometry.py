@@ -8,7 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from rso_lidar.pose import ROOT, quaternion_xyzw, rotate_vectors
-from rso_lidar.records import PtuAngles, Truth, specs
+from rso_lidar.records.schema import specs
+from rso_lidar.records.truth import PtuAngles, Truth
 
 XYZ = ("x", "y", "z")
 DARK = 0.5  # visible share of the Sun's disc below which a body is in shadow

@@ -15,7 +15,8 @@ from PIL import Image, ImageSequence
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan as make_dataset_plan
-from rso_lidar.study import Study, make_trade_plan
+from rso_lidar.study import Study
+from rso_lidar.study.trades.plan import make_trade_plan
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -90,7 +91,7 @@ def test_every_part_of_a_scenario_has_its_table(generator):
 
     page = (DOCS / "scenario.md").read_text(encoding="utf-8")
     rooms = (rl, rl.detector, rl.motion, rl.optics, rl.orbit, rl.rpo, rl.scene, rl.study)
-    values = {getattr(room, name) for room in rooms for name in room.__all__}
+    values = [getattr(room, name) for room in rooms for name in room.__all__]
     exported = {value for value in values if isinstance(value, type) and issubclass(value, Part)}
     told = set(generator["sections"]())
     of_studies = set(generator["_study_sections"]())  # in studies.md

@@ -1,10 +1,9 @@
 """Functions that others call state each parameter, and what they return, in sections of numpy style.
 
 What the package or a room exports (functions, and the public methods of classes) has *Parameters*, and *Returns* unless
-its first line starts with *Return*. Any other function or method with three parameters or more has *Parameters*; its first
-line names what it computes. A method is documented in its own docstring, in that of the same method of a base class, or in
-a `Protocol` of this package that its class implements with the same names of parameters. A command of the command line
-states its parameters in the `help` of its options, from which ``--help`` is made.
+its first line starts with *Return*. A method is documented in its own docstring, in that of the same method of a base class,
+or in a `Protocol` of this package that its class implements with the same names of parameters. A command of the command
+line states its parameters in the `help` of its options, from which ``--help`` is made.
 """
 
 import importlib
@@ -16,7 +15,6 @@ from functools import cache
 
 import rso_lidar
 
-MANY = 3  # parameters: from here on, a function that nobody exports is documented too
 SECTION = re.compile(r"^(?P<title>[A-Z][A-Za-z ]+)\n-{3,}$", re.MULTILINE)
 NAMES = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: :|$)", re.MULTILINE)
 
@@ -75,16 +73,6 @@ def exported():
                 if name == "__init__" or not name.startswith("_"):
                     found.setdefault(function, cls)
     return {function: cls for function, cls in found.items() if function and parameters(function)}
-
-
-def long():
-    """Return the functions and methods with many parameters, each with its class."""
-    found = {}
-    for holder in (*modules(), *classes()):
-        for name, function in members(holder).items():
-            if len(parameters(function)) >= MANY and not (name.startswith("__") and name != "__init__"):
-                found.setdefault(function, holder if inspect.isclass(holder) else None)
-    return found
 
 
 def docstrings(function, cls):
@@ -146,10 +134,10 @@ def has_value(function, cls):
 
 def faults():
     """Return what docstrings leave out, by room and name of the function."""
-    found, outside = {}, exported()
-    for function, cls in (long() | outside).items():
+    found = {}
+    for function, cls in exported().items():
         missing = undescribed(function, cls)
-        if function in outside and not has_value(function, cls):
+        if not has_value(function, cls):
             missing.append("Returns")
         if missing:
             found[f"{function.__module__.split('.')[1]}: {function.__qualname__}"] = missing
@@ -176,7 +164,7 @@ def read(distance_m, *rows, **options):
 
 
 def test_what_is_left_out_is_seen():
-    assert len(exported()) > 300 and len(long()) > 600 and len(protocols()) > 5
+    assert len(exported()) > 300 and len(protocols()) > 5
     assert described(inspect.getdoc(read)) == {"distance_m", "rows", "options"}
     assert sections(inspect.getdoc(read)).keys() == {"Parameters", "Raises"}
     assert not undescribed(read, None) and undescribed(lambda x, rows: None, None) == ["x", "rows"]

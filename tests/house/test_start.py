@@ -48,10 +48,29 @@ def test_what_is_loaded_is_seen():
     assert loaded("import " + ", ".join(there)) == there
 
 
-def test_a_bare_import_builds_few_parts():
-    """The checks of a part take a millisecond or so to build: a bare import builds those that are defaults of others."""
+def rooms_loaded(statement):
+    """Return the modules of the package that a statement loads in a fresh interpreter, and the rooms that they lie in."""
+    names = said(
+        f"{statement}\nimport json, sys; print(json.dumps([it for it in sys.modules if it[:9] == 'rso_lidar']))"
+    )
+    return names, {name.split(".")[1] for name in names if name.count(".") > 1}
+
+
+def test_a_bare_import_loads_no_room():
+    names, rooms = rooms_loaded("import rso_lidar")
+    assert len(names) < 6 and rooms == set()
+
+
+def test_a_first_use_loads_the_rooms_that_it_needs():
+    assert rooms_loaded("import rso_lidar as rl; rl.open")[1] == {"export", "files", "part", "records"}
+    assert rooms_loaded("import rso_lidar as rl; rl.orbit.propagate_sgp4")[1] <= {"orbit", "files", "part", "records"}
+    assert "orbit" not in rooms_loaded("import rso_lidar as rl; rl.Laser, rl.scene.Mesh")[1]
+
+
+def test_a_scenario_builds_few_parts_before_it_is_used():
+    """The checks of a part take a millisecond or so to build: only those that are defaults of others are built early."""
     built, parts = said(
-        "import json, rso_lidar; from rso_lidar.part import Part\n"
+        "import json, rso_lidar; rso_lidar.Scenario; from rso_lidar.part import Part\n"
         "def below(cls): return {cls}.union(*map(below, cls.__subclasses__()))\n"
         "parts = below(Part); print(json.dumps([sum(p.__pydantic_complete__ for p in parts), len(parts)]))"
     )
