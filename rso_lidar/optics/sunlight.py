@@ -44,7 +44,7 @@ def sun_photons_per_s_m2(wavelength_m: float, width_m: float) -> float:
 
     Parameters
     ----------
-    wavelength_m : middle of the band [m].
-    width_m : of the band [m].
+    wavelength_m : middle of the band [m]
+    width_m : of the band [m]
     """
     return sun_irradiance_w_m2_um(wavelength_m) * (width_m / units.UM) / units.photon_energy_j(wavelength_m)

@@ -27,9 +27,9 @@ def parse_toml(text: str, where: str, error: type[RsoLidarError]) -> dict[str, A
 
     Parameters
     ----------
-    text : the TOML text.
-    where : name of the text in messages, such as its path.
-    error : class of the error to raise.
+    text : the TOML text
+    where : name of the text in messages, such as its path
+    error : class of the error to raise
 
     Returns
     -------

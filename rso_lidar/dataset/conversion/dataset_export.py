@@ -46,13 +46,13 @@ def export_dataset(
 
     Parameters
     ----------
-    data : the dataset.
-    path : of the folder to write.
-    to : name of the format, one of `EXPORT_FORMATS`.
-    splits : names of the splits to write; all if empty.
+    data : the dataset
+    path : of the folder to write
+    to : name of the format, one of `EXPORT_FORMATS`
+    splits : names of the splits to write; all if empty
     images : names of the arrays of images to write; ``all`` for all of them. If empty, those of the reading, the target
-        and the part classes.
-    overwrite : replace an older export once the new one is complete.
+        and the part classes
+    overwrite : replace an older export once the new one is complete
 
     Returns
     -------
@@ -102,8 +102,8 @@ def _choose_splits(data: Dataset, splits: Sequence[str]) -> list[str]:
 
     Parameters
     ----------
-    data : the dataset.
-    splits : names; all if empty.
+    data : the dataset
+    splits : names; all if empty
     """
     chosen = list(dict.fromkeys(splits or data.splits))
     if not chosen:
@@ -118,8 +118,8 @@ def _check_format(to: str, images: Sequence[str]) -> None:
 
     Parameters
     ----------
-    to : name of the format.
-    images : names of the chosen arrays.
+    to : name of the format
+    images : names of the chosen arrays
     """
     if to == "matlab":
         raise DatasetError("matlab: reads the shards as they are; see examples/matlab/dataset_datastore.m")

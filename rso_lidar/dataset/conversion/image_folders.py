@@ -32,10 +32,10 @@ def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info
 
     Parameters
     ----------
-    folder : to write into.
-    data : the dataset.
-    splits : names of the splits to write.
-    info : about the dataset, for the annotation files.
+    folder : to write into
+    data : the dataset
+    splits : names of the splits to write
+    info : about the dataset, for the annotation files
 
     Returns
     -------
@@ -70,9 +70,9 @@ def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
 
     Parameters
     ----------
-    folder : of the split.
-    frame : with its images.
-    step_mm : range of one grey level [mm].
+    folder : of the split
+    frame : with its images
+    step_mm : range of one grey level [mm]
     """
     levels = quantize_depth(
         frame.images["range_m"].astype(float), step_mm * MM
@@ -88,8 +88,8 @@ def _annotate(coco: CocoWriter, frame: ExportedFrame) -> None:
 
     Parameters
     ----------
-    coco : the annotations.
-    frame : with its images.
+    coco : the annotations
+    frame : with its images
     """
     n_rows, n_cols = frame.images["target"].shape
     facts = frame.description

@@ -73,9 +73,9 @@ def compare(
 
     Parameters
     ----------
-    new, old : scorecards on the same split, with the same number of replicates.
-    margins : change of a figure of merit that does not matter, by name, in its unit; 0 by default.
-    level : probability of any wrong "worse", and of any wrong "better".
+    new, old : scorecards on the same split, with the same number of replicates
+    margins : change of a figure of merit that does not matter, by name, in its unit; 0 by default
+    level : probability of any wrong "worse", and of any wrong "better"
 
     Returns
     -------
@@ -131,7 +131,7 @@ def correct_by_holm(p: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    p : (test) p-values.
+    p : (test) p-values
 
     >>> correct_by_holm(np.array([0.01, 0.04, 0.03])).round(3).tolist()
     [0.03, 0.06, 0.06]
@@ -151,7 +151,7 @@ def find_exchange_probability(differences: np.ndarray) -> float:
 
     Parameters
     ----------
-    differences : (encounter) whole numbers, new minus old.
+    differences : (encounter) whole numbers, new minus old
 
     >>> find_exchange_probability(np.array([-1, -1, -1, -1, 0]))
     0.0625
@@ -189,12 +189,12 @@ def _compare_one(
 
     Parameters
     ----------
-    merit : of the new algorithm.
-    old : statistic of the old one; None where there are several runs, for which there is no exact test.
-    values : of the new and the old.
-    replicates : (replicate) values of a bootstrap of both, with the same draws.
-    margin : change that does not matter.
-    level : of the test.
+    merit : of the new algorithm
+    old : statistic of the old one; None where there are several runs, for which there is no exact test
+    values : of the new and the old
+    replicates : (replicate) values of a bootstrap of both, with the same draws
+    margin : change that does not matter
+    level : of the test
     """
     sign = 1.0 if merit.better == HIGHER else -1.0
     difference = float(_subtract(np.array(values[0]), np.array(values[1])))
@@ -221,8 +221,8 @@ def _judge(rows: list[Change], level: float) -> tuple[Change, ...]:
 
     Parameters
     ----------
-    rows : changes.
-    level : probability of any wrong verdict in one direction.
+    rows : changes
+    level : probability of any wrong verdict in one direction
     """
     open_rows = [row for row in rows if row.verdict != UNKNOWN]
     worse = correct_by_holm(np.array([row.p_worse for row in open_rows]))
@@ -250,8 +250,8 @@ def _average_runs(drawn: np.ndarray, side: int) -> np.ndarray:
 
     Parameters
     ----------
-    drawn : (run, merit, replicate).
-    side : 0 or 1; the two sides draw their runs apart.
+    drawn : (run, merit, replicate)
+    side : 0 or 1; the two sides draw their runs apart
     """
     count = len(drawn)
     if count == 1:

@@ -36,8 +36,8 @@ class PredictionLimits(NamedTuple):
 
         Parameters
         ----------
-        rows : number of frames.
-        row_bytes : of all columns of a frame [byte].
+        rows : number of frames
+        row_bytes : of all columns of a frame [byte]
         """
         return PredictionLimits(rows, min(rows * row_bytes + _SPARE_BYTES, _MOST_MEMORY_BYTES))
 
@@ -50,8 +50,8 @@ def read_columns(path: Path, most: PredictionLimits = _WIDEST_LIMITS) -> tuple[d
 
     Parameters
     ----------
-    path : of the file.
-    most : that the file may hold; more is refused before memory is taken for it.
+    path : of the file
+    most : that the file may hold; more is refused before memory is taken for it
 
     Returns
     -------
@@ -171,8 +171,8 @@ def _check_parquet(path: Path, metadata: Any, most: PredictionLimits) -> None:
 
     Parameters
     ----------
-    path, metadata : of the file, by `pyarrow.parquet`.
-    most : greatest numbers of rows and values, see `PredictionLimits`.
+    path, metadata : of the file, by `pyarrow.parquet`
+    most : greatest numbers of rows and values, see `PredictionLimits`
     """
     _check_rows(path, "the table", metadata.num_rows, most)
     left = most.size_bytes
@@ -189,8 +189,8 @@ def _check_rows(path: Path, name: str, rows: int, most: PredictionLimits) -> Non
 
     Parameters
     ----------
-    path, name : of the file, and of the column.
-    rows, most : its number of rows, and the greatest, see `PredictionLimits`.
+    path, name : of the file, and of the column
+    rows, most : its number of rows, and the greatest, see `PredictionLimits`
     """
     if rows > most.rows:
         raise DatasetError(
@@ -203,8 +203,8 @@ def _make_size_error(path: Path, name: str, most: PredictionLimits) -> DatasetEr
 
     Parameters
     ----------
-    path, name : of the file, and of the column.
-    most : see `PredictionLimits`.
+    path, name : of the file, and of the column
+    most : see `PredictionLimits`
     """
     return DatasetError(
         f"{path}: has columns of more than {describe_size(most.size_bytes)}, {name} among them; give the columns that are "
@@ -217,8 +217,8 @@ def _split_vectors(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    path : of the file, for messages.
-    columns : arrays by name.
+    path : of the file, for messages
+    columns : arrays by name
     """
     made = dict(columns)
     for name, parts in _VECTORS.items():

@@ -28,8 +28,8 @@ def check_score_report(path: str | Path, *, overwrite: bool = False) -> Path:
 
     Parameters
     ----------
-    path : an .html or .json file, or a folder for pictures, which is created if it is new.
-    overwrite : whether existing files may be replaced.
+    path : an .html or .json file, or a folder for pictures, which is created if it is new
+    overwrite : whether existing files may be replaced
 
     Returns
     -------
@@ -69,11 +69,11 @@ def save_score_report(
 
     Parameters
     ----------
-    card : of the predictions, from `score`.
-    path : an .html or .json file, or a folder for pictures, which is created if it is new.
-    comparison : with another algorithm, from `compare` (None: the report has the scores alone).
-    scheme : of pictures and pages, `LIGHT` or `DARK` of `rso_lidar.picture`.
-    overwrite : whether existing files may be replaced.
+    card : of the predictions, from `score`
+    path : an .html or .json file, or a folder for pictures, which is created if it is new
+    comparison : with another algorithm, from `compare` (None: the report has the scores alone)
+    scheme : of pictures and pages, `LIGHT` or `DARK` of `rso_lidar.picture`
+    overwrite : whether existing files may be replaced
 
     Returns
     -------
@@ -104,7 +104,7 @@ def format_scores(card: Scorecard) -> list[str]:
 
     Parameters
     ----------
-    card : of the predictions, from `score`.
+    card : of the predictions, from `score`
 
     Returns
     -------
@@ -139,7 +139,7 @@ def format_comparison(comparison: Comparison) -> list[str]:
 
     Parameters
     ----------
-    comparison : of two algorithms, from `compare`.
+    comparison : of two algorithms, from `compare`
 
     Returns
     -------
@@ -183,8 +183,8 @@ def describe(card: Scorecard, comparison: Comparison | None = None) -> dict[str,
 
     Parameters
     ----------
-    card : the scorecard.
-    comparison : with another algorithm, if any.
+    card : the scorecard
+    comparison : with another algorithm, if any
     """
     truth = card.benchmark.truth
     made: dict[str, Any] = {
@@ -232,9 +232,9 @@ def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Sc
 
     Parameters
     ----------
-    card : the scorecard.
-    comparison : with another algorithm, if any.
-    scheme : of the page, `LIGHT` or `DARK`.
+    card : the scorecard
+    comparison : with another algorithm, if any
+    scheme : of the page, `LIGHT` or `DARK`
     """
     names = ", ".join(run.name for run in card.runs)
     body = [f"<h1>Scores of {escape(names)}</h1>", f'<p class="quiet">{escape(describe_frames(card))}</p>']
@@ -339,9 +339,9 @@ def _format_number(value: float, sign: bool = False, digits: int = 4) -> str:
 
     Parameters
     ----------
-    value : the number; a hyphen for NaN.
-    sign : whether a plus is written.
-    digits : significant ones.
+    value : the number; a hyphen for NaN
+    sign : whether a plus is written
+    digits : significant ones
     """
     if np.isnan(value):
         return "-"
@@ -353,8 +353,8 @@ def _format_pair(low: float, high: float, sign: bool = False) -> str:
 
     Parameters
     ----------
-    low, high : the ends; a hyphen for NaN.
-    sign : whether a plus is written.
+    low, high : the ends; a hyphen for NaN
+    sign : whether a plus is written
     """
     if np.isnan(low):
         return "-"

@@ -48,8 +48,8 @@ def write_constants(folder: Path, constants: Constants) -> None:
 
     Parameters
     ----------
-    folder : of the dataset.
-    constants : content of the file.
+    folder : of the dataset
+    constants : content of the file
     """
     import h5py
 
@@ -76,7 +76,7 @@ def read_constants(folder: Path) -> Constants:
 
     Parameters
     ----------
-    folder : of the dataset.
+    folder : of the dataset
 
     Raises
     ------

@@ -35,11 +35,11 @@ def write_shard(
 
     Parameters
     ----------
-    path : of the file; an existing one is replaced.
-    frames : in order.
-    variables : (frame) drawn numbers by name.
-    names : of all numbers that the dataset draws.
-    dataset : hash of the dataset that the shard belongs to.
+    path : of the file; an existing one is replaced
+    frames : in order
+    variables : (frame) drawn numbers by name
+    names : of all numbers that the dataset draws
+    dataset : hash of the dataset that the shard belongs to
     """
     import h5py
 
@@ -64,9 +64,9 @@ def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
 
     Parameters
     ----------
-    file : open h5py file.
-    name : of the array.
-    entries : (frame) its values.
+    file : open h5py file
+    name : of the array
+    entries : (frame) its values
     """
     spec = describe_array(name)
     if len(spec.dims) == _IMAGE_DIMENSIONS:
@@ -90,9 +90,9 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = sys.maxsize) 
 
     Parameters
     ----------
-    path : of the file.
-    dataset : hash of the dataset that it must belong to; None for one that was checked before.
-    cache_bytes : of chunks, which are frames, that libhdf5 keeps for each array [bytes], at most 1 MiB.
+    path : of the file
+    dataset : hash of the dataset that it must belong to; None for one that was checked before
+    cache_bytes : of chunks, which are frames, that libhdf5 keeps for each array [bytes], at most 1 MiB
 
     Raises
     ------
@@ -123,7 +123,7 @@ def list_drafts(folder: Path) -> list[Path]:
 
     Parameters
     ----------
-    folder : of the dataset.
+    folder : of the dataset
     """
     # .part.h5 is the name that earlier versions gave them
     return sorted(

@@ -42,9 +42,9 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
 
     Parameters
     ----------
-    path : of the folder.
-    frames : written one at a time as they come.
-    overwrite : replace an older export once the new one is complete.
+    path : of the folder
+    frames : written one at a time as they come
+    overwrite : replace an older export once the new one is complete
     """
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -108,7 +108,7 @@ def choose_depth_scale(farthest_m: float) -> float:
 
     Parameters
     ----------
-    farthest_m : greatest true range [m].
+    farthest_m : greatest true range [m]
 
     Returns
     -------
@@ -128,8 +128,8 @@ def quantize_depth(depth: np.ndarray, step: float) -> np.ndarray:
 
     Parameters
     ----------
-    depth : (row, col), NaN for no return.
-    step : depth of one count, in the unit of `depth`.
+    depth : (row, col), NaN for no return
+    step : depth of one count, in the unit of `depth`
 
     Returns
     -------
@@ -148,9 +148,9 @@ def _write_images(place: Path, scene: Path, frame: Frame) -> float:
 
     Parameters
     ----------
-    place : of the output, for messages.
-    scene : folder of the scene.
-    frame : to be written; false triggers beyond the range of the scale are left out.
+    place : of the output, for messages
+    scene : folder of the scene
+    frame : to be written; false triggers beyond the range of the scale are left out
 
     Returns
     -------
@@ -172,9 +172,9 @@ def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
 
     Parameters
     ----------
-    folder : of the output.
-    frame : the first one, for its numbers of rows and columns.
-    camera : (3, 3) matrix [pixels].
+    folder : of the output
+    frame : the first one, for its numbers of rows and columns
+    camera : (3, 3) matrix [pixels]
     """
     rows, cols = frame.range_m.shape
     content = {
@@ -193,9 +193,9 @@ def _describe_camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> di
 
     Parameters
     ----------
-    frame : of the image.
-    camera : (3, 3) matrix [pixels].
-    depth_scale : [mm per count].
+    frame : of the image
+    camera : (3, 3) matrix [pixels]
+    depth_scale : [mm per count]
     """
     return {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
 
@@ -205,9 +205,9 @@ def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict
 
     Parameters
     ----------
-    place : of the output, for messages.
-    scene : folder of the scene.
-    frame : to be described.
+    place : of the output, for messages
+    scene : folder of the scene
+    frame : to be described
     """
     poses, infos = [], []
     seen = compute_lidar_poses(frame.truth.poses)
@@ -253,7 +253,7 @@ def encode_png(image: np.ndarray) -> bytes:
 
     Parameters
     ----------
-    image : (row, col) uint8 or uint16.
+    image : (row, col) uint8 or uint16
 
     Returns
     -------
@@ -281,7 +281,7 @@ def _write_entry(stream: TextIO, key: str, value: Any) -> None:
 
     Parameters
     ----------
-    stream : with what was written so far.
-    key, value : of the entry.
+    stream : with what was written so far
+    key, value : of the entry
     """
     stream.write(f"{',' if stream.tell() > 1 else ''}\n{json.dumps(key)}: {json.dumps(value)}")

@@ -37,7 +37,7 @@ def fit_camera(line_of_sight: np.ndarray) -> Camera:
 
     Parameters
     ----------
-    line_of_sight : (row, col, xyz) unit vectors of the pixels in lidar axes.
+    line_of_sight : (row, col, xyz) unit vectors of the pixels in lidar axes
 
     Returns
     -------

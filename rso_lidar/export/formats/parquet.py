@@ -17,7 +17,7 @@ def check_parquet(place: Path) -> None:
 
     Parameters
     ----------
-    place : of the output, for messages.
+    place : of the output, for messages
 
     Raises
     ------
@@ -37,9 +37,9 @@ def write_parquet(place: Path, table: Mapping[str, np.ndarray], metadata: Mappin
 
     Parameters
     ----------
-    place : of the file.
-    table : (row) columns by name.
-    metadata : texts by name.
+    place : of the file
+    table : (row) columns by name
+    metadata : texts by name
 
     Returns
     -------

@@ -24,8 +24,8 @@ def peek_source(path: Path, frames: Iterable[Frame]) -> tuple[Source, Iterable[F
 
     Parameters
     ----------
-    path : of the output, for messages.
-    frames : a recording, frames of one, or frames as they come.
+    path : of the output, for messages
+    frames : a recording, frames of one, or frames as they come
 
     Raises
     ------
@@ -122,8 +122,8 @@ def read_truth(frames: Iterable[Frame], choose: Callable[[int], np.ndarray] | No
 
     Parameters
     ----------
-    frames : a recording, frames of one, or frames as they come; at least one.
-    choose : takes the number of frames, and returns the indices (frame) of those to keep (None: all are kept).
+    frames : a recording, frames of one, or frames as they come; at least one
+    choose : takes the number of frames, and returns the indices (frame) of those to keep (None: all are kept)
 
     Returns
     -------

@@ -119,8 +119,8 @@ def list_variables(frame: Frame, capacities: sensor_samples.Capacities | None = 
 
     Parameters
     ----------
-    frame : any frame of the recording.
-    capacities : samples of each sensor for which an entry has room (None: as the frame needs).
+    frame : any frame of the recording
+    capacities : samples of each sensor for which an entry has room (None: as the frame needs)
     """
     room = sensor_samples.grow_capacities(frame.observation.sensors, capacities or {})
     found = _list_required(frame) | list_optional(frame)
@@ -233,7 +233,7 @@ def collect_truth(truth: Truth) -> dict[str, tuple[ArraySpec, np.ndarray]]:
 
     Parameters
     ----------
-    truth : at one epoch, with axes named ``lidar``.
+    truth : at one epoch, with axes named ``lidar``
 
     Returns
     -------

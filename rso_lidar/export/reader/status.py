@@ -21,13 +21,13 @@ class RecordingStatus:
 
     Parameters
     ----------
-    output : final path.
-    file : the file that holds the frames now.
-    running : whether a process writes it, or may write it on systems that cannot tell.
-    complete : whether the file has its final name.
-    frames : number of complete frames.
-    time_s : emission of the last of them [s since the start] (None: before the first).
-    source : of the recording (None: before the first frame, or where the writer was changing the file).
+    output : final path
+    file : the file that holds the frames now
+    running : whether a process writes it, or may write it on systems that cannot tell
+    complete : whether the file has its final name
+    frames : number of complete frames
+    time_s : emission of the last of them [s since the start] (None: before the first)
+    source : of the recording (None: before the first frame, or where the writer was changing the file)
     """
 
     output: Path
@@ -46,7 +46,7 @@ def read_status(path: Path) -> RecordingStatus:
 
     Parameters
     ----------
-    path : of the recording, by its final or its temporary name.
+    path : of the recording, by its final or its temporary name
 
     Returns
     -------
@@ -83,9 +83,9 @@ def _read_file_status(output: Path, file: Path, *, running: bool) -> RecordingSt
 
     Parameters
     ----------
-    output : final name of the recording.
-    file : the file, final or temporary.
-    running : whether a process writes it.
+    output : final name of the recording
+    file : the file, final or temporary
+    running : whether a process writes it
     """
     complete = file == output
     try:

@@ -21,7 +21,7 @@ class ImageEncoder:
 
     Parameters
     ----------
-    largest : bytes of the largest image.
+    largest : bytes of the largest image
     """
 
     def __init__(self, largest: int) -> None:
@@ -33,7 +33,7 @@ class ImageEncoder:
 
         Parameters
         ----------
-        entry : (row, col), contiguous, of at most `largest` bytes.
+        entry : (row, col), contiguous, of at most `largest` bytes
 
         Returns
         -------
@@ -54,8 +54,8 @@ class ChunkWriter:
 
     Parameters
     ----------
-    file : open h5py file with a dataset for each variable.
-    variables : by path.
+    file : open h5py file with a dataset for each variable
+    variables : by path
     """
 
     def __init__(self, file: Any, variables: Mapping[str, Variable]) -> None:
@@ -72,8 +72,8 @@ class ChunkWriter:
 
         Parameters
         ----------
-        entries : by path, each contiguous and in the dtype of its dataset.
-        place : index of the frame on the first axis.
+        entries : by path, each contiguous and in the dtype of its dataset
+        place : index of the frame on the first axis
         """
         for path in self._images:
             self._append(path, self._encoder.encode(entries[path]), place)
@@ -90,9 +90,9 @@ class ChunkWriter:
 
         Parameters
         ----------
-        path : of the dataset.
-        chunk : encoded bytes.
-        place : number of the frame.
+        path : of the dataset
+        chunk : encoded bytes
+        place : number of the frame
         """
         dataset, shape, corner = self._datasets[path]
         dataset.set_extent((place + 1, *shape))

@@ -36,8 +36,8 @@ def check_export_folder(path: str | os.PathLike[str], *, overwrite: bool = False
 
     Parameters
     ----------
-    path : of the folder, which does not exist, is empty, or is an older export of rso_lidar.
-    overwrite : whether an older export may be replaced.
+    path : of the folder, which does not exist, is empty, or is an older export of rso_lidar
+    overwrite : whether an older export may be replaced
 
     Returns
     -------
@@ -78,8 +78,8 @@ def draft_export_folder(path: str | os.PathLike[str], *, overwrite: bool = False
 
     Parameters
     ----------
-    path : of the folder, as for `check_export_folder`.
-    overwrite : whether an older export may be replaced.
+    path : of the folder, as for `check_export_folder`
+    overwrite : whether an older export may be replaced
 
     Yields
     ------

@@ -33,11 +33,11 @@ def write_frame_files(
 
     Parameters
     ----------
-    path : of the folder.
-    frames : written one at a time as they come.
-    kind : name of the format, and suffix of the files.
-    content : encodes a frame.
-    overwrite : replace an older export once the new one is complete.
+    path : of the folder
+    frames : written one at a time as they come
+    kind : name of the format, and suffix of the files
+    content : encodes a frame
+    overwrite : replace an older export once the new one is complete
     """
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -71,9 +71,9 @@ def write_new_file(place: Path, file: Path, content: bytes) -> None:
 
     Parameters
     ----------
-    place : of the output, for the message.
-    file : to write; its name begins with the number of its frame.
-    content : of the file.
+    place : of the output, for the message
+    file : to write; its name begins with the number of its frame
+    content : of the file
 
     Raises
     ------
@@ -93,9 +93,9 @@ def write_source(folder: Path, source: Source, kind: str) -> None:
 
     Parameters
     ----------
-    folder : of the output.
-    source : of the frames.
-    kind : name of the format.
+    folder : of the output
+    source : of the frames
+    kind : name of the format
     """
     content = {
         "format": kind,

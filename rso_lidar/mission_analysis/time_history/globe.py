@@ -22,11 +22,11 @@ def write_globe(
 
     Parameters
     ----------
-    path : of the file; an existing one is replaced.
-    title : name of the document.
-    start_utc : start of the run.
-    targets : names of the targets.
-    place : truth, batched over epochs; `choose_globe_samples` reduces it to as many as browser globes play smoothly.
+    path : of the file; an existing one is replaced
+    title : name of the document
+    start_utc : start of the run
+    targets : names of the targets
+    place : truth, batched over epochs; `choose_globe_samples` reduces it to as many as browser globes play smoothly
 
     Returns
     -------

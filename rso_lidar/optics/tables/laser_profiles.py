@@ -23,7 +23,7 @@ def read_pattern(file: str) -> np.ndarray:
 
     Parameters
     ----------
-    file : path. The pattern is cached until the file changes.
+    file : path. The pattern is cached until the file changes
 
     Returns
     -------
@@ -45,7 +45,7 @@ def _pattern(file: str, _modified_ns: int, _size: int) -> np.ndarray:
 
     Parameters
     ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
 
     Returns
     -------
@@ -144,7 +144,7 @@ def _pulse(file: str, _modified_ns: int, _size: int) -> tuple[np.ndarray, np.nda
 
     Parameters
     ----------
-    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them.
+    file, _modified_ns, _size : path of the file and its state, as `file_stamp` returns them
 
     Returns
     -------

@@ -48,11 +48,11 @@ def animate(
 
     Parameters
     ----------
-    frames : a sequence, a recording or an iterator.
-    path : of the file.
-    max_frames : most frames drawn.
-    frame_rate_hz : rate of playing, at most 50 Hz (None: 4 to 20 Hz, for a length of about ten seconds).
-    scheme : `LIGHT` or `DARK`.
+    frames : a sequence, a recording or an iterator
+    path : of the file
+    max_frames : most frames drawn
+    frame_rate_hz : rate of playing, at most 50 Hz (None: 4 to 20 Hz, for a length of about ten seconds)
+    scheme : `LIGHT` or `DARK`
 
     Returns
     -------
@@ -102,12 +102,12 @@ def _draw_one(
 
     Parameters
     ----------
-    page : the page, drawn on.
-    thumbnail : the frame.
-    scale : limits of the colours.
-    window : the part of the field shown.
-    now : where on the line of range over time the frame is.
-    scheme : colours of the page.
+    page : the page, drawn on
+    thumbnail : the frame
+    scale : limits of the colours
+    window : the part of the field shown
+    now : where on the line of range over time the frame is
+    scheme : colours of the page
     """
     from PIL import ImageDraw
 
@@ -131,9 +131,9 @@ def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail], scheme: Scheme)
 
     Parameters
     ----------
-    page : the picture to draw on.
-    thumbnails : of all frames shown, in the order of time.
-    scheme : colours of the page.
+    page : the picture to draw on
+    thumbnails : of all frames shown, in the order of time
+    scheme : colours of the page
     """
     from PIL import ImageDraw
 
@@ -162,10 +162,10 @@ def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float, scheme: S
 
     Parameters
     ----------
-    draft : path to write.
-    pictures : consumed one at a time.
-    rate_hz : pictures per second of playback; GIF rounds their duration to 10 ms.
-    scheme : colours of the pages.
+    draft : path to write
+    pictures : consumed one at a time
+    rate_hz : pictures per second of playback; GIF rounds their duration to 10 ms
+    scheme : colours of the pages
     """
     from PIL import Image
 
@@ -192,10 +192,10 @@ def _write_mp4(ffmpeg, draft: Path, pictures: Iterator[Image], rate_hz: float) -
 
     Parameters
     ----------
-    ffmpeg : the module imageio_ffmpeg.
-    draft : path to write.
-    pictures : consumed one at a time.
-    rate_hz : pictures per second of playback.
+    ffmpeg : the module imageio_ffmpeg
+    draft : path to write
+    pictures : consumed one at a time
+    rate_hz : pictures per second of playback
     """
     writer = ffmpeg.write_frames(str(draft), (WIDTH, HEIGHT), fps=rate_hz, quality=8, macro_block_size=2)
     writer.send(None)

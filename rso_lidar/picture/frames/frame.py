@@ -38,9 +38,9 @@ def save_frame(frame: Frame, path: str | Path, scheme: Scheme = LIGHT) -> Path:
 
     Parameters
     ----------
-    frame : to be drawn.
-    path : of the picture; an existing file is replaced.
-    scheme : `LIGHT` or `DARK`.
+    frame : to be drawn
+    path : of the picture; an existing file is replaced
+    scheme : `LIGHT` or `DARK`
 
     Returns
     -------
@@ -58,9 +58,9 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
 
     Parameters
     ----------
-    frame : what is drawn.
+    frame : what is drawn
     parts : which parts get a colour of their own where there are more parts than colours, the first first (none:
-        those with most pixels); `rank_parts` of all frames of a series gives a part one colour in all.
+        those with most pixels); `rank_parts` of all frames of a series gives a part one colour in all
 
     Returns
     -------
@@ -87,7 +87,7 @@ def summarize_frame(frame: Frame) -> str:
 
     Parameters
     ----------
-    frame : of a run or a recording.
+    frame : of a run or a recording
 
     Returns
     -------

@@ -60,12 +60,12 @@ def _show(
 
     Parameters
     ----------
-    axes : where to draw.
-    values : (row, col).
-    window : the part of the field shown.
-    colours : a colour map.
-    low, high : limits of the colours.
-    logarithmic : whether colours follow the logarithm.
+    axes : where to draw
+    values : (row, col)
+    window : the part of the field shown
+    colours : a colour map
+    low, high : limits of the colours
+    logarithmic : whether colours follow the logarithm
     """
     from matplotlib.colors import LogNorm, Normalize
 
@@ -80,8 +80,8 @@ def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, lo
 
     Parameters
     ----------
-    axes, drawn, label : the panel, the image that the bar explains, and its label.
-    extend, logarithmic : its open ends ("neither", "both", "min", "max"), and whether its scale is logarithmic.
+    axes, drawn, label : the panel, the image that the bar explains, and its label
+    extend, logarithmic : its open ends ("neither", "both", "min", "max"), and whether its scale is logarithmic
     """
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
@@ -102,7 +102,7 @@ def _write_heading(axes: Axes, text: str, note: str = "") -> None:
 
     Parameters
     ----------
-    axes, text, note : the panel, and its heading on the left and on the right.
+    axes, text, note : the panel, and its heading on the left and on the right
     """
     axes.set_title(text, loc="left", fontsize=HEADING_PT, color=INK)
     axes.set_title(note, loc="right", fontsize=SMALL_PT, color=QUIET)
@@ -113,9 +113,9 @@ def draw_range(axes: Axes, frame: Frame, window: Window) -> None:
 
     Parameters
     ----------
-    axes : where to draw.
-    frame : the frame.
-    window : the part of the field shown.
+    axes : where to draw
+    frame : the frame
+    window : the part of the field shown
     """
     from matplotlib import colormaps
 
@@ -151,9 +151,9 @@ def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
 
     Parameters
     ----------
-    axes : where to draw.
-    frame : the frame.
-    window : the part of the field shown.
+    axes : where to draw
+    frame : the frame
+    window : the part of the field shown
     """
     from matplotlib.colors import ListedColormap
 
@@ -187,7 +187,7 @@ def draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKey
 
     Parameters
     ----------
-    axes, frame, window, parts : the panel, frame, rows and columns shown, and parts that have a colour of their own.
+    axes, frame, window, parts : the panel, frame, rows and columns shown, and parts that have a colour of their own
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -243,7 +243,7 @@ def draw_error(axes: Axes, frame: Frame, window: Window) -> None:
 
     Parameters
     ----------
-    axes, frame, window : the panel, the frame, and the rows and columns shown.
+    axes, frame, window : the panel, the frame, and the rows and columns shown
     """
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap

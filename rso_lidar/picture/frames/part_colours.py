@@ -18,10 +18,10 @@ class PartColours(NamedTuple):
 
     Parameters
     ----------
-    kinds : (kind, [target, part]) numbers, ascending.
-    counts : (kind) pixels.
-    colours : (kind) index into `palette.PARTS`; one past its end for kinds that share the colour of other parts.
-    image : (row, col) index of the colour, -1 where no target is.
+    kinds : (kind, [target, part]) numbers, ascending
+    counts : (kind) pixels
+    colours : (kind) index into `palette.PARTS`; one past its end for kinds that share the colour of other parts
+    image : (row, col) index of the colour, -1 where no target is
     """
 
     kinds: np.ndarray
@@ -38,8 +38,8 @@ def colour_parts(frame: Frame, parts: Sequence[PartKey] = ()) -> PartColours:
 
     Parameters
     ----------
-    frame : with labels.
-    parts : numbers (target, part) of parts that get colours of their own first.
+    frame : with labels
+    parts : numbers (target, part) of parts that get colours of their own first
 
     Returns
     -------
@@ -66,7 +66,7 @@ def rank_parts(frames: Sequence[Frame]) -> tuple[PartKey, ...]:
 
     Parameters
     ----------
-    frames : with labels; their pixels are added up.
+    frames : with labels; their pixels are added up
     """
     total: dict[PartKey, int] = {}
     for frame in frames:
@@ -81,10 +81,10 @@ def _choose_colours(frame: Frame, kinds: np.ndarray, order: np.ndarray, parts: S
 
     Parameters
     ----------
-    frame : gives the targets and their parts.
-    kinds : (kind, [target, part]).
-    order : kinds by their number of pixels, most first.
-    parts : numbers (target, part) of parts that get colours of their own first.
+    frame : gives the targets and their parts
+    kinds : (kind, [target, part])
+    order : kinds by their number of pixels, most first
+    parts : numbers (target, part) of parts that get colours of their own first
     """
     starts = np.cumsum([0, *(len(entry.parts) for entry in frame.source.targets)])
     known = kinds.size and kinds[:, 0].max() < len(starts) - 1 and kinds[:, 1].min() >= 0
@@ -103,8 +103,8 @@ def find_part_name(frame: Frame, target: int, part: int) -> str:
 
     Parameters
     ----------
-    frame : gives the names.
-    target, part : numbers of target and part, as the labels hold them; unknown ones are named by their number.
+    frame : gives the names
+    target, part : numbers of target and part, as the labels hold them; unknown ones are named by their number
     """
     entries = frame.source.targets
     entry = entries[target] if target < len(entries) else None

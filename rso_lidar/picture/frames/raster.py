@@ -56,13 +56,13 @@ def draw_text(
 
     Parameters
     ----------
-    draw : the canvas, Pillow's drawing of an image.
-    x, y : position [pixels], right and down.
-    text : the line.
-    size : height of the font [pixels].
-    colour : such as ``"#1c1e22"``.
-    anchor : Pillow's anchor of the position; ``"la"`` is the upper left corner.
-    bold : whether the letters are bold.
+    draw : the canvas, Pillow's drawing of an image
+    x, y : position [pixels], right and down
+    text : the line
+    size : height of the font [pixels]
+    colour : such as ``"#1c1e22"``
+    anchor : Pillow's anchor of the position; ``"la"`` is the upper left corner
+    bold : whether the letters are bold
 
     Returns
     -------
@@ -78,9 +78,9 @@ def shorten(draw: ImageDraw, text: str, size: int, width: float, bold: bool = Fa
 
     Parameters
     ----------
-    draw : the canvas, which measures.
-    text, size, bold : the line and its font.
-    width : the room.
+    draw : the canvas, which measures
+    text, size, bold : the line and its font
+    width : the room
     """
     if draw.textlength(text, font=load_font(size, bold)) <= width:
         return text
@@ -94,9 +94,9 @@ def draw_panel(rgb: np.ndarray, side: int, background: str) -> Image:
 
     Parameters
     ----------
-    rgb : (row, col, rgb) bytes.
-    side : of the square [pixels].
-    background : colour where the array is not square.
+    rgb : (row, col, rgb) bytes
+    side : of the square [pixels]
+    background : colour where the array is not square
 
     Returns
     -------
@@ -123,11 +123,11 @@ def draw_pair(thumbnail: Thumbnail, scale: Scale, window: Window, side: int, sch
 
     Parameters
     ----------
-    thumbnail : the frame.
-    scale : limits of the colours.
-    window : the part of the field shown.
-    side : of each panel [pixels].
-    scheme : colour of the gap between them.
+    thumbnail : the frame
+    scale : limits of the colours
+    window : the part of the field shown
+    side : of each panel [pixels]
+    scheme : colour of the gap between them
     """
     from PIL import Image, ImageDraw
 
@@ -160,10 +160,10 @@ def _draw_scale_bar(draw: ImageDraw, x: float, y: float, side: int, across_m: fl
 
     Parameters
     ----------
-    draw : the canvas.
-    x, y : lower left corner of the bar [pixels].
-    side : of the panel [pixels].
-    across_m : width of the panel at the target's range.
+    draw : the canvas
+    x, y : lower left corner of the bar [pixels]
+    side : of the panel [pixels]
+    across_m : width of the panel at the target's range
     """
     if not (math.isfinite(across_m) and across_m > 0):
         return
@@ -182,10 +182,10 @@ def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Wind
 
     Parameters
     ----------
-    draw : the canvas.
-    right, top : its upper right corner [pixels].
-    side : its longer side [pixels].
-    window : the crop.
+    draw : the canvas
+    right, top : its upper right corner [pixels]
+    side : its longer side [pixels]
+    window : the crop
     """
     longest = max(window.n_rows, window.n_cols)
     wide, high = side * window.n_cols / longest, side * window.n_rows / longest
@@ -203,11 +203,11 @@ def _draw_bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name
 
     Parameters
     ----------
-    draw : Pillow's drawing of the picture.
-    x, y : left upper corner [pixels].
-    width, height : of the bar [pixels].
-    name : of the colour ramp.
-    outline : its colour.
+    draw : Pillow's drawing of the picture
+    x, y : left upper corner [pixels]
+    width, height : of the bar [pixels]
+    name : of the colour ramp
+    outline : its colour
     """
     colours = ramp(name)
     for k in range(width):
@@ -223,12 +223,12 @@ def draw_legend(
 
     Parameters
     ----------
-    draw : the canvas.
-    x, y : upper left corner [pixels].
-    scale : limits of the colours.
-    width : most pixels that the row may take.
-    size : of the letters [pixels].
-    scheme : colours of the words.
+    draw : the canvas
+    x, y : upper left corner [pixels]
+    scale : limits of the colours
+    width : most pixels that the row may take
+    size : of the letters [pixels]
+    scheme : colours of the words
     """
     rows = ((scale.range_words, RANGE_RAMP), (scale.intensity_words, INTENSITY_RAMP))
     texts = [draw.textlength("".join(words), font=load_font(size)) for words, _ in rows]

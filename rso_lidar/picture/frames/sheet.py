@@ -35,10 +35,10 @@ def contact_sheet(
 
     Parameters
     ----------
-    frames : a sequence, a recording or an iterator.
-    path : of the PNG.
-    columns, rows : most cells across and down.
-    scheme : `LIGHT` or `DARK`.
+    frames : a sequence, a recording or an iterator
+    path : of the PNG
+    columns, rows : most cells across and down
+    scheme : `LIGHT` or `DARK`
 
     Returns
     -------

@@ -84,7 +84,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
 
     Parameters
     ----------
-    frames : a sequence, a recording or an iterator; thinned to 600.
+    frames : a sequence, a recording or an iterator; thinned to 600
 
     Returns
     -------

@@ -24,10 +24,10 @@ class Scale:
 
     Parameters
     ----------
-    relative : whether colours show the range minus the median of its frame.
-    low_m, high_m : range, or range minus median, at the ends of the ramp [m].
-    low_counts, high_counts : intensity at the ends of the ramp [counts].
-    logarithmic : whether greys follow the logarithm of the intensity.
+    relative : whether colours show the range minus the median of its frame
+    low_m, high_m : range, or range minus median, at the ends of the ramp [m]
+    low_counts, high_counts : intensity at the ends of the ramp [counts]
+    logarithmic : whether greys follow the logarithm of the intensity
     """
 
     relative: bool
@@ -46,7 +46,7 @@ class Scale:
 
         Parameters
         ----------
-        thumbnails : excerpts of the frames that share the limits, in the order of time.
+        thumbnails : excerpts of the frames that share the limits, in the order of time
 
         Returns
         -------
@@ -82,7 +82,7 @@ class Scale:
 
         Parameters
         ----------
-        *frames : frames that share the limits, at least one.
+        *frames : frames that share the limits, at least one
 
         Returns
         -------
@@ -108,8 +108,8 @@ class Scale:
 
         Parameters
         ----------
-        range_m : (…) [m], NaN for no return.
-        median_m : median range of the frame [m], from which relative colours count; NaN counts as 0.
+        range_m : (…) [m], NaN for no return
+        median_m : median range of the frame [m], from which relative colours count; NaN counts as 0
         """
         zero_m = (median_m if math.isfinite(median_m) else 0.0) if self.relative else 0.0
         return apply_ramp((range_m - zero_m - self.low_m) / (self.high_m - self.low_m), RANGE_RAMP, NO_RETURN)
@@ -119,7 +119,7 @@ class Scale:
 
         Parameters
         ----------
-        counts : (…) [counts], 0 for no return.
+        counts : (…) [counts], 0 for no return
         """
         return apply_ramp(self.intensity_fraction(counts), INTENSITY_RAMP, NO_LIGHT)
 
@@ -128,7 +128,7 @@ class Scale:
 
         Parameters
         ----------
-        counts : (…) [counts], 0 for no return.
+        counts : (…) [counts], 0 for no return
         """
         value = np.where(counts > 0, counts, np.nan).astype(float)
         if self.logarithmic:

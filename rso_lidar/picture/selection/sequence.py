@@ -29,8 +29,8 @@ def even_indices(n: int, count: int) -> list[int]:
 
     Parameters
     ----------
-    n : length of the sequence.
-    count : greatest number of indices.
+    n : length of the sequence
+    count : greatest number of indices
 
     Returns
     -------
@@ -64,9 +64,9 @@ def pick(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tup
 
     Parameters
     ----------
-    frames : a sequence, a recording or an iterator.
-    count : most frames looked at.
-    look : called with each.
+    frames : a sequence, a recording or an iterator
+    count : most frames looked at
+    look : called with each
 
     Raises
     ------
@@ -88,9 +88,9 @@ def _thin(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tu
 
     Parameters
     ----------
-    frames : an iterator.
-    count : most results returned; up to four times as many are held.
-    look : called with each.
+    frames : an iterator
+    count : most results returned; up to four times as many are held
+    look : called with each
     """
     kept: list[T] = []
     stride, total = 1, 0
@@ -115,7 +115,7 @@ def find_target_returns(frame: Frame) -> np.ndarray:
 
     Parameters
     ----------
-    frame : with or without labels.
+    frame : with or without labels
 
     Returns
     -------
@@ -145,8 +145,8 @@ def choose_window(*frames: Frame, whole: bool = False) -> Window:
 
     Parameters
     ----------
-    *frames : frames of one focal plane, at least one. Without labels the returns stand for the targets.
-    whole : whether to show the whole field.
+    *frames : frames of one focal plane, at least one. Without labels the returns stand for the targets
+    whole : whether to show the whole field
 
     Returns
     -------
@@ -186,13 +186,13 @@ class Thumbnail:
 
     Parameters
     ----------
-    time_s : of the flash, since the start [s].
-    title, start_utc : of the run.
-    range_m, intensity_counts : (row, col) [m], NaN for no return, and [counts].
-    on_target : (row, col), returns from a target.
-    bounds : the part of the field with targets, or with returns.
-    true_range_m : range of the nearest target's origin [m], NaN where unknown.
-    pixel_rad : angle between adjacent pixels in the middle of the field [rad].
+    time_s : of the flash, since the start [s]
+    title, start_utc : of the run
+    range_m, intensity_counts : (row, col) [m], NaN for no return, and [counts]
+    on_target : (row, col), returns from a target
+    bounds : the part of the field with targets, or with returns
+    true_range_m : range of the nearest target's origin [m], NaN where unknown
+    pixel_rad : angle between adjacent pixels in the middle of the field [rad]
     """
 
     time_s: float
@@ -211,7 +211,7 @@ class Thumbnail:
 
         Parameters
         ----------
-        frame : with or without labels.
+        frame : with or without labels
 
         Returns
         -------
@@ -256,10 +256,10 @@ def choose_target(picture: str, target: str | None, targets: Sequence[str], know
 
     Parameters
     ----------
-    picture : its name, for messages.
-    target : name of axes, where the user gives one.
-    targets : names of the targets.
-    known : names of all axes.
+    picture : its name, for messages
+    target : name of axes, where the user gives one
+    targets : names of the targets
+    known : names of all axes
 
     Raises
     ------

@@ -16,9 +16,9 @@ class Window:
 
     Parameters
     ----------
-    top, bottom : first row, and one past the last.
-    left, right : first column, and one past the last.
-    n_rows, n_cols : size of the field [pixels].
+    top, bottom : first row, and one past the last
+    left, right : first column, and one past the last
+    n_rows, n_cols : size of the field [pixels]
     """
 
     top: int
@@ -34,7 +34,7 @@ class Window:
 
         Parameters
         ----------
-        mask : (row, col) bool; without a True pixel the window is the whole field.
+        mask : (row, col) bool; without a True pixel the window is the whole field
         """
         return crop(bounding_window(mask))
 
@@ -63,7 +63,7 @@ class Window:
 
         Parameters
         ----------
-        array : (row, col, …) of the field.
+        array : (row, col, …) of the field
         """
         return array[self.top : self.bottom, self.left : self.right]
 
@@ -110,9 +110,9 @@ def _span(low: int, high: int, size: int, limit: int) -> tuple[int, int]:
 
     Parameters
     ----------
-    low, high : first pixel and one past the last to centre on.
-    size : pixels wanted.
-    limit : pixels there are.
+    low, high : first pixel and one past the last to centre on
+    size : pixels wanted
+    limit : pixels there are
     """
     length = min(size, limit)
     start = (low + high - length + 1) // 2

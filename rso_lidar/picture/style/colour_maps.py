@@ -23,7 +23,7 @@ def ramp(name: str) -> np.ndarray:
 
     Parameters
     ----------
-    name : of the ramp, such as `RANGE_RAMP`.
+    name : of the ramp, such as `RANGE_RAMP`
     """
     import matplotlib
 
@@ -39,9 +39,9 @@ def apply_ramp(fraction: np.ndarray, name: str, empty: str) -> np.ndarray:
 
     Parameters
     ----------
-    fraction : (…) values, clipped to 0 to 1.
-    name : of the ramp.
-    empty : colour of NaN.
+    fraction : (…) values, clipped to 0 to 1
+    name : of the ramp
+    empty : colour of NaN
     """
     known = np.isfinite(fraction)
     step = np.clip(np.where(known, fraction, 0.0) * 255 + 0.5, 0, 255).astype(np.uint8)
@@ -58,7 +58,7 @@ def fixed_palette(scheme: Scheme = LIGHT) -> tuple[int, ...]:
 
     Parameters
     ----------
-    scheme : `LIGHT` or `DARK`.
+    scheme : `LIGHT` or `DARK`
     """
     colours = [tuple(int(v) for v in ramp(RANGE_RAMP)[k]) for k in np.linspace(0, 255, 128).round().astype(int)]
     colours += [(int(v), int(v), int(v)) for v in np.linspace(0, 246, 110).round()]

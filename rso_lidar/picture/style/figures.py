@@ -41,9 +41,9 @@ def new_figure(
 
     Parameters
     ----------
-    width_in, height_in : size of the figure [inches].
-    title, note : the heading, and a line below it.
-    small_print : lines at the foot.
+    width_in, height_in : size of the figure [inches]
+    title, note : the heading, and a line below it
+    small_print : lines at the foot
 
     Returns
     -------
@@ -73,10 +73,10 @@ def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str 
 
     Parameters
     ----------
-    axes : the plot.
-    title : at the left, above.
-    x, y : labels of the axes.
-    note : at the right, above.
+    axes : the plot
+    title : at the left, above
+    x, y : labels of the axes
+    note : at the right, above
     """
     axes.set_title(title, loc="left", fontsize=HEADING_PT, color=INK)
     axes.set_title(note, loc="right", fontsize=SMALL_PT, color=QUIET)
@@ -94,8 +94,8 @@ def style_bar(bar: Colorbar, label: str = "") -> None:
 
     Parameters
     ----------
-    bar : of the figure.
-    label : with the unit.
+    bar : of the figure
+    label : with the unit
     """
     bar.ax.tick_params(which="both", labelsize=SMALL_PT, color=RULE, labelcolor=QUIET)
     bar.outline.set_edgecolor(RULE)
@@ -107,9 +107,9 @@ def colour_axis(axes: Axes, side: Literal["left", "right"], colour: str) -> None
 
     Parameters
     ----------
-    axes : the plot.
-    side : of the axis.
-    colour : of the curve.
+    axes : the plot
+    side : of the axis
+    colour : of the curve
     """
     axes.spines[side].set(visible=True, color=colour, linewidth=THICK_PT)
     axes.tick_params(axis="y", which="both", color=colour)
@@ -120,7 +120,7 @@ def colour_of(number: int) -> tuple[str, Any]:
 
     Parameters
     ----------
-    number : from 0; curves beyond as many as there are colours get another line style.
+    number : from 0; curves beyond as many as there are colours get another line style
     """
     return LINES[number % len(LINES)], STYLES[number // len(LINES) % len(STYLES)]
 
@@ -130,8 +130,8 @@ def draw_legend(axes: Axes, columns: int = 1) -> None:
 
     Parameters
     ----------
-    axes : the plot, whose curves have labels.
-    columns : of the legend.
+    axes : the plot, whose curves have labels
+    columns : of the legend
     """
     axes.legend(fontsize=SMALL_PT, frameon=False, loc="best", labelcolor=QUIET, ncols=columns)
 
@@ -141,8 +141,8 @@ def widen_short_axis(axes: Axes, least: float) -> None:
 
     Parameters
     ----------
-    axes : the plot.
-    least : span that the axis of values has at least, in its unit.
+    axes : the plot
+    least : span that the axis of values has at least, in its unit
     """
     low, high = axes.get_ylim()
     if high - low < least:
@@ -156,8 +156,8 @@ def shorten(text: str, letters: int) -> str:
 
     Parameters
     ----------
-    text : left as it is if it fits.
-    letters : most letters.
+    text : left as it is if it fits
+    letters : most letters
 
     Returns
     -------
@@ -171,7 +171,7 @@ def format_thousands(*several: Axis) -> None:
 
     Parameters
     ----------
-    *several : such as ``axes.xaxis``.
+    *several : such as ``axes.xaxis``
     """
     from matplotlib.ticker import FuncFormatter
 
@@ -184,8 +184,8 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
 
     Parameters
     ----------
-    axis : the axis.
-    low, high : its ends.
+    axis : the axis
+    low, high : its ends
     """
     from matplotlib.ticker import (
         FixedLocator,
@@ -218,7 +218,7 @@ def use_minus_sign(number: str) -> str:
 
     Parameters
     ----------
-    number : in digits.
+    number : in digits
 
     Returns
     -------
@@ -232,7 +232,7 @@ def round_up(value: float) -> float:
 
     Parameters
     ----------
-    value : positive; 1 is returned for any other and for NaN.
+    value : positive; 1 is returned for any other and for NaN
 
     Examples
     --------
@@ -253,7 +253,7 @@ def round_down(value: float) -> float:
 
     Parameters
     ----------
-    value : positive.
+    value : positive
 
     Examples
     --------

@@ -39,8 +39,8 @@ def write_table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]
 
     Parameters
     ----------
-    heads : word (HTML) of each column, and whether it holds numbers, which are set to the right.
-    rows : cells (HTML) of each row, as many as there are heads.
+    heads : word (HTML) of each column, and whether it holds numbers, which are set to the right
+    rows : cells (HTML) of each row, as many as there are heads
 
     Returns
     -------
@@ -61,10 +61,10 @@ def embed_figure(figure: Any, text: str, caption: str = "", scheme: Scheme = LIG
 
     Parameters
     ----------
-    figure : a matplotlib Figure.
-    text : alternative text.
-    caption : caption as HTML.
-    scheme : `LIGHT` or `DARK`, that of the page; the figure keeps its colours.
+    figure : a matplotlib Figure
+    text : alternative text
+    caption : caption as HTML
+    scheme : `LIGHT` or `DARK`, that of the page; the figure keeps its colours
 
     Returns
     -------
@@ -84,9 +84,9 @@ def write_page(title: str, body: Iterable[str], scheme: Scheme = LIGHT) -> str:
 
     Parameters
     ----------
-    title : of the page.
-    body : its elements as HTML.
-    scheme : `LIGHT` or `DARK`.
+    title : of the page
+    body : its elements as HTML
+    scheme : `LIGHT` or `DARK`
 
     Returns
     -------

@@ -51,7 +51,7 @@ def import_rerun(what: str) -> Any:
 
     Parameters
     ----------
-    what : purpose of the import, for the message.
+    what : purpose of the import, for the message
 
     Returns
     -------
@@ -83,11 +83,11 @@ def write_rerun(
 
     Parameters
     ----------
-    frames : a recording, or some of its frames.
-    path : of the file.
-    shapes : true meshes, each in axes that the truth knows.
-    colour : what the points' colour means, with one scale for all frames.
-    each : iterator over the same frames that counts them as they are read (None: `frames`).
+    frames : a recording, or some of its frames
+    path : of the file
+    shapes : true meshes, each in axes that the truth knows
+    colour : what the points' colour means, with one scale for all frames
+    each : iterator over the same frames that counts them as they are read (None: `frames`)
 
     Returns
     -------
@@ -131,7 +131,7 @@ def open_rerun(path: str | Path) -> None:
 
     Parameters
     ----------
-    path : of the scene.
+    path : of the scene
 
     Raises
     ------
@@ -154,7 +154,7 @@ def viewer_command(path: str | Path) -> list[str]:
 
     Parameters
     ----------
-    path : of the scene.
+    path : of the scene
     """
     return [sys.executable, "-m", "rerun", "--bind", _HERE, "--port", "auto", os.fspath(path)]
 
@@ -215,8 +215,8 @@ def paths_of(poses: PoseTree, world: str) -> dict[str, list[str]]:
 
     Parameters
     ----------
-    poses : tree of axes.
-    world : name of the scene's root axes, from `world_of`.
+    poses : tree of axes
+    world : name of the scene's root axes, from `world_of`
     """
     paths = {world: [world]}
     for name in poses:
@@ -233,7 +233,7 @@ def world_of(frame: Frame) -> str:
 
     Parameters
     ----------
-    frame : the first one of the scene.
+    frame : the first one of the scene
     """
     poses = frame.truth.poses
     names = [entry.name for entry in frame.source.targets if entry.name in poses]
@@ -251,12 +251,12 @@ class RerunScene:
 
         Parameters
         ----------
-        rerun : the module.
-        first : the first frame.
-        lasts_s : time between the first and last frame [s].
-        shapes : meshes of the targets.
-        scale : colour scales.
-        colour : quantity that colours the point cloud.
+        rerun : the module
+        first : the first frame
+        lasts_s : time between the first and last frame [s]
+        shapes : meshes of the targets
+        scale : colour scales
+        colour : quantity that colours the point cloud
         """
         self.rr, self.first, self.shapes, self.scale, self.colour = rerun, first, shapes, scale, colour
         self.world = world_of(first)
@@ -273,7 +273,7 @@ class RerunScene:
 
         Parameters
         ----------
-        stream : of Rerun, to which is logged.
+        stream : of Rerun, to which is logged
         """
         rr = self.rr
         stream.log(self.paths[self.world], rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -306,8 +306,8 @@ class RerunScene:
 
         Parameters
         ----------
-        stream : of Rerun, to which is logged.
-        frame : with the axes of the first one.
+        stream : of Rerun, to which is logged
+        frame : with the axes of the first one
         """
         rr, poses = self.rr, frame.truth.poses
         stream.set_time(TIME, duration=frame.time_s)

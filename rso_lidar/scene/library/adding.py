@@ -60,15 +60,15 @@ class MeshOptions:
 
     Parameters
     ----------
-    name : in scenarios (None: the name of the file).
-    scale : metres in one unit of the file.
-    size_m : longest side [m], instead of `scale`.
-    mesh_axes : ``"z_up"``, or ``"y_up"`` to turn the file's y to z.
-    material : of the catalogue, for all parts.
-    part_materials, part_classes : material, and common part class, by name of the part.
-    center_of_mass_m : (xyz) in the axes of the mesh [m] (None: the origin of the file).
-    what : a line for lists of models.
-    taxonomy : fields of `Taxonomy` that are known, such as ``object_class``.
+    name : in scenarios (None: the name of the file)
+    scale : metres in one unit of the file
+    size_m : longest side [m], instead of `scale`
+    mesh_axes : ``"z_up"``, or ``"y_up"`` to turn the file's y to z
+    material : of the catalogue, for all parts
+    part_materials, part_classes : material, and common part class, by name of the part
+    center_of_mass_m : (xyz) in the axes of the mesh [m] (None: the origin of the file)
+    what : a line for lists of models
+    taxonomy : fields of `Taxonomy` that are known, such as ``object_class``
     """
 
     name: str | None = None
@@ -92,9 +92,9 @@ def add_model(
 
     Parameters
     ----------
-    path : the mesh file.
-    given : properties that the user gives.
-    overwrite : whether to replace a model of the same name.
+    path : the mesh file
+    given : properties that the user gives
+    overwrite : whether to replace a model of the same name
 
     Returns
     -------
@@ -154,7 +154,7 @@ def remove_model(name: str) -> Path:
 
     Parameters
     ----------
-    name : of a model that `add_model` added.
+    name : of a model that `add_model` added
 
     Returns
     -------
@@ -219,10 +219,10 @@ def _table(
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    known : what is known about the file.
-    given : properties that the user gives.
-    unit_m : metres in the unit that the file states, None where it states none.
+    mesh : the mesh as it was read
+    known : what is known about the file
+    given : properties that the user gives
+    unit_m : metres in the unit that the file states, None where it states none
     """
     report: list[str] = []
     left_out = tuple((first, last) for first, last in known.get("left_out", ()))
@@ -279,10 +279,10 @@ def _report_known(fields: dict[str, Any], known: Mapping[str, Any], given: MeshO
 
     Parameters
     ----------
-    fields : words of the taxonomy.
-    known : what is known about the file.
-    given : properties that the user gives.
-    report : lines of the report, to which is appended.
+    fields : words of the taxonomy
+    known : what is known about the file
+    given : properties that the user gives
+    report : lines of the report, to which is appended
     """
     options = {"object_class": "--class", "subclass": "--subclass", "shape_family": "--shape"}
     options["stabilisation"] = "--stabilisation"
@@ -297,11 +297,11 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: flo
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    known : what is known about the file.
-    given : properties that the user gives.
-    unit_m : metres in the unit that the file states, None where it states none.
-    report : lines of the report, to which is appended.
+    mesh : the mesh as it was read
+    known : what is known about the file
+    given : properties that the user gives
+    unit_m : metres in the unit that the file states, None where it states none
+    report : lines of the report, to which is appended
 
     Raises
     ------
@@ -328,9 +328,9 @@ def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) ->
 
     Parameters
     ----------
-    parts : names of the parts.
-    given : properties that the user gives.
-    report : lines of the report, to which is appended.
+    parts : names of the parts
+    given : properties that the user gives
+    report : lines of the report, to which is appended
 
     Raises
     ------
@@ -369,9 +369,9 @@ def _part_classes(parts: tuple[str, ...], given: MeshOptions, report: list[str])
 
     Parameters
     ----------
-    parts : names of the parts.
-    given : properties that the user gives.
-    report : lines of the report, to which is appended.
+    parts : names of the parts
+    given : properties that the user gives
+    report : lines of the report, to which is appended
 
     Raises
     ------

@@ -61,7 +61,7 @@ def list_units(mesh: Mesh) -> list[MeshUnit]:
 
     Parameters
     ----------
-    mesh : as it was read.
+    mesh : as it was read
 
     Returns
     -------

@@ -35,14 +35,14 @@ class Mesh:
 
     Attributes
     ----------
-    path, sha256 : the file, and its hash.
-    vertices : (vertex, xyz) f8.
-    facets : (facet, 3), indices of vertices.
-    part, part_names : index of each facet's part (facet), and the names of the parts.
-    source_facet : (facet), number of the facet in the file, counted over its parts in order.
-    source_facets : number of facets in the file.
-    degenerate : number of facets that have no area and were dropped.
-    left_out : number of facets that do not belong to the craft and were dropped.
+    path, sha256 : the file, and its hash
+    vertices : (vertex, xyz) f8
+    facets : (facet, 3), indices of vertices
+    part, part_names : index of each facet's part (facet), and the names of the parts
+    source_facet : (facet), number of the facet in the file, counted over its parts in order
+    source_facets : number of facets in the file
+    degenerate : number of facets that have no area and were dropped
+    left_out : number of facets that do not belong to the craft and were dropped
     """
 
     path: Path
@@ -68,8 +68,8 @@ class Mesh:
 
         Parameters
         ----------
-        place : where the parts are named, for the message.
-        named : names of parts.
+        place : where the parts are named, for the message
+        named : names of parts
 
         Raises
         ------
@@ -93,7 +93,7 @@ def load_mesh(path: Path) -> Mesh:
 
     Parameters
     ----------
-    path : path of the file.
+    path : path of the file
 
     Returns
     -------
@@ -132,9 +132,9 @@ def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
 
     Parameters
     ----------
-    path : of the file, for messages, and for data that glTF keeps beside it.
-    blob : its contents.
-    suffix : names the format, in lower case; a solid from `tessellate` is of ".glb" whatever its file is.
+    path : of the file, for messages, and for data that glTF keeps beside it
+    blob : its contents
+    suffix : names the format, in lower case; a solid from `tessellate` is of ".glb" whatever its file is
 
     Returns
     -------
@@ -197,9 +197,9 @@ def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[MeshPiece]:
 
     Parameters
     ----------
-    path : of the file.
-    blob : its contents [bytes].
-    suffix : names the format, in lower case, such as `.stl`.
+    path : of the file
+    blob : its contents [bytes]
+    suffix : names the format, in lower case, such as `.stl`
     """
     match suffix:
         case ".obj":
@@ -222,7 +222,7 @@ def read_facet_colours(mesh: Mesh) -> np.ndarray:
 
     Parameters
     ----------
-    mesh : as it was read.
+    mesh : as it was read
 
     Returns
     -------
@@ -257,10 +257,10 @@ def normalize_mesh(
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    scale : metres in one unit of the file.
-    mesh_axes : "z_up" or "y_up".
-    left_out : first and last facet of each run to drop, by number in the file.
+    mesh : the mesh as it was read
+    scale : metres in one unit of the file
+    mesh_axes : "z_up" or "y_up"
+    left_out : first and last facet of each run to drop, by number in the file
 
     Returns
     -------
@@ -293,8 +293,8 @@ def body_from_mesh(vectors: np.ndarray, mesh_axes: str) -> np.ndarray:
 
     Parameters
     ----------
-    vectors : (…, xyz), in any unit.
-    mesh_axes : ``"z_up"`` leaves them unchanged; ``"y_up"`` turns the file's y to z.
+    vectors : (…, xyz), in any unit
+    mesh_axes : ``"z_up"`` leaves them unchanged; ``"y_up"`` turns the file's y to z
 
     Returns
     -------
@@ -323,8 +323,8 @@ def warn_of_repairs(mesh: Mesh, name: str) -> None:
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    name : name of the target, for the message.
+    mesh : the mesh as it was read
+    name : name of the target, for the message
     """
     if mesh.degenerate:
         warn(
@@ -339,9 +339,9 @@ def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
 
     Parameters
     ----------
-    mesh : the mesh as it was read.
-    scale : metres in one unit of the file.
-    name : name of the target, for the message.
+    mesh : the mesh as it was read
+    scale : metres in one unit of the file
+    name : name of the target, for the message
     """
     largest = float(mesh.size_m.max()) * scale
     if is_plausible_size(largest):

@@ -43,17 +43,17 @@ class Examination:
 
     Attributes
     ----------
-    size_m, area_m2 : sides of the box about the mesh, and its area.
-    facets, degenerate, left_out : facets of the file; those without area; those left out by the library.
-    duplicates : facets with the same corners as another.
-    parts, components : named parts; sets of facets connected by edges.
-    strays : components far from the rest.
-    boundary_edges, nonmanifold_edges : edges with one facet, and with over two.
-    turned_edges : edges across which the winding of two facets disagrees.
-    front_share : share of first hits, of rays from all around, on the side that the winding makes the front.
-    hidden, hidden_area_share : facets that no ray reaches, and their share of the area.
-    cube : a helper cube about the origin, the root of the rig in some models.
-    known : what is known about the file by its SHA-256, in words; empty for most.
+    size_m, area_m2 : sides of the box about the mesh, and its area
+    facets, degenerate, left_out : facets of the file; those without area; those left out by the library
+    duplicates : facets with the same corners as another
+    parts, components : named parts; sets of facets connected by edges
+    strays : components far from the rest
+    boundary_edges, nonmanifold_edges : edges with one facet, and with over two
+    turned_edges : edges across which the winding of two facets disagrees
+    front_share : share of first hits, of rays from all around, on the side that the winding makes the front
+    hidden, hidden_area_share : facets that no ray reaches, and their share of the area
+    cube : a helper cube about the origin, the root of the rig in some models
+    known : what is known about the file by its SHA-256, in words; empty for most
     """
 
     size_m: tuple[float, float, float]
@@ -135,8 +135,8 @@ def examine_file(source: str | Path, scale: float | None = None) -> Examination:
 
     Parameters
     ----------
-    source : path of an STL, OBJ, PLY, GLB, glTF, OFF, STEP or IGES file, or name of a model.
-    scale : metres in one unit of the file (None: as the file states, or as it is known by its SHA-256, else metres).
+    source : path of an STL, OBJ, PLY, GLB, glTF, OFF, STEP or IGES file, or name of a model
+    scale : metres in one unit of the file (None: as the file states, or as it is known by its SHA-256, else metres)
 
     Returns
     -------
@@ -173,7 +173,7 @@ def examine_mesh(mesh: Mesh) -> Examination:
 
     Parameters
     ----------
-    mesh : in metres. It is not changed; a mesh with holes and mixed winding can be simulated.
+    mesh : in metres. It is not changed; a mesh with holes and mixed winding can be simulated
 
     Returns
     -------
@@ -228,9 +228,9 @@ def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.
 
     Parameters
     ----------
-    corners : (facet, corner, xyz) [m].
-    component : (facet), number of the component.
-    area : (facet) [m²].
+    corners : (facet, corner, xyz) [m]
+    component : (facet), number of the component
+    area : (facet) [m²]
 
     Returns
     -------
@@ -290,9 +290,9 @@ def _first(embree: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarr
 
     Parameters
     ----------
-    embree : scene of embreex.
-    origins : (ray, xyz) origins of the rays [m].
-    directions : (ray, xyz) their directions.
+    embree : scene of embreex
+    origins : (ray, xyz) origins of the rays [m]
+    directions : (ray, xyz) their directions
     """
     struck: np.ndarray = embree.run(origins.astype(np.float32), np.ascontiguousarray(directions, dtype=np.float32))
     return struck
