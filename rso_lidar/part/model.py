@@ -130,7 +130,7 @@ class Part(BaseModel, metaclass=_PartMeta):
 
         Parameters
         ----------
-        **changes : new values by the names of their fields, in the units of those names.
+        **changes : new values by the names of their fields, in the units of those names
 
         Raises
         ------
@@ -158,8 +158,8 @@ class Seam:
 
     Parameters
     ----------
-    described : annotation of the closed set: a union of parts, with its discriminator and validators.
-    protocol : a protocol decorated with `typing.runtime_checkable`.
+    described : annotation of the closed set: a union of parts, with its discriminator and validators
+    protocol : a protocol decorated with `typing.runtime_checkable`
     """
 
     def __init__(self, described: Any, protocol: type) -> None:
@@ -198,7 +198,7 @@ class Seam:
 
         Parameters
         ----------
-        value, serialize, info : the value, pydantic's serializer of the parts, and its context.
+        value, serialize, info : the value, pydantic's serializer of the parts, and its context
         """
         if self._is_described(value):
             return serialize(value)
@@ -220,7 +220,7 @@ def python_objects(part: BaseModel) -> list[object]:
 
     Parameters
     ----------
-    part : the part.
+    part : the part
     """
     found = _Objects()
     part.model_dump(context=found)
@@ -232,7 +232,7 @@ def dump_part(value: object) -> dict[str, Any]:
 
     Parameters
     ----------
-    value : a part, or any other object.
+    value : a part, or any other object
     """
     return value.model_dump(exclude_none=True) if isinstance(value, Part) else python_table(value)
 
@@ -247,7 +247,7 @@ def kind_of(value: object) -> str:
 
     Parameters
     ----------
-    value : a part, or any other object.
+    value : a part, or any other object
     """
     return value.type if isinstance(value, Part) and hasattr(value, "type") else name_object(value)
 
@@ -257,7 +257,7 @@ def name_object(value: object) -> str:
 
     Parameters
     ----------
-    value : the object.
+    value : the object
     """
     cls = type(value)
     try:

@@ -45,10 +45,10 @@ def label_frame(
 
     Parameters
     ----------
-    frame : frame that was simulated with ``keep=("hits", "signal")``.
-    scenario : of the frame.
-    target : number of the target that the labels describe, or None where the frame has none.
-    part_classes : names of the common part classes, in the order in which they are numbered.
+    frame : frame that was simulated with ``keep=("hits", "signal")``
+    scenario : of the frame
+    target : number of the target that the labels describe, or None where the frame has none
+    part_classes : names of the common part classes, in the order in which they are numbered
 
     Returns
     -------
@@ -107,8 +107,8 @@ def number_part_classes(source: Source, part_classes: Sequence[str]) -> np.ndarr
 
     Parameters
     ----------
-    source : of the recording.
-    part_classes : names of the classes, in the order in which they are numbered.
+    source : of the recording
+    part_classes : names of the classes, in the order in which they are numbered
     """
     numbers = {name: number for number, name in enumerate(part_classes)}
     most = max((len(target.parts) for target in source.targets), default=0)

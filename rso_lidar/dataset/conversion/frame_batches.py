@@ -45,9 +45,9 @@ def read_frames(data: Dataset, split: str, images: Sequence[str]) -> Iterator[Ex
 
     Parameters
     ----------
-    data : the dataset.
-    split : name of the split.
-    images : names of the arrays of images to read.
+    data : the dataset
+    split : name of the split
+    images : names of the arrays of images to read
 
     Yields
     ------
@@ -68,8 +68,8 @@ def read_batches(frames: Split, names: Sequence[str]) -> Iterator[dict[str, np.n
 
     Parameters
     ----------
-    frames : the split.
-    names : of the arrays.
+    frames : the split
+    names : of the arrays
 
     Yields
     ------
@@ -86,8 +86,8 @@ def divide(frames: Iterable[ExportedFrame], size: int = FRAMES_PER_FILE) -> Iter
 
     Parameters
     ----------
-    frames : in their order.
-    size : number of frames of all groups but the last.
+    frames : in their order
+    size : number of frames of all groups but the last
     """
     left = iter(frames)
     for first in left:
@@ -99,8 +99,8 @@ def choose_images(frames: Split, wanted: Sequence[str]) -> list[str]:
 
     Parameters
     ----------
-    frames : a split.
-    wanted : names of arrays; ``all`` stands for all of them. If empty, `USUAL_IMAGES`.
+    frames : a split
+    wanted : names of arrays; ``all`` stands for all of them. If empty, `USUAL_IMAGES`
 
     Returns
     -------
@@ -125,7 +125,7 @@ def name_frame(numbers: Mapping[str, Any]) -> str:
 
     Parameters
     ----------
-    numbers : of the frame.
+    numbers : of the frame
 
     >>> name_frame({"sample": 17, "step": 2, "draw": 1})
     '00000017-0002-01'
@@ -139,8 +139,8 @@ def find_names(data: Dataset, numbers: Mapping[str, Any]) -> dict[str, str | Non
 
     Parameters
     ----------
-    data : the dataset.
-    numbers : of the frame.
+    data : the dataset
+    numbers : of the frame
     """
     lists = {"class": data.classes, "model": data.models, "sensor": data.sensors}
     places = {word: int(numbers[f"{word}_id"]) for word in lists}

@@ -24,10 +24,10 @@ def write_tar_archives(folder: Path, data: Dataset, splits: Sequence[str], image
 
     Parameters
     ----------
-    folder : to write into.
-    data : the dataset.
-    splits : names of the splits to write.
-    images : names of the arrays of images to write.
+    folder : to write into
+    data : the dataset
+    splits : names of the splits to write
+    images : names of the arrays of images to write
     """
     for split in splits:
         for number, group in enumerate(divide(read_frames(data, split, images))):

@@ -23,10 +23,10 @@ def write_tensorflow_files(folder: Path, data: Dataset, splits: Sequence[str], i
 
     Parameters
     ----------
-    folder : to write into.
-    data : the dataset.
-    splits : names of the splits to write.
-    images : names of the arrays of images to write.
+    folder : to write into
+    data : the dataset
+    splits : names of the splits to write
+    images : names of the arrays of images to write
     """
     for split in splits:
         for number, group in enumerate(divide(read_frames(data, split, images))):

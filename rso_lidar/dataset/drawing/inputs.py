@@ -32,9 +32,9 @@ def list_models(spec: DatasetSpec, one: ClassOfTargets, base: Scenario) -> tuple
 
     Parameters
     ----------
-    spec : the specification.
-    one : the class.
-    base : the scenario; its target's model is used for a class without models.
+    spec : the specification
+    one : the class
+    base : the scenario; its target's model is used for a class without models
 
     Raises
     ------
@@ -79,9 +79,9 @@ def find_meshes(spec: DatasetSpec, named: tuple[tuple[str, ...], ...], base: Sce
 
     Parameters
     ----------
-    spec : the specification.
-    named : (class) names of models.
-    base, folder : the scenario, and the folder in which relative paths start.
+    spec : the specification
+    named : (class) names of models
+    base, folder : the scenario, and the folder in which relative paths start
 
     Raises
     ------
@@ -111,8 +111,8 @@ def find_mesh(name: str, folder: Path) -> Mesh:
 
     Parameters
     ----------
-    name : of the catalogue, or a path.
-    folder : start of a relative path.
+    name : of the catalogue, or a path
+    folder : start of a relative path
 
     Raises
     ------
@@ -135,8 +135,8 @@ def hash_named_files(spec: DatasetSpec, tables: dict[str, Any], folder: Path) ->
 
     Parameters
     ----------
-    spec, tables : the specification, and the tables of its scenario.
-    folder : start of relative paths.
+    spec, tables : the specification, and the tables of its scenario
+    folder : start of relative paths
 
     Raises
     ------

@@ -52,9 +52,9 @@ class _Draws:
 
         Parameters
         ----------
-        spec : the specification.
-        k, number : index of the class, and number of the sample in it.
-        forced : numbers from 0 to below 1 by variable, in place of those that are drawn.
+        spec : the specification
+        k, number : index of the class, and number of the sample in it
+        forced : numbers from 0 to below 1 by variable, in place of those that are drawn
         """
         self._forced = forced
         self._spec, self._group, self._number = spec, spec.classes[k].name, number
@@ -68,8 +68,8 @@ class _Draws:
 
         Parameters
         ----------
-        variable : its name, which decides the random numbers.
-        law : of its values.
+        variable : its name, which decides the random numbers
+        law : of its values
         """
         if self._spec.sampling == "halton" and not variable.startswith("clutter."):
             share, self._left = self._left[: law.dimensions], self._left[law.dimensions :]
@@ -87,7 +87,7 @@ def _halton(seed: int, group: str, dimensions: int) -> HaltonPoints:
 
     Parameters
     ----------
-    seed, group, dimensions : of the dataset, the class, and a point.
+    seed, group, dimensions : of the dataset, the class, and a point
     """
     return HaltonPoints(seed, group, dimensions)
 
@@ -115,8 +115,8 @@ def list_ends(spec: DatasetSpec, k: int) -> list[dict[str, float]]:
 
     Parameters
     ----------
-    spec : the specification.
-    k : index of the class.
+    spec : the specification
+    k : index of the class
     """
     ends = []
     for one in spec.variable:
@@ -132,9 +132,9 @@ def draw_sample(plan: DatasetPlan, index: int, forced: Mapping[str, float] = Map
 
     Parameters
     ----------
-    plan : of the dataset.
-    index : of the sample.
-    forced : numbers from 0 to below 1 by variable, in place of those that are drawn; for checks.
+    plan : of the dataset
+    index : of the sample
+    forced : numbers from 0 to below 1 by variable, in place of those that are drawn; for checks
 
     Raises
     ------
@@ -186,8 +186,8 @@ def _check_shape(scenario: Scenario, plan: DatasetPlan) -> None:
 
     Parameters
     ----------
-    scenario : of a sample.
-    plan : of the dataset.
+    scenario : of a sample
+    plan : of the dataset
     """
     receiver = scenario.lidar.receiver
     if (receiver.n_rows, receiver.n_cols) != plan.image_shape:
@@ -205,10 +205,10 @@ def _choose_target(
 
     Parameters
     ----------
-    tables : of the scenario, changed in place.
-    plan : of the dataset.
-    name : the model; None for no target.
-    one, draws : class of the sample, and its draws.
+    tables : of the scenario, changed in place
+    plan : of the dataset
+    name : the model; None for no target
+    one, draws : class of the sample, and its draws
     """
     targets = _find_targets(tables, plan)
     if name is None:
@@ -223,9 +223,9 @@ def _choose_shape(name: str, fragments: DrawnFragments | None, draws: _Draws, pl
 
     Parameters
     ----------
-    name : of the model, or of a kind of fragments.
-    fragments, draws : fragments that can be drawn, and the draws of the sample.
-    place : start of the names of drawn values.
+    name : of the model, or of a kind of fragments
+    fragments, draws : fragments that can be drawn, and the draws of the sample
+    place : start of the names of drawn values
     """
     kinds = {} if fragments is None else {name_fragments(kind): kind for kind in fragments.kinds}
     if fragments is None or name not in kinds:
@@ -240,8 +240,8 @@ def _find_targets(tables: dict[str, Any], plan: DatasetPlan) -> list[dict[str, A
 
     Parameters
     ----------
-    tables : of the scenario.
-    plan : of the dataset.
+    tables : of the scenario
+    plan : of the dataset
     """
     targets = tables["target"]
     if not isinstance(targets, list) or not all(isinstance(one, dict) for one in targets[: plan.target_index + 1]):
@@ -262,10 +262,10 @@ def _place_view(
 
     Parameters
     ----------
-    tables : of the scenario, changed in place.
-    plan, view : of the dataset.
-    draws : of the sample.
-    has_target : whether the sample has a target.
+    tables : of the scenario, changed in place
+    plan, view : of the dataset
+    draws : of the sample
+    has_target : whether the sample has a target
     """
     if "ptu" in tables:
         raise DatasetError(
@@ -303,7 +303,7 @@ def _read_lidar(text: str) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]
 
     Parameters
     ----------
-    text : the lidar's tables as JSON.
+    text : the lidar's tables as JSON
     """
     lidar = validate_tables(Lidar, json.loads(text), "lidar")
     receiver = lidar.receiver
@@ -319,9 +319,9 @@ def _place(
 
     Parameters
     ----------
-    range_m : distance from the lidar [m].
-    offset : right and down from the boresight, 1 at the edge of the field.
-    seat : position and rotation of the lidar in follower axes, and the tangents of its half field.
+    range_m : distance from the lidar [m]
+    offset : right and down from the boresight, 1 at the edge of the field
+    seat : position and rotation of the lidar in follower axes, and the tangents of its half field
     """
     position, turn, (across, down) = seat
     ray = np.array([offset[0] * across, offset[1] * down, 1.0])
@@ -334,9 +334,9 @@ def _choose_frames(spec: DatasetSpec, scenario: Scenario, share: float) -> tuple
 
     Parameters
     ----------
-    spec : the specification.
-    scenario : of the sample.
-    share : uniform number from 0 to below 1, from which the first frame is drawn.
+    spec : the specification
+    scenario : of the sample
+    share : uniform number from 0 to below 1, from which the first frame is drawn
     """
     sequence, n_frames = spec.sequence, scenario.time.n_frames
     last = n_frames - 1 - (sequence.frames - 1) * sequence.stride

@@ -37,8 +37,8 @@ def fly_sample(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[LabelledFram
 
     Parameters
     ----------
-    plan : of the dataset.
-    sample : of the plan.
+    plan : of the dataset
+    sample : of the plan
     """
     drawn = list_numbers(sample)
     for step, flown, command in _fly(plan, sample):
@@ -65,7 +65,7 @@ def _fly(plan: DatasetPlan, sample: Sample) -> Iterator[tuple[int, Frame, Comman
 
     Parameters
     ----------
-    plan, sample : of the dataset.
+    plan, sample : of the dataset
     """
     keep = list_kept(plan.spec.labels)
     if plan.spec.controller is None:
@@ -93,9 +93,9 @@ def _predict(plan: DatasetPlan, sample: Sample, frame: Frame, command: Command |
 
     Parameters
     ----------
-    plan, sample : of the dataset.
-    frame : of the sample.
-    command : under which it was made.
+    plan, sample : of the dataset
+    frame : of the sample
+    command : under which it was made
     """
     if not plan.spec.labels.prediction:
         return frame
@@ -113,10 +113,10 @@ def _draw_again(plan: DatasetPlan, sample: Sample, frame: Frame, command: Comman
 
     Parameters
     ----------
-    plan, sample : of the dataset.
-    frame : the first draw.
-    command : under which it was made.
-    seed : of the other noise.
+    plan, sample : of the dataset
+    frame : the first draw
+    command : under which it was made
+    seed : of the other noise
     """
     scenario = sample.scenario
     lidar = scenario.instrument.at(frame.time_s, command)
@@ -135,9 +135,9 @@ def label(plan: DatasetPlan, sample: Sample, frame: Frame, step: int, draw: int)
 
     Parameters
     ----------
-    plan, sample : of the dataset.
-    frame : of the sample, with the records of `list_kept`.
-    step, draw : place in the sequence, and number of the noise draw.
+    plan, sample : of the dataset
+    frame : of the sample, with the records of `list_kept`
+    step, draw : place in the sequence, and number of the noise draw
     """
     scenario, labels = sample.scenario, frame.labels
     found = label_frame(frame, scenario, sample.target)
@@ -193,8 +193,8 @@ def number_bodies(target: np.ndarray, own: int | None) -> np.ndarray:
 
     Parameters
     ----------
-    target : (row, col), index of the target in the scenario, -1 for sky.
-    own : index of the sample's target; None without one.
+    target : (row, col), index of the target in the scenario, -1 for sky
+    own : index of the sample's target; None without one
 
     >>> number_bodies(np.array([-1, 0, 1, 2]), 1), number_bodies(np.array([-1, 0, 1]), None)
     (array([-1,  1,  0,  2]), array([-1,  1,  2]))

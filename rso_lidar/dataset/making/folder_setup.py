@@ -33,9 +33,9 @@ def begin_folder(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
 
     Parameters
     ----------
-    plan : of the dataset.
-    folder : of the dataset.
-    join : whether a folder that was begun before may be continued.
+    plan : of the dataset
+    folder : of the dataset
+    join : whether a folder that was begun before may be continued
 
     Raises
     ------
@@ -79,8 +79,8 @@ def _check_joined(plan: DatasetPlan, folder: Path, *, join: bool) -> None:
 
     Parameters
     ----------
-    plan, folder : of the dataset.
-    join : whether a folder that was begun before may be continued.
+    plan, folder : of the dataset
+    join : whether a folder that was begun before may be continued
     """
     if read_constants(folder).sha256 != plan.sha256:
         raise DatasetError(
@@ -145,8 +145,8 @@ def remove_drafts(folder: Path, finished: dict[str, ShardRecord]) -> None:
 
     Parameters
     ----------
-    folder : of the dataset.
-    finished : records of the finished shards, by path.
+    folder : of the dataset
+    finished : records of the finished shards, by path
     """
     for draft in list_drafts(folder):
         if f"{draft.parent.name}/{draft.name.partition('.')[0]}.h5" in finished:

@@ -37,17 +37,17 @@ def make(
 
     Parameters
     ----------
-    spec : the specification, or its TOML file.
-    folder : of the dataset, new unless it is continued.
+    spec : the specification, or its TOML file
+    folder : of the dataset, new unless it is continued
     workers : number of processes (None: one per core; 1: this process). The bytes do not depend on it. A script that uses
-        workers keeps its own code under ``if __name__ == "__main__":``.
+        workers keeps its own code under ``if __name__ == "__main__":``
     scheduler : address of a dask scheduler whose workers make the shards, or ``local`` for a cluster of `workers` processes
-        that is started here (None: a pool of processes, without dask). Needs the extra ``dask``.
-    shards : which shards to make: ``a:b``, or ``i/n`` for the i-th of n equal parts, from 0. Runs may share a folder.
-    resume : whether to continue a folder that was begun before.
-    on_shard : called with the number of finished shards and that of all, at the start and after each shard.
+        that is started here (None: a pool of processes, without dask). Needs the extra ``dask``
+    shards : which shards to make: ``a:b``, or ``i/n`` for the i-th of n equal parts, from 0. Runs may share a folder
+    resume : whether to continue a folder that was begun before
+    on_shard : called with the number of finished shards and that of all, at the start and after each shard
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names, here and in
-        the workers.
+        the workers
 
     Returns
     -------
@@ -87,9 +87,9 @@ def _make_shards(
 
     Parameters
     ----------
-    plan, place : of the dataset, and its folder.
-    chosen : numbers of the shards.
-    workers, scheduler, on_shard : as in `make`.
+    plan, place : of the dataset, and its folder
+    chosen : numbers of the shards
+    workers, scheduler, on_shard : as in `make`
     """
     finished = read_manifest(place, plan.sha256)
     left = [number for number in chosen if not _is_finished(plan, place, number, finished)]
@@ -110,9 +110,9 @@ def _is_finished(plan: DatasetPlan, folder: Path, number: int, finished: Mapping
 
     Parameters
     ----------
-    plan, folder : of the dataset.
-    number : of the shard.
-    finished : records by path.
+    plan, folder : of the dataset
+    number : of the shard
+    finished : records by path
     """
     path = plan.shard(number).path
     return path in finished and (folder / path).is_file()
@@ -123,8 +123,8 @@ def choose_shards(text: str | None, count: int) -> Sequence[int]:
 
     Parameters
     ----------
-    text : the choice; None for all.
-    count : number of all shards.
+    text : the choice; None for all
+    count : number of all shards
 
     Raises
     ------
@@ -157,7 +157,7 @@ def check_samples(plan: DatasetPlan) -> None:
 
     Parameters
     ----------
-    plan : of the dataset.
+    plan : of the dataset
     """
     owner = plan.membership.target_class
     with suppress_warnings():

@@ -17,9 +17,9 @@ def make_shards(plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers
 
     Parameters
     ----------
-    plan, folder : of the dataset.
-    numbers : of the shards.
-    workers : number of processes; 1 is this process.
+    plan, folder : of the dataset
+    numbers : of the shards
+    workers : number of processes; 1 is this process
     """
     count = min(workers, len(numbers))
     if count < 2:

@@ -36,7 +36,7 @@ def read_attribution(folder: Path) -> Attribution:
 
     Parameters
     ----------
-    folder : of the dataset.
+    folder : of the dataset
 
     Returns
     -------

@@ -24,8 +24,8 @@ def format_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
     Parameters
     ----------
-    heads : of the columns.
-    rows : cells of each row, of any type.
+    heads : of the columns
+    rows : cells of each row, of any type
 
     >>> print(format_table(["a", "b"], [[1, "x|y"]]))
     | a | b |
@@ -54,8 +54,8 @@ def list_counts(data: Dataset, counts: FrameCounts) -> str:
 
     Parameters
     ----------
-    data : the dataset.
-    counts : of its frames.
+    data : the dataset
+    counts : of its frames
     """
     splits = list(counts.by_class)
     rows = []

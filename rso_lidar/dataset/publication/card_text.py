@@ -29,7 +29,7 @@ def describe_dataset(data: Dataset) -> str:
 
     Parameters
     ----------
-    data : the dataset.
+    data : the dataset
     """
     total = sum(len(data.split(name)) for name in data.splits)
     splits = ", ".join(f"{len(data.split(name)):,} {name}" for name in data.splits)
@@ -46,8 +46,8 @@ def cite(data: Dataset, attribution: Attribution) -> str:
 
     Parameters
     ----------
-    data : the dataset.
-    attribution : its creators and web address.
+    data : the dataset
+    attribution : its creators and web address
     """
     who = ", ".join(attribution.creators) or "Anonymous"
     where = f" {attribution.url}" if attribution.url else ""

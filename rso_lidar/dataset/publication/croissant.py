@@ -44,8 +44,8 @@ def write_croissant(data: Dataset, attribution: Attribution) -> Path:
 
     Parameters
     ----------
-    data : the dataset, with its table of frames already in the folder if there is to be one.
-    attribution : licence, creators and web address.
+    data : the dataset, with its table of frames already in the folder if there is to be one
+    attribution : licence, creators and web address
     """
     text = json.dumps(describe_in_croissant(data, attribution), indent=1, ensure_ascii=False) + "\n"
     return write_text(data.folder / CROISSANT, text, overwrite=True)
@@ -56,8 +56,8 @@ def describe_in_croissant(data: Dataset, attribution: Attribution) -> dict[str, 
 
     Parameters
     ----------
-    data : the dataset.
-    attribution : licence, creators and web address.
+    data : the dataset
+    attribution : licence, creators and web address
     """
     made = datetime.datetime.fromtimestamp((data.folder / MANIFEST).stat().st_mtime, datetime.UTC).date().isoformat()
     found: dict[str, Any] = {
@@ -107,9 +107,9 @@ def _describe_file(path: str, meaning: str, media_type: str, size_bytes: int, sh
 
     Parameters
     ----------
-    path : in the folder of the dataset.
-    meaning, media_type : of its content.
-    size_bytes, sha256 : of the file.
+    path : in the folder of the dataset
+    meaning, media_type : of its content
+    size_bytes, sha256 : of the file
     """
     return {
         "@type": "cr:FileObject",
@@ -174,9 +174,9 @@ def _list_names(name: str, meaning: str, entries: Sequence[str], data_type: str 
 
     Parameters
     ----------
-    name, meaning : of the list.
-    entries : the names in their order.
-    data_type : what the records are.
+    name, meaning : of the list
+    entries : the names in their order
+    data_type : what the records are
     """
     field = {"@type": "cr:Field", "@id": f"{name}/name", "name": "name", "dataType": "sc:Text"}
     return {
@@ -196,7 +196,7 @@ def _describe_field(name: str, meaning: str, data_type: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    name, meaning, data_type : of the column.
+    name, meaning, data_type : of the column
     """
     source = {"fileObject": {"@id": INDEX}, "extract": {"column": name}}
     return {
@@ -219,7 +219,7 @@ def _count(data: Dataset, name: str) -> int:
 
     Parameters
     ----------
-    data, name : the dataset, and the name of the array.
+    data, name : the dataset, and the name of the array
     """
     return int(data.split(data.splits[0]).read([0], [name])[name].shape[1])
 

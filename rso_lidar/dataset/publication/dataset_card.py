@@ -43,10 +43,10 @@ def write_card(data: Dataset, counts: FrameCounts, pictures: Sequence[str], attr
 
     Parameters
     ----------
-    data : the dataset.
-    counts : of its frames.
-    pictures : names of pictures in the folder.
-    attribution : licence, creators and web address.
+    data : the dataset
+    counts : of its frames
+    pictures : names of pictures in the folder
+    attribution : licence, creators and web address
     """
     sections = (
         _write_head(data, counts, attribution),
@@ -77,7 +77,7 @@ def _write_head(data: Dataset, counts: FrameCounts, attribution: Attribution) ->
 
     Parameters
     ----------
-    data, counts, attribution : as of `write_card`.
+    data, counts, attribution : as of `write_card`
     """
     lines = [
         "---",
@@ -122,7 +122,7 @@ def _explain_content(data: Dataset, counts: FrameCounts) -> str:
 
     Parameters
     ----------
-    data, counts : the dataset, and its frames counted.
+    data, counts : the dataset, and its frames counted
     """
     return (
         "## What it holds\n\n"

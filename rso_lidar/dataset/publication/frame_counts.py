@@ -34,7 +34,7 @@ def count_frames(data: Dataset) -> FrameCounts:
 
     Parameters
     ----------
-    data : the dataset.
+    data : the dataset
     """
     names = [*data.classes, NO_TARGET]
     by_class: dict[str, dict[str, int]] = {}

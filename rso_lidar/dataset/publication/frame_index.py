@@ -41,7 +41,7 @@ def list_index_columns(data: Dataset) -> dict[str, ArraySpec]:
 
     Parameters
     ----------
-    data : the dataset, with at least one split.
+    data : the dataset, with at least one split
     """
     return {name: describe_array(name) for name in data.split(data.splits[0]).names if not is_image(name)}
 
@@ -51,7 +51,7 @@ def write_frame_index(data: Dataset) -> Path:
 
     Parameters
     ----------
-    data : the dataset.
+    data : the dataset
     """
     import pyarrow
     import pyarrow.parquet
@@ -79,8 +79,8 @@ def _make_schema(data: Dataset, columns: dict[str, ArraySpec]) -> Any:
 
     Parameters
     ----------
-    data : the dataset.
-    columns : dtype, unit and meaning of the columns from the shards.
+    data : the dataset
+    columns : dtype, unit and meaning of the columns from the shards
     """
     import pyarrow
 
@@ -103,9 +103,9 @@ def _read_tables(data: Dataset, columns: list[str], schema: Any) -> Iterator[Any
 
     Parameters
     ----------
-    data : the dataset.
-    columns : names of the arrays to read.
-    schema : of the tables.
+    data : the dataset
+    columns : names of the arrays to read
+    schema : of the tables
     """
     import pyarrow
 
@@ -133,7 +133,7 @@ def _repeat(text: str, count: int) -> Any:
 
     Parameters
     ----------
-    text, count : the text, and the number of rows.
+    text, count : the text, and the number of rows
     """
     import pyarrow
 
@@ -145,7 +145,7 @@ def _take_names(names: tuple[str, ...], numbers: np.ndarray) -> Any:
 
     Parameters
     ----------
-    names, numbers : the names, and the number of the name in each row.
+    names, numbers : the names, and the number of the name in each row
     """
     import pyarrow
 

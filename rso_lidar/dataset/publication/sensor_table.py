@@ -27,7 +27,7 @@ def list_parameters(lidar: str) -> list[Parameter]:
 
     Parameters
     ----------
-    lidar : its table as JSON.
+    lidar : its table as JSON
 
     Returns
     -------
@@ -46,8 +46,8 @@ def _walk(part: Part, place: str) -> Iterator[Parameter]:
 
     Parameters
     ----------
-    part : the part.
-    place : its key in the scenario.
+    part : the part
+    place : its key in the scenario
     """
     for name, field in type(part).model_fields.items():
         value = getattr(part, name)
@@ -64,8 +64,8 @@ def _flatten(table: Any, place: str) -> Iterator[tuple[str, str]]:
 
     Parameters
     ----------
-    table : as JSON gives it.
-    place : its key.
+    table : as JSON gives it
+    place : its key
     """
     if isinstance(table, dict):
         for name, value in table.items():

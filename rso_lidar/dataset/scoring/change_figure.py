@@ -38,8 +38,8 @@ def change_figure(rows: Sequence[ChangeRow], title: str, note: str = "") -> Figu
 
     Parameters
     ----------
-    rows : the figures of merit.
-    title, note : the heading.
+    rows : the figures of merit
+    title, note : the heading
 
     Returns
     -------

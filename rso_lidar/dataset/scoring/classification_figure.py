@@ -26,9 +26,9 @@ def precision_recall_figure(
 
     Parameters
     ----------
-    curves : recall and precision by class, one pair for each training run.
-    labels : words of the legend by class.
-    title, note : the heading.
+    curves : recall and precision by class, one pair for each training run
+    labels : words of the legend by class
+    title, note : the heading
 
     Returns
     -------
@@ -49,10 +49,10 @@ def presence_figure(
 
     Parameters
     ----------
-    precision : recall and precision, one pair for each training run.
-    detections : rate of false alarms and recall, one pair for each training run.
-    labels : words of the legends of the two panels.
-    title, note : the heading.
+    precision : recall and precision, one pair for each training run
+    detections : rate of false alarms and recall, one pair for each training run
+    labels : words of the legends of the two panels
+    title, note : the heading
 
     Returns
     -------
@@ -74,10 +74,10 @@ def confusion_figure(
 
     Parameters
     ----------
-    names : of the classes.
+    names : of the classes
     matrices : words and counts (true class, predicted class) of each; a last column beyond the classes counts missing
-        predictions. Shares are of the frames of the true class.
-    title, note : the heading.
+        predictions. Shares are of the frames of the true class
+    title, note : the heading
 
     Returns
     -------
@@ -104,10 +104,10 @@ def _draw_traces(axes: Axes, number: int, runs: Sequence[Trace], label: str) -> 
 
     Parameters
     ----------
-    axes : the panel.
-    number : of the class.
-    runs : values along x and y of each run.
-    label : word of the legend.
+    axes : the panel
+    number : of the class
+    runs : values along x and y of each run
+    label : word of the legend
     """
     colour, style = figures.colour_of(number)
     for run, (x, y) in enumerate(runs):
@@ -121,9 +121,9 @@ def _frame_unit_square(axes: Axes, x: str, y: str, inside: bool = False) -> None
 
     Parameters
     ----------
-    axes : the panel.
-    x, y : labels of the axes.
-    inside : whether the legend stands inside.
+    axes : the panel
+    x, y : labels of the axes
+    inside : whether the legend stands inside
     """
     axes.set_xlim(-0.01, 1.01)
     axes.set_ylim(-0.01, 1.02)
@@ -138,11 +138,11 @@ def _draw_matrix(axes: Axes, names: Sequence[str], words: str, counts: np.ndarra
 
     Parameters
     ----------
-    axes : the panel.
-    names : of the classes.
-    words : title of the panel.
-    counts : (true class, predicted class).
-    is_large : whether names and numbers are written.
+    axes : the panel
+    names : of the classes
+    words : title of the panel
+    counts : (true class, predicted class)
+    is_large : whether names and numbers are written
     """
     import matplotlib
 

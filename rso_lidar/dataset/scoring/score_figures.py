@@ -53,7 +53,7 @@ def list_figures(card: Scorecard) -> list[ScoreFigure]:
 
     Parameters
     ----------
-    card : the scorecard.
+    card : the scorecard
 
     Returns
     -------
@@ -110,7 +110,7 @@ def draw_comparison(comparison: Comparison) -> Any:
 
     Parameters
     ----------
-    comparison : what to draw.
+    comparison : what to draw
 
     Returns
     -------
@@ -152,8 +152,8 @@ def _bind(panels: Sequence[BinnedPanel], title: str, note: str) -> Callable[[], 
 
     Parameters
     ----------
-    panels : what to draw.
-    title, note : the heading.
+    panels : what to draw
+    title, note : the heading
     """
     return lambda: binned_figure(panels, title, note)
 
@@ -173,9 +173,9 @@ def _make_panel(bins: Bins, values: Mapping[str, Sequence[Value]], merits: Mappi
 
     Parameters
     ----------
-    bins : the bins.
-    values : of each series, by bin.
-    merits : figures of merit by name.
+    bins : the bins
+    values : of each series, by bin
+    merits : figures of merit by name
     """
     is_recall = bins.name == "recall"
     series = {

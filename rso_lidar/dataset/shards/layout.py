@@ -87,7 +87,7 @@ def describe_array(name: str) -> ArraySpec:
 
     Parameters
     ----------
-    name : of the array.
+    name : of the array
     """
     if name.startswith(VARIABLE_PREFIX):
         place = name.removeprefix(VARIABLE_PREFIX)

@@ -36,8 +36,8 @@ def read_manifest(folder: Path, dataset: str) -> dict[str, ShardRecord]:
 
     Parameters
     ----------
-    folder : of the dataset.
-    dataset : hash of the dataset that the lines must belong to.
+    folder : of the dataset
+    dataset : hash of the dataset that the lines must belong to
 
     Raises
     ------
@@ -80,9 +80,9 @@ def append_record(folder: Path, record: ShardRecord, dataset: str) -> None:
 
     Parameters
     ----------
-    folder : of the dataset.
-    record : of the shard.
-    dataset : hash of the dataset.
+    folder : of the dataset
+    record : of the shard
+    dataset : hash of the dataset
     """
     place = folder / MANIFEST
     line = json.dumps({"dataset": dataset, **asdict(record)}) + "\n"

@@ -26,7 +26,7 @@ def _list_bounds(low: Bound, high: Bound) -> tuple[np.ndarray, np.ndarray]:
 
     Parameters
     ----------
-    low, high : a number, or one for each component.
+    low, high : a number, or one for each component
 
     Raises
     ------
@@ -47,8 +47,8 @@ def _check_positive(low: Bound, high: Bound, name: str) -> None:
 
     Parameters
     ----------
-    low, high : bounds of a law.
-    name : of the law.
+    low, high : bounds of a law
+    name : of the law
     """
     lows, _ = _list_bounds(low, high)
     if lows.min() <= 0.0:
@@ -76,7 +76,7 @@ class _Law(Part):
 
         Parameters
         ----------
-        share : (dimension), numbers from 0 to below 1.
+        share : (dimension), numbers from 0 to below 1
         """
 
 
@@ -106,8 +106,8 @@ class _Bounded(_Law):
 
         Parameters
         ----------
-        share : (component), from 0 to below 1.
-        low, high : (component) bounds.
+        share : (component), from 0 to below 1
+        low, high : (component) bounds
         """
         spread: np.ndarray = low + (high - low) * share
         return spread
@@ -301,9 +301,9 @@ def check_components(law: Any, count: int, place: str) -> None:
 
     Parameters
     ----------
-    law : the law.
-    count : of components that its field has; 1 is a number.
-    place : key of the law, for the message.
+    law : the law
+    count : of components that its field has; 1 is a number
+    place : key of the law, for the message
 
     Raises
     ------
@@ -324,8 +324,8 @@ def check_range(law: Any, place: str) -> None:
 
     Parameters
     ----------
-    law : the law.
-    place : key of the law, for the message.
+    law : the law
+    place : key of the law, for the message
 
     Raises
     ------

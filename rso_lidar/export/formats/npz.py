@@ -35,10 +35,10 @@ def write_npz(
 
     Parameters
     ----------
-    path : of the file.
-    frames : few enough for memory.
-    overwrite : replace an older file.
-    most_bytes : greatest size of all arrays before compression [bytes].
+    path : of the file
+    frames : few enough for memory
+    overwrite : replace an older file
+    most_bytes : greatest size of all arrays before compression [bytes]
     """
     place = check_writable(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -82,9 +82,9 @@ def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
 
     Parameters
     ----------
-    place : of the output, for messages.
-    draft : the file.
-    names : expected arrays.
+    place : of the output, for messages
+    draft : the file
+    names : expected arrays
     """
     try:
         with zipfile.ZipFile(draft) as packed:
@@ -101,9 +101,9 @@ def _describe_arrays(first: Frame, found: dict[str, Variable], *, changing: bool
 
     Parameters
     ----------
-    first : the first frame.
-    found : variables by name.
-    changing : whether the lens changes.
+    first : the first frame
+    found : variables by name
+    changing : whether the lens changes
     """
     source = first.source
     root = (

@@ -84,6 +84,6 @@ def define_message(fields: str) -> str:
 
     Parameters
     ----------
-    fields : a line each, the header's included.
+    fields : a line each, the header's included
     """
     return _text(fields, *_HEADER)

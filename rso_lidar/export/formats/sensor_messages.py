@@ -60,7 +60,7 @@ def list_topics(first: Frame) -> list[SensorTopic]:
 
     Parameters
     ----------
-    first : its first frame.
+    first : its first frame
 
     Raises
     ------
@@ -94,10 +94,10 @@ def _find_accelerometer(
 
     Parameters
     ----------
-    gyro : name of the gyro.
-    sensors : samples of all sensors, by name.
-    tables : of the scenario, by name of the sensor.
-    taken : accelerometers that have a gyro already.
+    gyro : name of the gyro
+    sensors : samples of all sensors, by name
+    tables : of the scenario, by name of the sensor
+    taken : accelerometers that have a gyro already
     """
     for name, samples in sensors.items():
         if isinstance(samples, AccelerometerSamples) and name not in taken and {name, gyro} <= tables.keys():
@@ -114,10 +114,10 @@ def _make_topics(
 
     Parameters
     ----------
-    name : of the sensor.
-    samples : of any frame.
-    partner : accelerometer whose samples are in the same messages as those of this gyro.
-    table : of the scenario.
+    name : of the sensor
+    samples : of any frame
+    partner : accelerometer whose samples are in the same messages as those of this gyro
+    table : of the scenario
     """
     base, axes = f"/sensors/{_to_word(name)}", name_axes(name)
     match samples:
@@ -150,8 +150,8 @@ def make_mounts(topics: Sequence[SensorTopic], source: Source) -> list[dict[str,
 
     Parameters
     ----------
-    topics : of the recording.
-    source : of its frames.
+    topics : of the recording
+    source : of its frames
     """
     tables, made = _read_tables(source), []
     for one in topics:
@@ -172,8 +172,8 @@ def list_samples(
 
     Parameters
     ----------
-    topics : of the recording.
-    sensors : their samples, by name.
+    topics : of the recording
+    sensors : their samples, by name
 
     Returns
     -------
@@ -212,8 +212,8 @@ def _vector_maker(name: str, field: str) -> Body:
 
     Parameters
     ----------
-    name : of the field of the message.
-    field : of the record.
+    name : of the field of the message
+    field : of the record
     """
 
     def make(samples: Sequence[SensorSamples], k: int) -> dict[str, Any] | None:

@@ -43,7 +43,7 @@ def list_arrays(sensors: Mapping[str, SensorSamples]) -> dict[str, ArraySpec]:
 
     Parameters
     ----------
-    sensors : samples by name of the sensor.
+    sensors : samples by name of the sensor
 
     Raises
     ------
@@ -69,8 +69,8 @@ def _check_fields(name: str, kind: type[SensorSamples]) -> Mapping[str, ArraySpe
 
     Parameters
     ----------
-    name : of the sensor, for the message.
-    kind : class of its samples.
+    name : of the sensor, for the message
+    kind : class of its samples
     """
     stated = specs(kind)
     for field in dataclasses.fields(kind):
@@ -106,8 +106,8 @@ def grow_capacities(sensors: Mapping[str, SensorSamples], capacities: Capacities
 
     Parameters
     ----------
-    sensors : samples of a frame, by name of the sensor.
-    capacities : so far.
+    sensors : samples of a frame, by name of the sensor
+    capacities : so far
     """
     found = {}
     for name, samples in sensors.items():
@@ -121,9 +121,9 @@ def pad(values: np.ndarray, room: int, fill: float | int | None) -> np.ndarray:
 
     Parameters
     ----------
-    values : (sample, …).
-    room : length of the entry.
-    fill : value behind the last sample (None: 0).
+    values : (sample, …)
+    room : length of the entry
+    fill : value behind the last sample (None: 0)
     """
     padded = np.full((room, *values.shape[1:]), 0 if fill is None else fill, values.dtype)
     padded[: len(values)] = values
@@ -135,7 +135,7 @@ def describe_sensors(sensors: Mapping[str, SensorSamples]) -> dict[str, Any]:
 
     Parameters
     ----------
-    sensors : samples of any frame, by name of the sensor.
+    sensors : samples of any frame, by name of the sensor
     """
     found = {}
     for name, samples in sensors.items():
@@ -164,8 +164,8 @@ def make_samples(described: Mapping[str, Any], entries: Mapping[str, np.ndarray]
 
     Parameters
     ----------
-    described : what the recording states of the sensor.
-    entries : arrays (sample, …) by name of the field; fields without entries are made.
+    described : what the recording states of the sensor
+    entries : arrays (sample, …) by name of the field; fields without entries are made
     """
     fields = described["fields"]
     stated = {field: _read_spec(one) for field, one in fields.items()}
@@ -191,8 +191,8 @@ def _find_class(name: str, stated: Mapping[str, ArraySpec]) -> type[SensorSample
 
     Parameters
     ----------
-    name : of the class.
-    stated : recorded fields; optional ones may be missing.
+    name : of the class
+    stated : recorded fields; optional ones may be missing
     """
     waiting: list[type[SensorSamples]] = [SensorSamples]
     while waiting:
@@ -217,8 +217,8 @@ def _make_class(name: str, about: str, stated: tuple[tuple[str, ArraySpec], ...]
 
     Parameters
     ----------
-    name, about : of the class.
-    stated : all its fields.
+    name, about : of the class
+    stated : all its fields
     """
     own = [
         (field, np.ndarray, array(" ".join(spec.dims), spec.dtype.str, spec.unit, spec.meaning))

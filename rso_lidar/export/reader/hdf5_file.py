@@ -26,8 +26,8 @@ def open_hdf5(path: Path, *, swmr: bool) -> Any:
 
     Parameters
     ----------
-    path : of the file.
-    swmr : whether a writer may be extending it.
+    path : of the file
+    swmr : whether a writer may be extending it
 
     Raises
     ------

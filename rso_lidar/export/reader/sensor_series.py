@@ -26,7 +26,7 @@ class SensorSeries(Mapping[str, SensorSamples]):
 
         Parameters
         ----------
-        recording : open file.
+        recording : open file
         """
         self._recording = recording
         self._described: dict[str, Any] = json.loads(recording.sensors_text)
@@ -55,8 +55,8 @@ class SensorSeries(Mapping[str, SensorSamples]):
 
         Parameters
         ----------
-        name : of the sensor.
-        frames : in ascending order, without a step.
+        name : of the sensor
+        frames : in ascending order, without a step
         """
         described, group = self._described[name], f"{GROUP}/{name}"
         counts = self._recording.read(f"{group}/{COUNT}", frames)
@@ -72,8 +72,8 @@ class SensorSeries(Mapping[str, SensorSamples]):
 
         Parameters
         ----------
-        name : of the sensor.
-        rows : entries of the frame, by path.
+        name : of the sensor
+        rows : entries of the frame, by path
         """
         group = f"{GROUP}/{name}"
         count = int(rows[f"{group}/{COUNT}"])
@@ -85,9 +85,9 @@ class SensorSeries(Mapping[str, SensorSamples]):
 
         Parameters
         ----------
-        name : of the sensor.
-        entries : samples by field, without padding.
-        count : of the samples, as counted in the file.
+        name : of the sensor
+        entries : samples by field, without padding
+        count : of the samples, as counted in the file
         """
         path = f"{GROUP}/{name}"
         with self._recording.watched(path):

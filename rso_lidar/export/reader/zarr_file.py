@@ -95,9 +95,9 @@ def _check_chunks(path: Path, name: str, array: Any) -> None:
 
     Parameters
     ----------
-    path : of the store.
-    name : of the array.
-    array : opened with Zarr.
+    path : of the store
+    name : of the array
+    array : opened with Zarr
     """
     held = array.shards or array.chunks
     wanted = math.prod(-(-side // chunk) for side, chunk in zip(array.shape, held, strict=True))

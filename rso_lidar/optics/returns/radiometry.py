@@ -34,11 +34,11 @@ def collect(
 
     Parameters
     ----------
-    hits : first facets that rays meet.
-    laser : the laser of this pulse.
-    receiver : the lens and the focal plane.
-    late_s : how late the pulse left, against the receiver's clock [s].
-    bounces : paths from these hits to second points (None: light that meets two surfaces is left out).
+    hits : first facets that rays meet
+    laser : the laser of this pulse
+    receiver : the lens and the focal plane
+    late_s : how late the pulse left, against the receiver's clock [s]
+    bounces : paths from these hits to second points (None: light that meets two surfaces is left out)
 
     Returns
     -------
@@ -84,8 +84,8 @@ def pixel_photons(hits: Hits, laser: Laser, receiver: Receiver) -> np.ndarray:
 
     Parameters
     ----------
-    hits : the hits.
-    laser, receiver : the instrument.
+    hits : the hits
+    laser, receiver : the instrument
     """
     light, is_lit = _light_before_lens(hits, laser, receiver)
     photons: np.ndarray = np.where(is_lit, light.photons / hits.weight, 0.0)
@@ -97,8 +97,8 @@ def _light_before_lens(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Li
 
     Parameters
     ----------
-    hits : the hits.
-    laser, receiver : the instrument.
+    hits : the hits
+    laser, receiver : the instrument
     """
     has_formula = laser.offset is None and laser.footprint in FOOTPRINTS
     return (_light_of_beam if has_formula else _light_of_any_laser)(hits, laser, receiver)
@@ -109,8 +109,8 @@ def _light_of_beam(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light,
 
     Parameters
     ----------
-    hits : the hits.
-    laser, receiver : the instrument.
+    hits : the hits
+    laser, receiver : the instrument
     """
     area = hits.weight
     if receiver.distortion is not None:
@@ -154,15 +154,15 @@ def return_light(
 
     Parameters
     ----------
-    ray, weight, range_m, cos_incidence, brdf_per_sr : (hit) fields of `Hits`.
-    direction : (xyz, ray) unit vectors of all rays.
-    area : (hit) area that each ray covers in the tangent plane, in pixels.
-    footprint : SQUARE, CIRCLE or GAUSSIAN.
-    half_width : tangent of half the beam's full angle.
-    density : photons per unit area of the tangent plane, on the axis.
-    gathering_m2 : what of the light before the lens a pixel on the axis gathers.
-    ifov_rad : instantaneous field of view of a pixel.
-    cells_per_pixel : cells of coherence of a pixel on the axis.
+    ray, weight, range_m, cos_incidence, brdf_per_sr : (hit) fields of `Hits`
+    direction : (xyz, ray) unit vectors of all rays
+    area : (hit) area that each ray covers in the tangent plane, in pixels
+    footprint : SQUARE, CIRCLE or GAUSSIAN
+    half_width : tangent of half the beam's full angle
+    density : photons per unit area of the tangent plane, on the axis
+    gathering_m2 : what of the light before the lens a pixel on the axis gathers
+    ifov_rad : instantaneous field of view of a pixel
+    cells_per_pixel : cells of coherence of a pixel on the axis
 
     Returns
     -------
@@ -198,8 +198,8 @@ def _light_of_any_laser(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[L
 
     Parameters
     ----------
-    hits : the hits.
-    laser, receiver : the instrument.
+    hits : the hits
+    laser, receiver : the instrument
     """
     x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
     area = hits.weight
@@ -238,9 +238,9 @@ def _density_beside_lens(
 
     Parameters
     ----------
-    hits : the hits.
-    laser : a laser with an offset.
-    x, y, cos_axis : (hit) direction of each hit's ray.
+    hits : the hits
+    laser : a laser with an offset
+    x, y, cos_axis : (hit) direction of each hit's ray
 
     Returns
     -------
@@ -264,9 +264,9 @@ def _sunlight(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> np.
 
     Parameters
     ----------
-    hits : the hits, with the sunlight on each.
-    light : light of each hit, before any is left out.
-    laser, receiver : give the wavelength and the filter's width.
+    hits : the hits, with the sunlight on each
+    light : light of each hit, before any is left out
+    laser, receiver : give the wavelength and the filter's width
     """
     if receiver.filter_width_nm is None or hits.sunlight_per_sr is None:
         return None
@@ -284,9 +284,9 @@ def _depth_spread_s(hits: Hits, range_m: np.ndarray, receiver: Receiver) -> np.n
 
     Parameters
     ----------
-    hits : the hits, with cos α and the rays' shares of their pixels.
-    range_m : (hit) half the light's path.
-    receiver : gives δ, the angle that a ray's footprint spans.
+    hits : the hits, with cos α and the rays' shares of their pixels
+    range_m : (hit) half the light's path
+    receiver : gives δ, the angle that a ray's footprint spans
     """
     cosine = np.maximum(hits.cos_incidence, _LEAST_COSINE)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine

@@ -15,10 +15,10 @@ def sort_by(value: np.ndarray, order: np.ndarray, spare: tuple[np.ndarray, np.nd
 
     Parameters
     ----------
-    value : the keys.
-    order : what is sorted with them.
-    spare : room for as many of each.
-    start, stop : the part to sort.
+    value : the keys
+    order : what is sorted with them
+    spare : room for as many of each
+    start, stop : the part to sort
     """
     for low in range(start, stop, RUN):
         for k in range(low + 1, min(low + RUN, stop)):

@@ -34,9 +34,9 @@ def add_ghosts(photons: Photons, receiver: Receiver, pulses: int = 1) -> Photons
 
     Parameters
     ----------
-    photons : light behind the lens, of one pulse.
-    receiver : the receiver with its ghosts.
-    pulses : number of pulses of the frame.
+    photons : light behind the lens, of one pulse
+    receiver : the receiver with its ghosts
+    pulses : number of pulses of the frame
 
     Returns
     -------
@@ -73,9 +73,9 @@ def copy_image(image: np.ndarray, ghost: Ghost, receiver: Receiver) -> np.ndarra
 
     Parameters
     ----------
-    image : light on the focal plane.
-    ghost : one of the receiver's ghosts.
-    receiver : gives the focal plane.
+    image : light on the focal plane
+    ghost : one of the receiver's ghosts
+    receiver : gives the focal plane
     """
     kernel, shift = _kernel(ghost, receiver)
     return ghost.fraction * _displace(image[::-1, ::-1] if ghost.is_turned else image, kernel, shift)
@@ -86,9 +86,9 @@ def _merge_by_slab(light: Light, slab_s: float, n_pixels: int) -> tuple[Light, n
 
     Parameters
     ----------
-    light : returns, ordered by pixel.
-    slab_s : width of a slab of delay [s].
-    n_pixels : number of pixels.
+    light : returns, ordered by pixel
+    slab_s : width of a slab of delay [s]
+    n_pixels : number of pixels
     """
     slab = ((light.delay_s - light.delay_s.min()) / slab_s).astype(np.int64)
     key = slab * n_pixels + light.pixel
@@ -120,11 +120,11 @@ def _copy_light(sources: Light, slab: np.ndarray, ghost: Ghost, receiver: Receiv
 
     Parameters
     ----------
-    sources : light to copy, merged by pixel and slab.
-    slab : (return) slab of delay of each.
-    ghost : the ghost.
-    receiver : gives the focal plane.
-    least : photons of the faintest return that is made.
+    sources : light to copy, merged by pixel and slab
+    slab : (return) slab of delay of each
+    ghost : the ghost
+    receiver : gives the focal plane
+    least : photons of the faintest return that is made
     """
     kernel, shift = _kernel(ghost, receiver)
     late_s = ghost.extra_path_m / units.SPEED_OF_LIGHT_M_S
@@ -160,11 +160,11 @@ def _find_sources(
 
     Parameters
     ----------
-    sources : copied light, one return for each pixel.
-    pixel : pixels on which the copy lands.
-    is_turned : whether the copy is turned by 180 degrees.
-    shift : of the copy, down and right [pixels].
-    shape : rows and columns of the focal plane.
+    sources : copied light, one return for each pixel
+    pixel : pixels on which the copy lands
+    is_turned : whether the copy is turned by 180 degrees
+    shift : of the copy, down and right [pixels]
+    shape : rows and columns of the focal plane
     """
     hit = np.full(shape[0] * shape[1] + 1, -1, np.int64)
     hit[sources.pixel] = sources.hit
@@ -182,8 +182,8 @@ def _kernel(ghost: Ghost, receiver: Receiver) -> tuple[np.ndarray, tuple[float, 
 
     Parameters
     ----------
-    ghost : the ghost.
-    receiver : gives the focal plane.
+    ghost : the ghost
+    receiver : gives the focal plane
     """
     shift = ghost.shift_pixels(receiver.shape)
     part = shift[0] - math.floor(shift[0]), shift[1] - math.floor(shift[1])
@@ -196,8 +196,8 @@ def _disc_kernel(radius: float, down: float, right: float) -> np.ndarray:
 
     Parameters
     ----------
-    radius : of the disc [pixels].
-    down, right : shift of the disc's centre from that of the pixel in the middle, from 0 to below 1 [pixels].
+    radius : of the disc [pixels]
+    down, right : shift of the disc's centre from that of the pixel in the middle, from 0 to below 1 [pixels]
     """
     reach = math.ceil(radius) + 1
     n = min(max(math.ceil(2.0 * radius * _POINTS_PER_PIXEL), 1), _MOST_POINTS)
@@ -226,9 +226,9 @@ def _displace(image: np.ndarray, kernel: np.ndarray, shift: tuple[float, float])
 
     Parameters
     ----------
-    image : (row, col) light.
-    kernel : as `_disc_kernel` returns it, the part of the shift below a pixel included.
-    shift : down and right [pixels].
+    image : (row, col) light
+    kernel : as `_disc_kernel` returns it, the part of the shift below a pixel included
+    shift : down and right [pixels]
     """
     from scipy.signal import fftconvolve
 

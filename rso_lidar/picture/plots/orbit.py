@@ -89,11 +89,11 @@ def inertial_figure(
 
     Parameters
     ----------
-    truth : a batch of epochs.
-    title : the heading.
-    names : bodies to draw (None: all).
+    truth : a batch of epochs
+    title : the heading
+    names : bodies to draw (None: all)
     shadows_s : by body, spans [s] in which the Earth hides the Sun from it, infinite where they continue. The shadow
-        of a missing body is found from the instants, good to half a step.
+        of a missing body is found from the instants, good to half a step
 
     Returns
     -------
@@ -137,8 +137,8 @@ def osculating_orbit_m(position_m: np.ndarray, velocity_m_s: np.ndarray, points:
 
     Parameters
     ----------
-    position_m, velocity_m_s : the state (3), inertial.
-    points : how many.
+    position_m, velocity_m_s : the state (3), inertial
+    points : how many
     """
     momentum = np.cross(position_m, velocity_m_s)
     distance = np.linalg.norm(position_m)
@@ -160,8 +160,8 @@ def is_about_earth(time_s: np.ndarray, position_m: np.ndarray, velocity_m_s: np.
 
     Parameters
     ----------
-    time_s : instants (time,) [s].
-    position_m, velocity_m_s : states there (time, 3), inertial, about the Earth's centre.
+    time_s : instants (time,) [s]
+    position_m, velocity_m_s : states there (time, 3), inertial, about the Earth's centre
     """
     step_s = np.diff(time_s)
     if not step_s.size:
@@ -182,9 +182,9 @@ def _choose_view(normal: np.ndarray, sun: np.ndarray, middle_m: np.ndarray) -> n
 
     Parameters
     ----------
-    normal : of the orbit.
-    sun : direction to the Sun.
-    middle_m : middle of the path.
+    normal : of the orbit
+    sun : direction to the Sun
+    middle_m : middle of the path
     """
     turn = np.arange(0.0, 360.0, 5.0) * DEG
     north = np.sin(NORTH)
@@ -218,10 +218,10 @@ def _collect_paths(name: str, truth: Truth, state: BodyState, spans_s: Spans | N
 
     Parameters
     ----------
-    name : of the body.
-    truth : a batch of epochs.
-    state : of the body.
-    spans_s : spans in shadow (None: from the truth).
+    name : of the body
+    truth : a batch of epochs
+    state : of the body
+    spans_s : spans in shadow (None: from the truth)
     """
     time_s = np.atleast_1d(np.asarray(truth.time_s, dtype=float))
     position_m, velocity_m_s = np.atleast_2d(state.position_m), np.atleast_2d(state.velocity_m_s)
@@ -253,8 +253,8 @@ def _interpolate(at_s: np.ndarray, time_s: np.ndarray, position_m: np.ndarray, v
 
     Parameters
     ----------
-    at_s : instants wanted.
-    time_s, position_m, velocity_m_s : known instants and states.
+    at_s : instants wanted
+    time_s, position_m, velocity_m_s : known instants and states
     """
     if time_s.size == 1:
         return position_m
@@ -272,10 +272,10 @@ def _draw(axes: Axes, paths: Sequence[_OrbitPath], view: _View, sun: np.ndarray)
 
     Parameters
     ----------
-    axes : where to draw.
-    paths : of the bodies, by name.
-    view : axes of the picture.
-    sun : direction to the Sun.
+    axes : where to draw
+    paths : of the bodies, by name
+    view : axes of the picture
+    sun : direction to the Sun
     """
     _draw_earth(axes, view, sun)
     reach = EARTH_RADIUS_M
@@ -317,10 +317,10 @@ def _draw_path(axes: Axes, view: _View, points: np.ndarray, **style: object) -> 
 
     Parameters
     ----------
-    axes : where to draw.
-    view : axes of the picture.
-    points : (point, 3) [m].
-    **style : of the line.
+    axes : where to draw
+    view : axes of the picture
+    points : (point, 3) [m]
+    **style : of the line
     """
     x, y, depth = view.project(points)
     label = style.pop("label", None)
@@ -338,9 +338,9 @@ def _draw_earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
 
     Parameters
     ----------
-    axes : where to draw.
-    view : axes of the picture.
-    sun : direction to the Sun.
+    axes : where to draw
+    view : axes of the picture
+    sun : direction to the Sun
     """
     from matplotlib.patches import Circle
 

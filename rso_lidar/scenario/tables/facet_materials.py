@@ -19,7 +19,6 @@ from rso_lidar.scene import (
     Named,
     Surface,
     complete,
-    format_colours,
     load_materials,
     read_facet_colours,
 )
@@ -55,7 +54,7 @@ def apply_color_materials(surface: Surface, color_materials: Mapping[str, Materi
     wavelength_m : of the laser [m]
     """
     with add_place("color_materials"):
-        colour = format_colours(read_facet_colours(surface.mesh))[surface.mesh.source_facet]
+        colour = read_facet_colours(surface.mesh)[surface.mesh.source_facet]
         of_colour = {word.lower(): material for word, material in color_materials.items()}
         there = sorted(set(colour))
         for word in of_colour:

@@ -19,8 +19,8 @@ def contours(surfaces: Sequence[Surface], truth: Truth) -> Contours:
 
     Parameters
     ----------
-    surfaces : surfaces of all targets.
-    truth : where they are at one epoch.
+    surfaces : surfaces of all targets
+    truth : where they are at one epoch
 
     Returns
     -------
@@ -55,11 +55,11 @@ def estimate_brightness(
 
     Parameters
     ----------
-    corners : (facet, 3, xyz) [m].
-    planes : (4, facet), of which the first three are normals.
-    finish : (facet), material of each facet.
-    brdf_table : (material, angle) BRDF [1/sr] at even angles of incidence.
-    position : (xyz) of the lidar [m], in the same axes.
+    corners : (facet, 3, xyz) [m]
+    planes : (4, facet), of which the first three are normals
+    finish : (facet), material of each facet
+    brdf_table : (material, angle) BRDF [1/sr] at even angles of incidence
+    position : (xyz) of the lidar [m], in the same axes
     """
     brightness = np.empty(len(corners))
     for f in range(len(corners)):
@@ -88,9 +88,9 @@ def project_edges(
 
     Parameters
     ----------
-    points, ends, facets, beyond : edges, as in `FacetEdges`.
-    brightness : (facet) as `estimate_brightness` returns it.
-    translation, matrix : lidar_from_body.
+    points, ends, facets, beyond : edges, as in `FacetEdges`
+    brightness : (facet) as `estimate_brightness` returns it
+    translation, matrix : lidar_from_body
 
     Returns
     -------

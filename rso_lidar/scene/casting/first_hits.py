@@ -54,9 +54,9 @@ def _targets(surfaces: tuple[Surface, ...], engine: Engine) -> "tuple[tuple[Scen
 
         Parameters
         ----------
-        columns : arrays of each surface.
-        dtype : type of the result.
-        shape : shape of the result without surfaces.
+        columns : arrays of each surface
+        dtype : type of the result
+        shape : shape of the result without surfaces
         """
         return np.concatenate([np.empty(shape), *columns]).astype(dtype)
 
@@ -85,11 +85,11 @@ def find_first_hits(
 
     Parameters
     ----------
-    rays : the rays, in lidar axes.
-    surfaces : the surfaces, each in its own axes.
-    truth : where the surfaces are.
-    threads : number of bands in parallel (None: one for each core).
-    engine : embree, or what answers in its place.
+    rays : the rays, in lidar axes
+    surfaces : the surfaces, each in its own axes
+    truth : where the surfaces are
+    threads : number of bands in parallel (None: one for each core)
+    engine : embree, or what answers in its place
 
     Returns
     -------
@@ -155,8 +155,8 @@ def place_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> n
 
     Parameters
     ----------
-    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar.
-    sphere : (target, 4) centre and radius of the bounding sphere [m].
+    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar
+    sphere : (target, 4) centre and radius of the bounding sphere [m]
     """
     words = np.empty((len(origin), _WORDS))
     for t in range(len(origin)):
@@ -184,8 +184,8 @@ def bound_rays(direction: np.ndarray, first: int, last: int) -> tuple[float, flo
 
     Parameters
     ----------
-    direction : (xyz, ray) f8, unit vectors.
-    first, last : the range of rays.
+    direction : (xyz, ray) f8, unit vectors
+    first, last : the range of rays
     """
     x0 = y0 = z0 = np.inf
     x1 = y1 = z1 = -np.inf
@@ -203,9 +203,9 @@ def may_touch(x: float, y: float, z: float, half: float, target: np.ndarray) -> 
 
     Parameters
     ----------
-    x, y, z : centre of the box about the ends of rays.
-    half : half its diagonal.
-    target : the placed target.
+    x, y, z : centre of the box about the ends of rays
+    half : half its diagonal
+    target : the placed target
     """
     apart = (x - target[_CENTRE]) ** 2 + (y - target[_CENTRE + 1]) ** 2 + (z - target[_CENTRE + 2]) ** 2
     reach = half + target[_REACH]
@@ -233,11 +233,11 @@ def select_rays(
 
     Parameters
     ----------
-    direction : (xyz, ray) f8, unit vectors.
-    first, last : the range of rays.
-    target : the placed target.
-    near : (ray in the block), range of the nearest hit so far [m]. A ray with a hit nearer than the target is left out.
-    chosen : (ray in the block), to which the numbers of the selected rays are written.
+    direction : (xyz, ray) f8, unit vectors
+    first, last : the range of rays
+    target : the placed target
+    near : (ray in the block), range of the nearest hit so far [m]. A ray with a hit nearer than the target is left out
+    chosen : (ray in the block), to which the numbers of the selected rays are written
 
     Returns
     -------
@@ -269,12 +269,12 @@ def cast_rays(
 
     Parameters
     ----------
-    rays : all rays.
-    first, last : the range of rays.
-    targets : the surfaces.
-    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar.
-    question : address of rtcIntersect.
-    width : number of rays in a packet.
+    rays : all rays
+    first, last : the range of rays
+    targets : the surfaces
+    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar
+    question : address of rtcIntersect
+    width : number of rays in a packet
 
     Returns
     -------

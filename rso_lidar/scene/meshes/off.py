@@ -22,8 +22,8 @@ def read_off(path: Path, blob: bytes) -> list[MeshPiece]:
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    blob : its contents.
+    path : name of the file, for messages
+    blob : its contents
 
     Returns
     -------

@@ -46,8 +46,8 @@ def read_ply(path: Path, blob: bytes) -> list[MeshPiece]:
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    blob : its contents.
+    path : name of the file, for messages
+    blob : its contents
 
     Returns
     -------
@@ -125,9 +125,9 @@ def _check_rows(path: Path, element: _Element, held: int) -> None:
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    element : the element.
-    held : what is left [bytes], each row being one at least.
+    path : name of the file, for messages
+    element : the element
+    held : what is left [bytes], each row being one at least
     """
     if element.properties and element.rows > held:
         raise MeshError(
@@ -141,9 +141,9 @@ def _read_ascii(path: Path, body: bytes, elements: list[_Element]) -> dict[str, 
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    body : what follows the header [bytes].
-    elements : of the header.
+    path : name of the file, for messages
+    body : what follows the header [bytes]
+    elements : of the header
     """
     lines = (words for _, line in number_lines(path, body) if (words := line.split()))
     columns: dict[str, _Columns] = {}
@@ -168,10 +168,10 @@ def _read_binary(path: Path, body: bytes, elements: list[_Element], order: str) 
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    body : what follows the header [bytes].
-    elements : of the header.
-    order : of bytes, `<` or `>`.
+    path : name of the file, for messages
+    body : what follows the header [bytes]
+    elements : of the header
+    order : of bytes, `<` or `>`
     """
     columns: dict[str, _Columns] = {}
     at = 0
@@ -229,9 +229,9 @@ def _read_rows(
 
     Parameters
     ----------
-    element : the element.
-    start_row : goes on to the next row, and returns what takes so many numbers of a type from it.
-    held : the greatest length that a list can have, 0 or more.
+    element : the element
+    start_row : goes on to the next row, and returns what takes so many numbers of a type from it
+    held : the greatest length that a list can have, 0 or more
     """
     values = {name: array("d") for name in element.properties}
     counts = {name: array("q") for name in element.lists}

@@ -17,10 +17,10 @@ def number_lines(path: Path, blob: bytes, *, joined: tuple[bytes, ...] = ()) -> 
 
     Parameters
     ----------
-    path : name of the file, for messages.
-    blob : its contents.
+    path : name of the file, for messages
+    blob : its contents
     joined : first words of the lines that go on in the next one where they end in a backslash. A path at the end of a
-        comment may end in one, too.
+        comment may end in one, too
 
     Raises
     ------
@@ -50,9 +50,9 @@ def refuse_line(path: Path, number: int, line: str, kind: str) -> MeshError:
 
     Parameters
     ----------
-    path : name of the file.
-    number, line : the line.
-    kind : name of the format.
+    path : name of the file
+    number, line : the line
+    kind : name of the format
     """
     text = line.strip()[:40]
     return MeshError(

@@ -16,10 +16,10 @@ class FacetEdges:
 
     Attributes
     ----------
-    points : (point, xyz) f8 [m], corners of facets in body axes, each position once.
-    ends : (edge, 2) i4, points at both ends.
-    facets : (edge, 2) i4, the two facets; the second is `NONE` on a rim, and where more than two meet.
-    beyond : (edge, 2) i4, the third corner of each of them.
+    points : (point, xyz) f8 [m], corners of facets in body axes, each position once
+    ends : (edge, 2) i4, points at both ends
+    facets : (edge, 2) i4, the two facets; the second is `NONE` on a rim, and where more than two meet
+    beyond : (edge, 2) i4, the third corner of each of them
     """
 
     points: np.ndarray

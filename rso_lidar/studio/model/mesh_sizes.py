@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene import Mesh, format_count, is_mesh_path, list_units, load_mesh
+from rso_lidar.scene import Mesh, is_mesh_path, list_units, load_mesh
 from rso_lidar.studio.model.root_folder import Folder
 from rso_lidar.studio.model.text_assessment import check_file
+from rso_lidar.units import format_count
 
 
 def list_mesh_sizes(name: str, folder: Folder) -> list[tuple[str, str, float]]:

@@ -10,10 +10,11 @@ from rso_lidar.errors import RsoLidarError, ScenarioError, collect_warnings, sup
 from rso_lidar.files import explain_unreadable
 from rso_lidar.part import parse_toml
 from rso_lidar.scenario import Scenario, iterate_named_files, iterate_texts, list_named_code, parse_frames
-from rso_lidar.scene import format_count, model
+from rso_lidar.scene import model
 from rso_lidar.shipped import find, is_shipped
 from rso_lidar.studio.model.problem_place import locate_problem
 from rso_lidar.studio.model.root_folder import Folder
+from rso_lidar.units import format_count
 
 _CODE = re.compile(r"\bdynamics\b|\bfmu\b", re.IGNORECASE)  # fields and files that hold Python or native code
 

@@ -8,7 +8,8 @@ import tomllib
 from typing import Any
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import parse_toml, split_place
+from rso_lidar.part import parse_toml
+from rso_lidar.studio.model.problem_place import split_place
 
 _Steps = tuple[str | int, ...]
 
