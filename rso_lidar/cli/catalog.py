@@ -15,8 +15,8 @@ from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence, read_element_sets
-from rso_lidar.scene import format_count
 from rso_lidar.study import estimate_set_errors
+from rso_lidar.units import format_count
 
 _FIRST = 10  # problems shown without --problems
 
