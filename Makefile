@@ -111,7 +111,7 @@ calibrate: $(VENV)/.installed ## solve the constants of the shipped detectors th
 	$(BIN)/python -m rso_lidar.detector.bench.calibration
 
 models: $(VENV)/.installed ## build the models in models/ anew
-	$(BIN)/python -m rso_lidar.shapes.write
+	$(BIN)/python -m models.build.write
 
 bench: export RSO_LIDAR_SHARED ?= $(abspath $(wildcard ../shared))
 bench: $(VENV)/.installed ## measure how fast it is, stage by stage and beside peers that are installed

@@ -24,7 +24,6 @@ import numpy as np
 from benchmarks import scenes
 from benchmarks.report import Findings, table, write
 from rso_lidar.scene import Mesh, load_mesh, models
-from rso_lidar.shapes import builders
 
 SEED = 7
 CELLS = 400  # along the longest side of a craft: 5 cm for 20 m
@@ -211,7 +210,7 @@ def run(names: Sequence[str], number: int) -> Findings:
 
 def main() -> None:
     """Measure what is asked for, and tell."""
-    ready = [name for name in PLACES if name in builders() and (scenes.NASA / f"{name}.stl").is_file()]
+    ready = [name for name in PLACES if name in models() and (scenes.NASA / f"{name}.stl").is_file()]
     parser = argparse.ArgumentParser(prog="python -m benchmarks.silhouettes", description=__doc__.partition("\n")[0])
     parser.add_argument("--views", type=int, default=100, metavar="N", help="directions to look from (100 by default)")
     parser.add_argument("--only", nargs="+", choices=ready, default=ready, metavar="NAME", help="of these craft only")

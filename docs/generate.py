@@ -23,18 +23,18 @@ from typing import Any, get_args, get_origin
 import numpy as np
 
 import rso_lidar as rl
+from models.build.materials import MATERIALS
+from models.build.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar import part, records
 from rso_lidar.dataset.shards.layout import LabelledFrame
 from rso_lidar.dataset.specification.distributions import Law
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.loop.service.requests import REQUESTS, CommandRequest
-from rso_lidar.mission_analysis import WAVELENGTHS_NM, list_materials
+from rso_lidar.mission_analysis import list_materials
 from rso_lidar.part import describe_type
 from rso_lidar.records import PART_CLASSES
 from rso_lidar.scenario import load_presets
-from rso_lidar.shapes import MATERIALS
-from rso_lidar.shapes.measured import MEASUREMENTS, SOLAR, total_reflectance
 from rso_lidar.study import Requirements, Study
 from rso_lidar.study.trades.merits import MERITS
 
@@ -695,10 +695,19 @@ def measured_materials() -> str:
 def shipped_materials() -> str:
     """Return the materials: what each is, its kind of BRDF, reflectance, and how well that is known."""
     rows = [
-        (f"`{line.name}`", line.what, line.kind, *(f"{share:.3g}" for share in line.reflectance), line.confidence)
+        (
+            f"`{line.name}`",
+            line.what,
+            line.kind,
+            *(f"{share:.3g}" for share in line.reflectance.values()),
+            line.confidence,
+        )
         for line in list_materials()
     ]
-    return _table(("material", "what it is", "BRDF", *(f"{nm:g} nm" for nm in WAVELENGTHS_NM), "confidence"), rows)
+    return _table(
+        ("material", "what it is", "BRDF", *(f"{nm:g} nm" for nm in list_materials()[0].reflectance), "confidence"),
+        rows,
+    )
 
 
 def model_sources() -> str:
@@ -774,7 +783,7 @@ def rooms() -> str:
     blocks = []
     for room in (name for layer in layers["rso_lidar"] for name in layer):
         folder, package = DOCS.parent / "rso_lidar" / room, f"rso_lidar.{room}"
-        if not folder.is_dir() or room in ("cli", "shapes"):
+        if not folder.is_dir() or room == "cli":
             continue
         if package in layers:
             table = _table(("floor", "part", "idea"), _floor_rows(package, layers[package]))

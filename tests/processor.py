@@ -34,11 +34,14 @@ def dispatched() -> list[str]:
 
 # Folders of tests that compare numbers. Those of rooms that compute them are repeated; `tolerances` examines all.
 REPEATED = (
-    "shapes", "golden", "property", "physics", "orbit", "rpo", "motion", "track", "optics", "scene", "detector", "sensors",
-    "simulation", "records",
+    "shapes", "models", "golden", "property", "physics", "orbit", "rpo", "motion", "track", "optics", "scene", "detector",
+    "sensors", "simulation", "records",
 )  # fmt: skip
 LEFT_OUT = {
-    "study": "sums, ranks and draws what the rooms above compute",
+    "study": "sums and ranks what the rooms above compute",
+    "mission_analysis": "sums and draws what they compute",
+    "evaluation": "compares what they computed with its truth",
+    "studio": "compares places on a page",
     "scenario": "composes, describes and checks what they compute",
     "dataset": "compares draws by their statistics",
     "loop": "compares flights with flights on the same processor",

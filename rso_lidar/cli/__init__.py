@@ -37,7 +37,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 
     Parameters
     ----------
-    arguments : words of the command line, those of the process by default.
+    arguments : words of the command line, those of the process by default
     """
     _collect_garbage_less_often()
     warnings.showwarning = _show_warning
@@ -127,8 +127,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_place: Any,
 
     Parameters
     ----------
-    message, category : the warning and its class.
-    *_place, **_more : where it was raised; not printed.
+    *_place, **_more : where it was raised; not printed
     """
     # Libraries break the lines of their warnings.
     line = (

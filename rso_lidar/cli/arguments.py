@@ -67,9 +67,10 @@ def name_options(*arguments: str) -> Iterator[None]:
         yield
     except ScenarioError as error:
         place, colon, rest = str(error).partition(":")
-        if not colon or place not in arguments:
+        argument, space, value = place.partition(" ")
+        if not colon or argument not in arguments:
             raise
-        raise ScenarioError(f"--{place.replace('_', '-')}:{rest}") from None
+        raise ScenarioError(f"--{argument.replace('_', '-')}{space}{value}:{rest}") from None
 
 
 def parse_length_m(option: str, text: str) -> float:

@@ -11,8 +11,8 @@ from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable
-from rso_lidar.mission_analysis import BUDGET_SUFFIXES, FINDING_ATTITUDES, find_range
-from rso_lidar.picture import Scheme
+from rso_lidar.mission_analysis import find_range
+from rso_lidar.picture import RESULT_SUFFIXES, Scheme
 from rso_lidar.scenario import Finding, Lidar, Scenario, load_presets, validate_toml
 from rso_lidar.study import budget as worked_out
 
@@ -80,7 +80,7 @@ def budget(
     The values are in closed form, for a pixel filled by the target. With --find, solve how far a body is found.
     """
     if output is not None:
-        output = check_writable(output, BUDGET_SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, RESULT_SUFFIXES, overwrite=overwrite)
     scheme = choose_scheme(dark, [output])
     of_pixel = {
         "--material": material,
@@ -143,10 +143,8 @@ def _find(
 
     Parameters
     ----------
-    camera, body, probability, range_m : as for `find_range`.
-    pixels, flashes, attitudes : as the user gave them.
-    output : picture or table, None for neither.
-    scheme : colours of a picture.
+    camera, body, probability, range_m : as for `find_range`
+    output : picture or table, None for neither
     """
     finding = camera.finding if isinstance(camera, Scenario) else Finding()
     if pixels is not None:
@@ -160,12 +158,12 @@ def _find(
         if not 1 <= int(needed) <= int(every) <= 1000:
             raise ScenarioError(f"--flashes {flashes}: is not k of n; give 1 to n of at most 1000 flashes")
         finding = finding.replace(needed=int(needed), flashes=int(every))
-    in_run, number = attitudes == "run", FINDING_ATTITUDES
+    in_run = attitudes == "run"
+    chosen: dict[str, Any] = {"probability": probability, "range_m": range_m, "in_run": in_run}
     if attitudes is not None and not in_run:
         if not (attitudes.isascii() and attitudes.isdigit()) or not 1 <= int(attitudes) <= 100_000:
             raise ScenarioError(f"--attitudes {attitudes}: is not a number of attitudes; give 1 to 100000, or run")
-        number = int(attitudes)
-    chosen: dict[str, Any] = {"probability": probability, "range_m": range_m, "attitudes": number, "in_run": in_run}
+        chosen["attitudes"] = int(attitudes)
     made = find_range(camera, body, finding=finding, **chosen)
     echo(made.table())
     if output is not None:
@@ -178,8 +176,8 @@ def _load_camera(text: str, settings: tuple[str, ...], *, trust_code: bool, trus
 
     Parameters
     ----------
-    text, settings : name of a camera or path of a scenario, and `key=value` of fields.
-    trust_code, trust_fmu : as for `Scenario.load`.
+    text, settings : name of a camera or path of a scenario, and `key=value` of fields
+    trust_code, trust_fmu : as for `Scenario.load`
     """
     if text in load_presets():
         return validate_toml(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text

@@ -14,8 +14,8 @@ from rso_lidar.cli.completion import list_regimes
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_atomically
-from rso_lidar.mission_analysis import format_count
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence, read_element_sets
+from rso_lidar.scene import format_count
 from rso_lidar.study import estimate_set_errors
 
 _FIRST = 10  # problems shown without --problems
@@ -124,8 +124,7 @@ def _check_known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
 
     Parameters
     ----------
-    whole, file : the catalogue, and its file for the message.
-    numbers : catalogue numbers.
+    whole, file : the catalogue, and its file for the message
 
     Raises
     ------
@@ -204,8 +203,7 @@ def _summarise(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
 
     Parameters
     ----------
-    file, whole, chosen : the file, its catalogue, and the selected sets.
-    count : number of selected objects.
+    file, whole, chosen : the file, its catalogue, and the selected sets
     """
     left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them requested)"
     return (

@@ -7,9 +7,8 @@ from rso_lidar.errors import RsoLidarError
 from rso_lidar.export import FORMATS
 from rso_lidar.orbit import Catalog
 from rso_lidar.records import ObjectClass, ShapeFamily, Stabilisation
-from rso_lidar.scenario import load_presets
+from rso_lidar.scenario import find_examples, load_presets
 from rso_lidar.scene import models, own_models
-from rso_lidar.shipped import shipped
 
 
 def _select(words: Iterable[str], incomplete: str) -> list[str]:
@@ -23,7 +22,7 @@ def list_cameras(incomplete: str) -> list[str]:
 
 def list_examples(incomplete: str) -> list[str]:
     """Return the shipped examples."""
-    return _select(sorted(file.stem for file in shipped("examples").glob("*.toml")), incomplete)
+    return _select(find_examples(), incomplete)
 
 
 def list_formats(incomplete: str) -> list[str]:

@@ -25,7 +25,7 @@ def make_console(least_width: int = 0) -> Console:
 
     Parameters
     ----------
-    least_width : columns that tables need. Narrower terminals wrap lines. Files and pipes get all columns.
+    least_width : columns that tables need. Narrower terminals wrap lines. Files and pipes get all columns
     """
     plain = {"markup": False, "emoji": False, "highlight": False}
     console = _Literal(**plain)  # type: ignore[arg-type]

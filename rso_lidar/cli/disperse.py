@@ -27,7 +27,6 @@ from rso_lidar.picture import RESULT_SUFFIXES
 from rso_lidar.processes import open_dask_client
 from rso_lidar.scenario import Scenario
 from rso_lidar.study import disperse as disperse_mission
-from rso_lidar.study import identify_runs
 
 
 def disperse(
@@ -92,7 +91,8 @@ def disperse(
     made.save(output, scheme)
     if tubes is not None:
         made.save_tubes(tubes)
-    Path(f"{working}.{identify_runs(scenario, made.target)}.npz").unlink(missing_ok=True)
+    if made.kept is not None:
+        made.kept.unlink(missing_ok=True)
     for line in made.describe().splitlines():
         echo(line)
     for place in (output, *([tubes] if tubes is not None else [])):

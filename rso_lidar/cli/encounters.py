@@ -1,14 +1,11 @@
 """`rso-lidar encounters`: close approaches of one object to others, or of any two."""
 
-import datetime
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
-from rso_lidar import picture, units
 from rso_lidar.cli.arguments import (
     Dark,
     Overwrite,
@@ -25,8 +22,7 @@ from rso_lidar.cli.console import make_console
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_text
-from rso_lidar.mission_analysis import LEFT_HEADS, MAX_SLEW_DEG_S, encounter_figure, format_count, load_follower
-from rso_lidar.picture import FIGURE_SUFFIXES, Scheme
+from rso_lidar.picture import FIGURE_SUFFIXES, save_figure
 from rso_lidar.scenario import Constraints, Finding, Lidar, Scenario, load_presets
 from rso_lidar.study import Encounters, ViewedPlate, scenario_text
 from rso_lidar.study import encounters as find
@@ -129,7 +125,7 @@ def encounters(
     ] = 0.0,
     max_slew: Annotated[
         float, typer.Option("--max-slew", metavar="DEG_S", help="Greatest rate of the line of sight (deg/s).")
-    ] = MAX_SLEW_DEG_S,
+    ] = 2.0,
     sort: Annotated[
         str, typer.Option("--sort", help="Order: range, time or speed.", autocompletion=lambda: list(_ORDERS))
     ] = "range",
@@ -187,11 +183,10 @@ def encounters(
             if suffix and place.suffix.lower() != suffix:
                 raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
             check_writable(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
-    trusted = {"trust_code": trust_code, "trust_fmu": trust_fmu}
     with name_options(*_ARGUMENTS):
         table = find(
             catalog[0] if len(catalog) == 1 else catalog,
-            _choose_follower(follower, trusted),
+            Path(follower) if follower is not None and Path(follower).is_file() else follower,
             within_m=within_m,
             start_utc=start_utc,
             days=days,
@@ -205,13 +200,14 @@ def encounters(
             limit=limit,
             plate=plate,
             finding=finding,
-            **trusted,
+            trust_code=trust_code,
+            trust_fmu=trust_fmu,
         )
     _print_table(table)
     if csv is not None:
         echo(f"{table.csv(csv, overwrite=overwrite)}")
     if plot is not None and not all(row.docked for row in table.rows):
-        echo(f"{_draw(table, plot, scheme)}")
+        echo(f"{save_figure(table.figure(), plot, scheme=scheme)}")
     elif plot is not None:
         echo("no picture written: no encounter to draw", err=True)
     # Last: a row without a scenario, such as docked craft, costs neither the table nor the files above.
@@ -233,7 +229,7 @@ def _print_table(table: Encounters) -> None:
     fit = choose_columns(heads, rows, console.width)
     shown = Table(box=None, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
     for k in fit:
-        left = heads[k] in LEFT_HEADS
+        left = heads[k] in table.TEXT_HEADS
         shown.add_column(heads[k], justify="left" if left else "right", no_wrap=True, overflow="ellipsis")
     for row in rows:
         shown.add_row(*(row[k] for k in fit))
@@ -251,9 +247,9 @@ def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
 
     Parameters
     ----------
-    heads : heads of all columns.
-    rows : rows of text, each with a cell for every head.
-    width : columns of characters.
+    heads : heads of all columns
+    rows : rows of text, each with a cell for every head
+    width : columns of characters
 
     Returns
     -------
@@ -271,35 +267,6 @@ def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
     return sorted(chosen)
 
 
-def _draw(table: Encounters, place: Path, scheme: Scheme) -> Path:
-    """Draw the encounters of a table, write the figure and return its path.
-
-    Parameters
-    ----------
-    table : what is drawn; docked pairs are left out.
-    place : path of the figure.
-    scheme : of the figure, light or dark.
-    """
-    rows = [row for row in table.rows if not row.docked]
-    start = np.datetime64(table.start_utc.astimezone(datetime.UTC).replace(tzinfo=None), "ms")
-    figure = encounter_figure(
-        start + np.array([round(1e3 * row.time_s) for row in rows]).astype("timedelta64[ms]"),
-        np.array([row.range_m for row in rows]),
-        np.array([row.speed_m_s for row in rows]),
-        np.array([row.sunlit_fraction >= 0.5 for row in rows]),
-        [row.label if table.follower else f"{row.follower_label}, {row.label}" for row in rows],
-        table.within_m,
-        table.reach_m[1],
-        f"Encounters of {(table.follower.name or table.follower.label) if table.follower else 'all pairs'}",
-        f"{format_count(len(rows), 'encounter')} within {table.within_m / units.KM:g} km of "
-        f"{format_count(table.screened, 'object')}   ·   "
-        f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}"
-        + ("   ·   element sets are good to a kilometre" if table.has_element_sets else ""),
-        window_utc=(start, start + np.timedelta64(round(units.DAY_S * 1e3 * table.days), "ms")),
-    )
-    return picture.save_figure(figure, place, scheme=scheme)
-
-
 def _load_camera(text: str) -> tuple[Lidar, Constraints | None, Finding | None, float | None]:
     """Load a camera by name, or camera, constraints, finding and frames per second of a scenario file."""
     camera, asked = load_lidar(text)
@@ -309,11 +276,6 @@ def _load_camera(text: str) -> tuple[Lidar, Constraints | None, Finding | None, 
     return camera, asked, scenario.finding, scenario.time.frame_rate_hz
 
 
-def _choose_follower(text: str | None, trusted: dict[str, bool]) -> Any:
-    """Return the follower of an option: a number or a name, or what a file of one object holds."""
-    return load_follower(text, **trusted) if text is not None and Path(text).is_file() else text
-
-
 def _choose_constraints(
     asked: Constraints | None, angles_deg: Mapping[str, float | None], keep_out_m: float | None
 ) -> Constraints | None:
@@ -321,9 +283,9 @@ def _choose_constraints(
 
     Parameters
     ----------
-    asked : constraints of the scenario file, if any.
-    angles_deg : angles of options, by name [deg].
-    keep_out_m : keep-out distance of an option [m].
+    asked : constraints of the scenario file, if any
+    angles_deg : angles of options, by name [deg]
+    keep_out_m : keep-out distance of an option [m]
     """
     changes: dict[str, Any] = {}
     for name, angle in angles_deg.items():

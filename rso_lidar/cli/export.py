@@ -77,13 +77,7 @@ def export(
 
 
 def _summarise(to: Path, wanted: Format, count: int, held: int) -> str:
-    """Summarise an export in one line.
-
-    Parameters
-    ----------
-    to, wanted : the output, and its format.
-    count, held : frames written, and frames in the recording.
-    """
+    """Summarise an export in one line."""
     kept = f"{count} frames" if count == held else f"{count} of {held} frames"
     size = count_bytes(to)
     text = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"

@@ -79,13 +79,7 @@ def _describe_more(frames: export.Recording, first: Frame) -> list[str]:
 
 
 def _describe_sensor(name: str, samples: SensorSamples) -> str:
-    """Describe the samples of a sensor: what they are, how many, their rate, and how many are valid.
-
-    Parameters
-    ----------
-    name : of the sensor.
-    samples : of the whole recording.
-    """
+    """Describe the samples of a sensor: what they are, how many, their rate, and how many are valid."""
     count, text = len(samples.time_s), f"{name}: {type(samples).__name__}"
     if not count:
         return f"{text}, no samples"

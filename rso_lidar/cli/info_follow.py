@@ -16,9 +16,9 @@ def follow_recording(recording: Path, every_s: float, timeout_s: float | None) -
 
     Parameters
     ----------
-    recording : path, final or temporary.
-    every_s : time between two lines [s].
-    timeout_s : greatest time to wait [s].
+    recording : path, final or temporary
+    every_s : time between two lines [s]
+    timeout_s : greatest time to wait [s]
     """
     for what, seconds in (("--every", every_s), ("--timeout", timeout_s)):
         if seconds is not None and not 0.0 < seconds < float("inf"):

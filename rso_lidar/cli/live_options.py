@@ -36,8 +36,8 @@ def open_live_view(
 
     Parameters
     ----------
-    scenario : that is shown.
-    live, address, viewer, origins : the options; any of them asks for a view.
+    scenario : that is shown
+    live, address, viewer, origins : the options; any of them asks for a view
     """
     if not live and address is None and viewer is None and not origins:
         return None

@@ -12,7 +12,7 @@ from rso_lidar.cli.completion import list_examples
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, check_writable, write_atomically
-from rso_lidar.scenario import find_companions, find_examples, rename_example, summarize_example
+from rso_lidar.scenario import Example, find_examples
 
 _DEFAULT = "tdrs_approach"
 
@@ -37,10 +37,9 @@ def new(
             echo(line)
         return
     source = known[example]
-    text = source.read_text(encoding="utf-8")
     place = check_writable(_check_place(name), (".toml",), overwrite=overwrite)
-    written = {place: _replace_head(text, place, example).encode()}
-    for companion in find_companions(text, source.parent):
+    written = {place: _replace_head(source, place).encode()}
+    for companion in source.companions:
         target = place.parent / companion.name
         if not target.is_file() or target.read_bytes() != companion.read_bytes():  # the same file may stay
             written[check_writable(target, overwrite=overwrite)] = companion.read_bytes()
@@ -49,7 +48,7 @@ def new(
             draft.write_bytes(content)
     for target in written:
         echo(f"{target}")
-    echo(f"from: {source}; its twin {source.stem}.py, there too, is the same in Python")
+    echo(f"from: {source.path}; its twin {source.name}.py, there too, is the same in Python")
     file, recording = shlex.quote(str(place)), shlex.quote(str(place.with_suffix(".h5")))
     echo(f"next: edit it; rso-lidar check {file}; rso-lidar run {file} -o {recording}")
 
@@ -65,23 +64,16 @@ def _check_place(name: str) -> Path:
     return place  # `free` expands a leading ~
 
 
-def _list_examples(known: dict[str, Path]) -> Iterator[str]:
+def _list_examples(known: dict[str, Example]) -> Iterator[str]:
     """Yield a line per example: its name, and the first sentence of the comment at the top of the file."""
     width = max(map(len, known))
-    for name, file in known.items():
-        yield f"{name:<{width}}  {summarize_example(file.read_text(encoding='utf-8'))}"
+    for name, one in known.items():
+        yield f"{name:<{width}}  {one.summary}"
     yield f"\nwrite one to edit: rso-lidar new NAME --from EXAMPLE ({_DEFAULT} if left out)"
 
 
-def _replace_head(text: str, place: Path, example: str) -> str:
-    """Return the text of an example with instructions at the top and its own `name`.
-
-    Parameters
-    ----------
-    text : of the example.
-    place : of the new file.
-    example : name of the example.
-    """
+def _replace_head(example: Example, place: Path) -> str:
+    """Return the text of an example with instructions at the top, and the name of the new file as its title."""
     file, recording = shlex.quote(place.name), shlex.quote(f"{place.stem}.h5")
     hints = {
         f"rso-lidar check {file}": "orbit, geometry, link budget, warnings",
@@ -90,6 +82,6 @@ def _replace_head(text: str, place: Path, example: str) -> str:
         "rso-lidar models": "what can be flown past; a path flies a mesh of your own",
     }
     width = max(map(len, hints))
-    head = [f"# Made by `rso-lidar new --from {example}`. A key that is left out takes its default."]
+    head = [f"# Made by `rso-lidar new --from {example.name}`. A key that is left out takes its default."]
     head += [f"#   {command:<{width}}   {what}" for command, what in hints.items()]
-    return "\n".join([*head, "#", rename_example(text, place.stem)])
+    return "\n".join([*head, "#", example.rename(place.stem)])

@@ -9,7 +9,7 @@ from rso_lidar.cli.arguments import Overwrite, ScenarioFile, Settings, TrustCode
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable
-from rso_lidar.mission_analysis import PARAMETER_SUFFIXES, list_parameters
+from rso_lidar.mission_analysis import ParameterTable, list_parameters
 from rso_lidar.scenario import Scenario
 from rso_lidar.study import Requirements, write_requirements
 
@@ -33,7 +33,7 @@ def parameters(
 ) -> None:
     """List all parameters of a scenario and figures derived from them. Each has its unit, meaning, default and source."""
     if output is not None:
-        output = check_writable(output, PARAMETER_SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, ParameterTable.SUFFIXES, overwrite=overwrite)
     if requirements is not None and (output is None or output.suffix.lower() != ".sysml"):
         raise ScenarioError("--requirements: goes with -o FILE.sysml; `rso-lidar requirements` verifies them")
     made = list_parameters(Scenario.load(file, tuple(settings or ()), trust_code=trust_code, trust_fmu=trust_fmu))

@@ -29,10 +29,10 @@ def show_progress(total: int, done: int, doing: str = "flying", of: str = "frame
 
     Parameters
     ----------
-    total : number of items.
-    done : number of items that were there before.
-    doing : participle for the bar.
-    of : noun for an item.
+    total : number of items
+    done : number of items that were there before
+    doing : participle for the bar
+    of : noun for an item
     """
     if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(total, done, of)
@@ -84,8 +84,8 @@ def count_steps(doing: str, of: str) -> Iterator[Callable[[int, int], None]]:
 
     Parameters
     ----------
-    doing : participle for the bar.
-    of : noun for a step.
+    doing : participle for the bar
+    of : noun for a step
     """
     with ExitStack() as stack:
         bar: Bar | None = None
@@ -131,8 +131,8 @@ class _Lines:
 
         Parameters
         ----------
-        total, done : frames of the run, and frames that exist already.
-        of : text after the numbers, such as the name of the output.
+        total, done : frames of the run, and frames that exist already
+        of : text after the numbers, such as the name of the output
         """
         self._total, self._done, self._of = total, done, of
         self._said = time.monotonic()

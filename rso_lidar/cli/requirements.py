@@ -13,7 +13,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable
 from rso_lidar.part import parse_toml
 from rso_lidar.scenario import Scenario, read_toml
-from rso_lidar.study import VERIFICATION_SUFFIXES, Requirements, Study, VerificationMatrix, verify
+from rso_lidar.study import Requirements, Study, VerificationMatrix, verify
 
 _OF_STUDY = ("axis", "merits")  # keys that a study has, and no scenario
 
@@ -41,7 +41,7 @@ def requirements(
 
     The exit status is 0 if all are met, and 1 if one is not met or not shown.
     """
-    places = [check_writable(place, VERIFICATION_SUFFIXES, overwrite=overwrite) for place in output or ()]
+    places = [check_writable(place, VerificationMatrix.SUFFIXES, overwrite=overwrite) for place in output or ()]
     asked = Requirements.load(file)
     made = _verify(asked, subject, tuple(settings or ()), workers, trust_code=trust_code, trust_fmu=trust_fmu)
     for place in places:
@@ -66,10 +66,8 @@ def _verify(
 
     Parameters
     ----------
-    asked, subject : the requirements, and the file of the subject.
-    settings : fields of the scenario to change.
-    workers : processes of a study.
-    trust_code, trust_fmu : as for `Scenario.load`, of a scenario or a study.
+    asked, subject : the requirements, and the file of the subject
+    trust_code, trust_fmu : as for `Scenario.load`, of a scenario or a study
     """
     is_toml = subject.suffix.lower() == ".toml"
     is_study = is_toml and any(key in parse_toml(read_toml(subject), subject.name, ScenarioError) for key in _OF_STUDY)

@@ -116,9 +116,7 @@ def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool
 
     Parameters
     ----------
-    recorder : of the run.
-    count : number of frames of the whole run.
-    resume : whether the run continued an older one.
+    resume : whether the run continued an older one
     """
     if not recorder.temporary.exists():
         return f"all {count} frames are in {recorder.path}" if recorder.written == count else "no frame was recorded"
@@ -158,9 +156,7 @@ def _is_complete(output: Path, scenario: Scenario, numbers: np.ndarray, kept: tu
 
     Parameters
     ----------
-    output : path of the recording.
-    scenario, numbers : the scenario, and the indices of its frames.
-    kept : names of intermediate records.
+    scenario, numbers : the scenario, and the indices of its frames
     """
     if not output.is_file():
         return False

@@ -15,7 +15,6 @@ from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError
 from rso_lidar.loop import (
-    DEADLINE_POLICIES,
     Deadlines,
     FlightRecorder,
     Security,
@@ -51,7 +50,7 @@ def serve(
             "--late",
             metavar="POLICY",
             help="At a missed deadline: slip the later ones, skip flashes to catch up, or fail.",
-            autocompletion=lambda: list(DEADLINE_POLICIES),
+            autocompletion=lambda: list(Deadlines.POLICIES),
         ),
     ] = "slip",
     truth: Annotated[bool, typer.Option("--truth", help="Answer requests for the truth.")] = False,
@@ -82,8 +81,8 @@ def serve(
     import_zmq("serve")
     token = read_token(token_file) if token_file else os.environ.get(_TOKEN) or None
     security = Security(token, curve_key, curve_clients)
-    if late not in DEADLINE_POLICIES:
-        raise ScenarioError(f"--late {late}: is not {', '.join(DEADLINE_POLICIES)}")
+    if late not in Deadlines.POLICIES:
+        raise ScenarioError(f"--late {late}: is not {', '.join(Deadlines.POLICIES)}")
     deadlines = None if real_time is None else Deadlines(real_time, late)
     scenario = Scenario.load(file, join_settings(settings, seed), trust_code=trust_code, trust_fmu=trust_fmu)
     recorder = FlightRecorder(output, overwrite=overwrite) if output else None

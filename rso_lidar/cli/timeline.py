@@ -62,9 +62,8 @@ def _summarise(made: Timeline, mirrored: bool, finding: str) -> list[str]:
 
     Parameters
     ----------
-    made : the timeline.
-    mirrored : whether the target has retro-reflectors.
-    finding : when the target counts as found, in words.
+    mirrored : whether the target has retro-reflectors
+    finding : when the target counts as found, in words
     """
     table = made.table
     time_s, range_m = table["time_s"], table["range_m"]

@@ -11,7 +11,7 @@ from rso_lidar.cli.arguments import Dark, Overwrite, RecordedFrames, RecordingFi
 from rso_lidar.cli.progress import count_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
-from rso_lidar.evaluation import TRACKED_QUANTITIES, TRACKING_AXES, Tracking, tracking
+from rso_lidar.evaluation import Tracking, tracking
 from rso_lidar.files import check_writable
 from rso_lidar.picture import RESULT_SUFFIXES
 from rso_lidar.track import FEWEST_POSE_POINTS, nis_bounds
@@ -73,21 +73,21 @@ def summarise(made: Tracking, *, icp: bool = True) -> list[str]:
         f"{made.target}: {seen:,} of {table['time_s'].size:,} frames with a fix; range noise {made.range_noise_m:.3g} m, "
         f"process noise {made.acceleration_m_s2_sqrt_hz:g} m/s2/sqrt(Hz)",
         f"{'':<20}{'rms error [m], of that bias / spread':>60}",
-        f"{'':<20}" + "".join(f"{axis:>27}" for axis in TRACKING_AXES),
+        f"{'':<20}" + "".join(f"{axis:>27}" for axis in made.AXES),
     ]
-    for name, word in {"centroid": "centroid", **{kind: TRACKED_QUANTITIES[kind] for kind in made.tracks}}.items():
+    for name, word in {"centroid": "centroid", **{kind: made.FILTERS[kind] for kind in made.tracks}}.items():
         lines.append(
-            f"{word:<20}" + "".join(f"{_format_rms(table[f'{name}_error_{axis}_m']):>27}" for axis in TRACKING_AXES)
+            f"{word:<20}" + "".join(f"{_format_rms(table[f'{name}_error_{axis}_m']):>27}" for axis in made.AXES)
         )
     for kind, track in made.tracks.items():
         count = int(np.isfinite(track.nis).sum())
         if not count:
-            lines.append(f"{TRACKED_QUANTITIES[kind]:<20}no NIS: it takes two fixes")
+            lines.append(f"{made.FILTERS[kind]:<20}no NIS: it takes two fixes")
             continue
-        speed = np.linalg.norm([table[f"{kind}_velocity_error_{axis}_m_s"] for axis in TRACKING_AXES], axis=0)
+        speed = np.linalg.norm([table[f"{kind}_velocity_error_{axis}_m_s"] for axis in made.AXES], axis=0)
         low, high = nis_bounds(count)
         lines.append(
-            f"{TRACKED_QUANTITIES[kind]:<20}NIS mean {track.nis_mean:.2f} (95 % bounds {low:.2f} to {high:.2f}), "
+            f"{made.FILTERS[kind]:<20}NIS mean {track.nis_mean:.2f} (95 % bounds {low:.2f} to {high:.2f}), "
             f"{track.nis_share:.0%} inside its bounds; velocity, median error {np.nanmedian(speed):.3g} m/s"
         )
         verdict = describe_consistency(track.nis_mean, count)
@@ -124,8 +124,8 @@ def describe_consistency(nis_mean: float, count: int) -> str:
 
     Parameters
     ----------
-    nis_mean : mean of the normalised innovations squared of a filter with three measured coordinates.
-    count : number of innovations in the mean.
+    nis_mean : mean of the normalised innovations squared of a filter with three measured coordinates
+    count : number of innovations in the mean
 
     Notes
     -----

@@ -11,21 +11,11 @@ from rso_lidar.cli.arguments import Dark, Overwrite, TrustCode, TrustFmu, choose
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.export import check_parquet
 from rso_lidar.files import check_suffix, check_writable, write_atomically
 from rso_lidar.interruption import set_advice
 from rso_lidar.picture import Scheme
-from rso_lidar.study import (
-    TRADE_SUFFIXES,
-    RowFile,
-    Study,
-    Trade,
-    check_trade_formats,
-    make_trade_plan,
-    place_row_file,
-    run_rows,
-    summarize_trade,
-    tabulate_rows,
-)
+from rso_lidar.study import Study, Trade, TradeRun
 
 
 def trade(
@@ -73,33 +63,32 @@ def trade(
     new = output is not None and output.endswith(("/", os.sep)) and not os.path.lexists(Path(output))
     places = _choose_outputs(file, output, new=new)
     if not new:
-        places = [check_writable(place, TRADE_SUFFIXES, overwrite=overwrite) for place in places]
-    check_trade_formats(places)
-    many = workers is not None and workers > 1
-    plan, base = make_trade_plan(study, 1 if many else None, trust_code=trust_code, trust_fmu=trust_fmu)
+        places = [check_writable(place, Trade.SUFFIXES, overwrite=overwrite) for place in places]
+    for place in places:
+        if place.suffix.lower() == ".parquet":
+            check_parquet(place)
+    run = TradeRun(study, workers=workers, working=places[0], trust_code=trust_code, trust_fmu=trust_fmu)
     if new:
         _make_folder(places[0].parent)
-    kept = place_row_file(places[0], plan, base)
-    _report_other_files(kept)
-    rows = RowFile(kept, study.n_rows)
+    kept = run.kept
+    assert kept is not None  # it has a place to be kept beside
+    others = run.list_other_files()
+    if others and not kept.exists():
+        echo(f"starting again: {', '.join(others)} is of another study, scenario or version", err=True)
     set_advice(
-        lambda: to_one_line(
-            f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}; the same command goes on"
-        )
+        lambda: to_one_line(f"{run.n_done:,} of {run.n_rows:,} runs are kept in {kept}; the same command goes on")
     )
-    with rows.opened():
-        if rows.known:
-            echo(f"continuing after {len(rows.known):,} of {study.n_rows:,} runs")
-        with announce_compiling(), show_progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
-            for row in run_rows(plan, rows.known, workers):
-                rows.add(row)
-                bar.advance()
-        made = tabulate_rows(plan, base, rows.known)
+    with run:
+        if run.n_done:
+            echo(f"continuing after {run.n_done:,} of {run.n_rows:,} runs")
+        with announce_compiling(), show_progress(run.n_rows, run.n_done, "trading", of="run") as bar:
+            made = run.finish(lambda *_: bar.advance())
         _write(made, places, choose_scheme(dark))
         set_advice(lambda: to_one_line(f"the outputs {', '.join(map(str, places))} are written"))
         kept.unlink(missing_ok=True)
-    for line in (*summarize_trade(made), *map(str, places)):
-        echo(line)
+    echo(made.describe())
+    for place in places:
+        echo(f"{place}")
 
 
 def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
@@ -107,9 +96,8 @@ def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
 
     Parameters
     ----------
-    file : of the study.
-    given : path that the user gave, if any.
-    new : whether a folder that does not exist may be named.
+    given : path that the user gave, if any
+    new : whether a folder that does not exist may be named
     """
     try:
         output = Path(given or ".").expanduser()
@@ -118,7 +106,7 @@ def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
     if new or output.is_dir():
         stem = output / file.stem
         return [stem.with_name(f"{stem.name}{suffix}") for suffix in (".csv", ".html")]
-    check_suffix(output, TRADE_SUFFIXES)
+    check_suffix(output, Trade.SUFFIXES)
     places = [output.with_suffix(".csv"), output.with_suffix(".html")]
     return [*places, output] if output.suffix.lower() == ".parquet" else places
 
@@ -134,24 +122,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _write(made: Trade, places: list[Path], scheme: Scheme) -> None:
-    """Write all outputs under temporary names, and rename them when the last is complete.
-
-    Parameters
-    ----------
-    made : the trade.
-    places : paths of the outputs.
-    scheme : of figures and pages, light or dark.
-    """
+    """Write all outputs under temporary names, and rename them when the last is complete."""
     with ExitStack() as drafts:
         for place in places:
             made.save(drafts.enter_context(write_atomically(place)), scheme)
-
-
-def _report_other_files(kept: Path) -> None:
-    """Print the files beside an output that this study cannot continue from."""
-    start = kept.name.rpartition("-")[0]
-    others = [
-        one.name for one in sorted(kept.parent.iterdir()) if one.name.startswith(f"{start}-") and one.name != kept.name
-    ]
-    if others and not kept.exists():
-        echo(f"starting again: {', '.join(others)} is of another study, scenario or version", err=True)

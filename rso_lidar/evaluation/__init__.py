@@ -22,37 +22,34 @@ if TYPE_CHECKING:
         fit_own_orbit,
         fit_relative_orbit,
     )
-    from rso_lidar.evaluation.recorded_runs.conversion import save
+    from rso_lidar.evaluation.recorded_runs.conversion import (
+        save,
+    )
     from rso_lidar.evaluation.recorded_runs.display import (
-        VIEW_COLOURS,
-        VIEW_TOOLS,
         ViewerChoice,
-        choose_viewer,
-        show,
         view,
     )
-    from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
+    from rso_lidar.evaluation.recorded_runs.flown_scenario import (
+        load_scenario,
+    )
     from rso_lidar.evaluation.recorded_runs.frame_comparison import (
         FrameDifference,
         compare_frames,
-        find_frame,
-        locate_centers,
     )
-    from rso_lidar.evaluation.recorded_runs.globe import build_globe
-    from rso_lidar.evaluation.track_quality.evaluation import TRACKING_AXES, Tracking, tracking
-    from rso_lidar.evaluation.track_quality.target_mesh import sample_target
-    from rso_lidar.evaluation.track_quality.tracking_figure import TRACKED_QUANTITIES
+    from rso_lidar.evaluation.track_quality.evaluation import (
+        Tracking,
+        tracking,
+    )
+    from rso_lidar.evaluation.track_quality.target_mesh import (
+        sample_target,
+    )
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
     "HAZARD",
     "SAFE",
-    "TRACKED_QUANTITIES",
-    "TRACKING_AXES",
     "UNKNOWN",
-    "VIEW_COLOURS",
-    "VIEW_TOOLS",
     "ElevationMap",
     "FrameDifference",
     "MapAgreement",
@@ -60,21 +57,16 @@ __all__ = [
     "Tracking",
     "ViewerChoice",
     "build_elevation_map",
-    "build_globe",
     "build_true_elevation",
-    "choose_viewer",
     "compare_frames",
     "compare_maps",
-    "find_frame",
     "find_hazards",
     "find_true_relative_state",
     "fit_own_orbit",
     "fit_relative_orbit",
     "load_scenario",
-    "locate_centers",
     "sample_target",
     "save",
-    "show",
     "tracking",
     "view",
 ]

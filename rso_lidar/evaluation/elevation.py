@@ -85,11 +85,11 @@ def build_elevation_map(
 
     Parameters
     ----------
-    frames : a recording.
-    site : name of the axes.
-    size_m : side of the site [m].
-    cell_m : side of a cell [m].
-    navigated : function that returns the pose as navigated, from a frame and the true pose (None: the true pose).
+    frames : a recording
+    site : name of the axes
+    size_m : side of the site [m]
+    cell_m : side of a cell [m]
+    navigated : function that returns the pose as navigated, from a frame and the true pose (None: the true pose)
 
     Returns
     -------
@@ -131,10 +131,9 @@ def _reject_outliers(cell: np.ndarray, height: np.ndarray, n: int, coarse: int) 
 
     Parameters
     ----------
-    cell : (point) index of the cell.
-    height : (point) height [m].
-    n : cells along a side of the map.
-    coarse : cells along a side of a coarse square.
+    cell : (point) index of the cell
+    height : (point) height [m]
+    coarse : cells along a side of a coarse square
     """
     square = (cell // n) // coarse * n + (cell % n) // coarse
     order = np.lexsort((height, square))
@@ -151,8 +150,8 @@ def build_true_elevation(surface: Surface, like: ElevationMap) -> ElevationMap:
 
     Parameters
     ----------
-    surface : the ground.
-    like : the map that gives the grid.
+    surface : the ground
+    like : the map that gives the grid
 
     Returns
     -------
@@ -191,9 +190,9 @@ def compare_maps(
 
     Parameters
     ----------
-    found : the map.
-    truth : the true map on the same grid.
-    slopes_deg : limits of the classes [deg].
+    found : the map
+    truth : the true map on the same grid
+    slopes_deg : limits of the classes [deg]
 
     Returns
     -------
@@ -222,10 +221,10 @@ def find_hazards(ground: ElevationMap, footprint_m: float, slope_deg: float, rou
 
     Parameters
     ----------
-    ground : the map.
-    footprint_m : side of the lander's footprint [m].
-    slope_deg : greatest safe slope [deg].
-    roughness_m : greatest safe distance of a cell from the plane [m].
+    ground : the map
+    footprint_m : side of the lander's footprint [m]
+    slope_deg : greatest safe slope [deg]
+    roughness_m : greatest safe distance of a cell from the plane [m]
 
     Returns
     -------

@@ -5,12 +5,25 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
-    from rso_lidar.loop.fmus.fmu_controller import FmuController
-    from rso_lidar.loop.fmus.fmu_export import write_fmu
-    from rso_lidar.loop.live.live_view import LiveView
-    from rso_lidar.loop.live.queued_view import QueuedView
-    from rso_lidar.loop.live.rerun_view import RerunView
-    from rso_lidar.loop.network_address import NetworkAddress, parse_address
+    from rso_lidar.loop.fmus.fmu_controller import (
+        FmuController,
+    )
+    from rso_lidar.loop.fmus.fmu_export import (
+        write_fmu,
+    )
+    from rso_lidar.loop.live.live_view import (
+        LiveView,
+    )
+    from rso_lidar.loop.live.queued_view import (
+        QueuedView,
+    )
+    from rso_lidar.loop.live.rerun_view import (
+        RerunView,
+    )
+    from rso_lidar.loop.network_address import (
+        NetworkAddress,
+        parse_address,
+    )
     from rso_lidar.loop.service import (
         Client,
         Deadlines,
@@ -21,13 +34,14 @@ if TYPE_CHECKING:
         Session,
         repeat_flight,
     )
-    from rso_lidar.loop.service.deadlines import DEADLINE_POLICIES
-    from rso_lidar.loop.service.endpoints import import_zmq, read_token
+    from rso_lidar.loop.service.endpoints import (
+        import_zmq,
+        read_token,
+    )
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "DEADLINE_POLICIES",
     "Client",
     "Deadlines",
     "Delivery",

@@ -95,9 +95,9 @@ class Gateway:
 
         Parameters
         ----------
-        public : such as ``tcp://127.0.0.1:5571``, with a numeric host and port 0 for a free one, or ``ipc://lidar``.
-        backend : of the socket of the server.
-        make_limits : makes the limits of one connection.
+        public : such as ``tcp://127.0.0.1:5571``, with a numeric host and port 0 for a free one, or ``ipc://lidar``
+        backend : of the socket of the server
+        make_limits : makes the limits of one connection
 
         Raises
         ------
@@ -158,7 +158,7 @@ class Gateway:
 
         Parameters
         ----------
-        timeout_s : longest wait [s].
+        timeout_s : longest wait [s]
         """
         goes_on = True
         for key, events in self._selector.select(max(timeout_s, 0.0)):
@@ -211,8 +211,8 @@ class Gateway:
 
         Parameters
         ----------
-        connection, side : the connection, and the number of its socket: 0 is the client, 1 the server.
-        events : of that socket, flags of `selectors`.
+        connection, side : the connection, and the number of its socket: 0 is the client, 1 the server
+        events : of that socket, flags of `selectors`
         """
         try:
             if events & selectors.EVENT_WRITE:
@@ -235,7 +235,7 @@ class Gateway:
 
         Parameters
         ----------
-        connection, side : the connection, and the socket that is read (0: the client's, 1: the library's).
+        connection, side : the connection, and the socket that is read (0: the client's, 1: the library's)
         """
         count = connection.sockets[side].recv_into(self._buffer)
         if not count:

@@ -31,13 +31,18 @@ def parse_address(text: str, where: str) -> NetworkAddress:
 
     Parameters
     ----------
-    text : such as ``127.0.0.1:8765`` or ``[::1]:8765``.
-    where : start of error messages, such as the option.
+    text : such as ``127.0.0.1:8765`` or ``[::1]:8765``
+    where : start of error messages, such as the option
+
+    Returns
+    -------
+    NetworkAddress
+        With ``127.0.0.1`` for ``localhost``.
 
     Raises
     ------
     ScenarioError
-        For another text.
+        For another text, and a port above 65535.
 
     >>> parse_address("localhost:8765", "--live-at").text
     '127.0.0.1:8765'
@@ -62,9 +67,9 @@ def require_loopback(address: NetworkAddress, where: str, what: str) -> None:
 
     Parameters
     ----------
-    address : of the server.
-    where : start of the error message.
-    what : name of the server in it.
+    address : of the server
+    where : start of the error message
+    what : name of the server in it
 
     Raises
     ------

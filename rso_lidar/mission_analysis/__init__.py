@@ -5,60 +5,96 @@ from typing import TYPE_CHECKING
 from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
-    from rso_lidar.mission_analysis.budgets.finding_range import FINDING_ATTITUDES, FoundRange, find_range
-    from rso_lidar.mission_analysis.budgets.navigation_lidar import find_navigation_lidar
-    from rso_lidar.mission_analysis.budgets.range_budget import BUDGET_COLUMNS, BUDGET_SUFFIXES, Budget, budget
-    from rso_lidar.mission_analysis.budgets.range_curve import BudgetCurve
-    from rso_lidar.mission_analysis.mission_parameters.parameter_list import MissionParameter, drop_units, find_unit
+    from rso_lidar.mission_analysis.budgets.finding_range import (
+        FoundRange,
+        find_range,
+    )
+    from rso_lidar.mission_analysis.budgets.navigation_lidar import (
+        find_navigation_lidar,
+    )
+    from rso_lidar.mission_analysis.budgets.range_budget import (
+        Budget,
+        budget,
+    )
+    from rso_lidar.mission_analysis.budgets.range_curve import (
+        BudgetCurve,
+    )
+    from rso_lidar.mission_analysis.mission_parameters.parameter_list import (
+        MissionParameter,
+        split_unit,
+    )
     from rso_lidar.mission_analysis.mission_parameters.parameter_table import (
-        PARAMETER_SUFFIXES,
         ParameterTable,
-        format_parameter,
         list_parameters,
     )
     from rso_lidar.mission_analysis.mission_parameters.sysml_text import (
         SYSML_MISSION,
+        declare_attribute,
         quote_name,
         write_comment,
-        write_value,
     )
-    from rso_lidar.mission_analysis.mission_parameters.sysml_units import find_notation
-    from rso_lidar.mission_analysis.models.material_list import WAVELENGTHS_NM, list_materials
-    from rso_lidar.mission_analysis.models.model_card import ModelCard, make_model_card
-    from rso_lidar.mission_analysis.passes.conjunction_assessment import ConjunctionAssessment, assess_conjunction
-    from rso_lidar.mission_analysis.passes.conjunction_scenario import conjunction_scenario_text
-    from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
-    from rso_lidar.mission_analysis.passes.pass_geometry import Encounter, reach_m
-    from rso_lidar.mission_analysis.passes.pass_table import LEFT_HEADS, Encounters, format_count
-    from rso_lidar.mission_analysis.passes.plate_light import ViewedPlate
-    from rso_lidar.mission_analysis.passes.scenario_text import scenario_text
-    from rso_lidar.mission_analysis.passes.search import MAX_SLEW_DEG_S, encounters
-    from rso_lidar.mission_analysis.passes.search_objects import load_follower
-    from rso_lidar.mission_analysis.passes.set_errors import SetErrors, estimate_set_errors
+    from rso_lidar.mission_analysis.models.material_list import (
+        list_materials,
+    )
+    from rso_lidar.mission_analysis.models.model_card import (
+        ModelCard,
+        make_model_card,
+    )
+    from rso_lidar.mission_analysis.passes.conjunction_assessment import (
+        ConjunctionAssessment,
+        assess_conjunction,
+    )
+    from rso_lidar.mission_analysis.passes.conjunction_scenario import (
+        conjunction_scenario_text,
+    )
+    from rso_lidar.mission_analysis.passes.pass_geometry import (
+        Encounter,
+        reach_m,
+    )
+    from rso_lidar.mission_analysis.passes.pass_table import (
+        Encounters,
+    )
+    from rso_lidar.mission_analysis.passes.plate_light import (
+        ViewedPlate,
+    )
+    from rso_lidar.mission_analysis.passes.scenario_text import (
+        scenario_text,
+    )
+    from rso_lidar.mission_analysis.passes.search import (
+        encounters,
+    )
+    from rso_lidar.mission_analysis.passes.set_errors import (
+        SetErrors,
+        estimate_set_errors,
+    )
+    from rso_lidar.mission_analysis.time_history.globe import (
+        build_globe,
+    )
     from rso_lidar.mission_analysis.time_history.open_loop import (
-        find_umbras,
         find_velocity_jumps_s,
         fly_open_loop,
-        sample_between_impulses,
-        tabulate_run,
     )
-    from rso_lidar.mission_analysis.time_history.pixel_summary import PixelReport, report_pixel
-    from rso_lidar.mission_analysis.time_history.scenario_figures import SCENARIO_FIGURES, draw_figure, draw_trajectory
-    from rso_lidar.mission_analysis.time_history.timeline import Timeline, in_field_fraction, timeline
-    from rso_lidar.mission_analysis.time_history.truth_at_epochs import truth
+    from rso_lidar.mission_analysis.time_history.pixel_summary import (
+        PixelReport,
+        report_pixel,
+    )
+    from rso_lidar.mission_analysis.time_history.timeline import (
+        Timeline,
+        in_field_fraction,
+        timeline,
+    )
+    from rso_lidar.mission_analysis.time_history.truth_at_epochs import (
+        truth,
+    )
+    from rso_lidar.mission_analysis.time_history.truth_files import (
+        draw_trajectory,
+        save_truth,
+    )
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "BUDGET_COLUMNS",
-    "BUDGET_SUFFIXES",
-    "FINDING_ATTITUDES",
-    "LEFT_HEADS",
-    "MAX_SLEW_DEG_S",
-    "PARAMETER_SUFFIXES",
-    "SCENARIO_FIGURES",
     "SYSML_MISSION",
-    "WAVELENGTHS_NM",
     "Budget",
     "BudgetCurve",
     "ConjunctionAssessment",
@@ -74,37 +110,29 @@ __all__ = [
     "ViewedPlate",
     "assess_conjunction",
     "budget",
+    "build_globe",
     "conjunction_scenario_text",
-    "draw_figure",
+    "declare_attribute",
     "draw_trajectory",
-    "drop_units",
-    "encounter_figure",
     "encounters",
     "estimate_set_errors",
     "find_navigation_lidar",
-    "find_notation",
     "find_range",
-    "find_umbras",
-    "find_unit",
     "find_velocity_jumps_s",
     "fly_open_loop",
-    "format_count",
-    "format_parameter",
     "in_field_fraction",
     "list_materials",
     "list_parameters",
-    "load_follower",
     "make_model_card",
     "quote_name",
     "reach_m",
     "report_pixel",
-    "sample_between_impulses",
+    "save_truth",
     "scenario_text",
-    "tabulate_run",
+    "split_unit",
     "timeline",
     "truth",
     "write_comment",
-    "write_value",
 ]
 
 __dir__ = limit_dir(__name__)

@@ -7,21 +7,24 @@ from rso_lidar.public_names import export_lazily, limit_dir
 if TYPE_CHECKING:
     from rso_lidar.scenario.examples import (
         SHORTEST_EXAMPLE,
-        find_companions,
+        Example,
         find_examples,
         iterate_texts,
-        rename_example,
-        summarize_example,
     )
-    from rso_lidar.scenario.mission.mission import Mission
-    from rso_lidar.scenario.mission.moon_missions import list_lunar_bodies
+    from rso_lidar.scenario.mission.moon_missions import (
+        list_lunar_bodies,
+    )
     from rso_lidar.scenario.mission.named_files import (
         iterate_named_files,
         list_dynamics,
         list_named_code,
         list_named_files,
     )
-    from rso_lidar.scenario.mission.target_surfaces import build_whole_surface, find_symmetry, find_taxonomy
+    from rso_lidar.scenario.mission.target_surfaces import (
+        build_whole_surface,
+        find_symmetry,
+        find_taxonomy,
+    )
     from rso_lidar.scenario.mission.validation import (
         FilePart,
         apply_setting,
@@ -31,38 +34,80 @@ if TYPE_CHECKING:
         validate_tables,
         validate_toml,
     )
-    from rso_lidar.scenario.preview.aspects import build_truth, link_surfaces, rotation_between
-    from rso_lidar.scenario.preview.geometry import Preview, is_in_field, place_hull, preview_mission
-    from rso_lidar.scenario.preview.orientations import describe_facing, list_facing_attitudes, spread_attitudes
-    from rso_lidar.scenario.preview.returns import cast_surfaces, cast_target
+    from rso_lidar.scenario.preview.geometry import (
+        is_in_field,
+        place_hull,
+        preview_mission,
+    )
+    from rso_lidar.scenario.preview.orientations import (
+        spread_attitudes,
+    )
+    from rso_lidar.scenario.preview.returns import (
+        cast_surfaces,
+    )
     from rso_lidar.scenario.preview.whole_target import (
-        FLASHES_ALONE,
         find_aspects,
         find_probability,
-        follow_gate,
         list_run_attitudes,
         move_target,
-        place_body,
     )
-    from rso_lidar.scenario.scenario import Scenario, require_scenario
-    from rso_lidar.scenario.tables.constraints import Constraints, Corridor
-    from rso_lidar.scenario.tables.dispersion import Dispersion, ElementSetErrors, StateErrors, TargetErrors
-    from rso_lidar.scenario.tables.facet_materials import FacetMaterials
-    from rso_lidar.scenario.tables.finding import Finding
-    from rso_lidar.scenario.tables.fragment import Fragment, build_fragment, name_fragments
-    from rso_lidar.scenario.tables.joints import Joint
-    from rso_lidar.scenario.tables.lidar import Lidar
-    from rso_lidar.scenario.tables.link import DataLink
-    from rso_lidar.scenario.tables.presets import load_presets
-    from rso_lidar.scenario.tables.schedule import Schedule
-    from rso_lidar.scenario.tables.target import Follower, Target
-    from rso_lidar.scenario.tables.terrain import CratersAndBoulders, HeightField
-    from rso_lidar.scenario.tables.world import Time, World, parse_frames
+    from rso_lidar.scenario.scenario import (
+        Scenario,
+        require_scenario,
+    )
+    from rso_lidar.scenario.tables.constraints import (
+        Constraints,
+        Corridor,
+    )
+    from rso_lidar.scenario.tables.dispersion import (
+        Dispersion,
+        ElementSetErrors,
+        StateErrors,
+        TargetErrors,
+    )
+    from rso_lidar.scenario.tables.facet_materials import (
+        FacetMaterials,
+    )
+    from rso_lidar.scenario.tables.finding import (
+        Finding,
+    )
+    from rso_lidar.scenario.tables.fragment import (
+        Fragment,
+        build_fragment,
+        name_fragments,
+    )
+    from rso_lidar.scenario.tables.joints import (
+        Joint,
+    )
+    from rso_lidar.scenario.tables.lidar import (
+        Lidar,
+    )
+    from rso_lidar.scenario.tables.link import (
+        DataLink,
+    )
+    from rso_lidar.scenario.tables.presets import (
+        load_presets,
+    )
+    from rso_lidar.scenario.tables.schedule import (
+        Schedule,
+    )
+    from rso_lidar.scenario.tables.target import (
+        Follower,
+        Target,
+    )
+    from rso_lidar.scenario.tables.terrain import (
+        CratersAndBoulders,
+        HeightField,
+    )
+    from rso_lidar.scenario.tables.world import (
+        Time,
+        World,
+        parse_frames,
+    )
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
-    "FLASHES_ALONE",
     "SHORTEST_EXAMPLE",
     "Constraints",
     "Corridor",
@@ -70,6 +115,7 @@ __all__ = [
     "DataLink",
     "Dispersion",
     "ElementSetErrors",
+    "Example",
     "FacetMaterials",
     "FilePart",
     "Finding",
@@ -78,8 +124,6 @@ __all__ = [
     "HeightField",
     "Joint",
     "Lidar",
-    "Mission",
-    "Preview",
     "Scenario",
     "Schedule",
     "StateErrors",
@@ -89,25 +133,18 @@ __all__ = [
     "World",
     "apply_setting",
     "build_fragment",
-    "build_truth",
     "build_whole_surface",
     "cast_surfaces",
-    "cast_target",
-    "describe_facing",
     "find_aspects",
-    "find_companions",
     "find_examples",
     "find_probability",
     "find_symmetry",
     "find_taxonomy",
-    "follow_gate",
     "get_field",
     "is_in_field",
     "iterate_named_files",
     "iterate_texts",
-    "link_surfaces",
     "list_dynamics",
-    "list_facing_attitudes",
     "list_lunar_bodies",
     "list_named_code",
     "list_named_files",
@@ -116,16 +153,12 @@ __all__ = [
     "move_target",
     "name_fragments",
     "parse_frames",
-    "place_body",
     "place_hull",
     "preview_mission",
     "read_toml",
-    "rename_example",
     "require_scenario",
-    "rotation_between",
     "set_field",
     "spread_attitudes",
-    "summarize_example",
     "validate_tables",
     "validate_toml",
 ]

@@ -2,7 +2,8 @@
 
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,70 +32,70 @@ preset = "gsfl_1064"
 """  # a scenario with the keys that it must have, and one target
 
 
-def find_examples() -> dict[str, Path]:
-    """Return the shipped example scenarios by name."""
-    return {file.stem: file for file in sorted(shipped("examples").glob("*.toml"))}
+@dataclass(frozen=True)
+class Example:
+    """A shipped example scenario: its name, and its TOML file, beside which lie a twin in Python and what it needs."""
+
+    name: str
+    path: Path
+
+    @property
+    def text(self) -> str:
+        """TOML of the scenario."""
+        return self.path.read_text(encoding="utf-8")
+
+    @property
+    def summary(self) -> str:
+        """First sentence of the comment at the top."""
+        lines = []
+        for line in self.text.splitlines():
+            if not line.startswith("#"):
+                break
+            lines.append(line.removeprefix("#").strip())
+        return re.split(r"(?<=[.:]) ", " ".join(lines))[0].rstrip(":.")
+
+    @property
+    def companions(self) -> list[Path]:
+        """Files beside it that its text names: tables, and Python files with dynamics."""
+        found: dict[Path, None] = {}
+        for value in iterate_texts(tomllib.loads(self.text)):
+            for word in (value, value.rpartition(":")[0]):
+                if word and Path(word).name == word and (self.path.parent / word).is_file():
+                    found[self.path.parent / word] = None
+        return list(found)
+
+    def rename(self, title: str) -> str:
+        """Return the text with another title.
+
+        Parameters
+        ----------
+        title : value of its key `name`, in printable characters
+        """
+        escaped = title.replace("\\", "\\\\").replace('"', '\\"')
+        start = r'(?m)^(name\s*=\s*)"[^"\n]*"'
+        named, count = re.subn(start, lambda found: f'{found[1]}"{escaped}"', self.text, count=1)
+        assert count == 1, "every example has a name"
+        return named
 
 
-def summarize_example(text: str) -> str:
-    """Return the first sentence of the comment at the top of a scenario.
-
-    Parameters
-    ----------
-    text : of the scenario.
-    """
-    return re.split(r"(?<=[.:]) ", " ".join(_read_head(text)))[0].rstrip(":.")
-
-
-def rename_example(text: str, name: str) -> str:
-    """Return the text of an example with another title.
-
-    Parameters
-    ----------
-    text : of the example.
-    name : value of its key `name`.
-    """
-    named, count = re.subn(r'(?m)^(name\s*=\s*)"[^"\n]*"', lambda found: found[1] + _quote_toml(name), text, count=1)
-    assert count == 1, "every example has a name"
-    return named
-
-
-def _read_head(text: str) -> list[str]:
-    """Return the lines of the comment at the top of a scenario, without comment marks."""
-    lines = []
-    for line in text.splitlines():
-        if not line.startswith("#"):
-            break
-        lines.append(line.removeprefix("#").strip())
-    return lines
-
-
-def _quote_toml(text: str) -> str:
-    """Return a printable text as a TOML string."""
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
-
-
-def find_companions(text: str, folder: Path) -> list[Path]:
-    """Find the files beside an example that its text names: tables, and Python files with dynamics.
-
-    Parameters
-    ----------
-    text : of the example.
-    folder : in which it lies.
-    """
-    found: dict[Path, None] = {}
-    for value in iterate_texts(tomllib.loads(text)):
-        for word in (value, value.rpartition(":")[0]):
-            if word and Path(word).name == word and (folder / word).is_file():
-                found[folder / word] = None
-    return list(found)
+def find_examples() -> dict[str, Example]:
+    """Return the shipped example scenarios by name, in alphabetical order."""
+    return {file.stem: Example(file.stem, file) for file in sorted(shipped("examples").glob("*.toml"))}
 
 
 def iterate_texts(tree: Any) -> Iterator[str]:
-    """Yield all texts of a TOML tree."""
+    """Yield all texts in a TOML tree, depth first.
+
+    Parameters
+    ----------
+    tree : a text, a mapping or a sequence of trees, or another value, which has none
+
+    Yields
+    ------
+    str
+    """
     if isinstance(tree, str):
         yield tree
-    elif isinstance(tree, dict | list):
-        for inner in tree.values() if isinstance(tree, dict) else tree:
+    elif isinstance(tree, Mapping | Sequence):
+        for inner in tree.values() if isinstance(tree, Mapping) else tree:
             yield from iterate_texts(inner)

@@ -54,7 +54,7 @@ class Scenario(Mission):
 
         Parameters
         ----------
-        truth : at emission, with the lidar in it.
+        truth : at emission, with the lidar in it
         """
         if not self.world.light_time:
             return truth
@@ -75,8 +75,8 @@ def require_scenario(given: object, asked_by: str) -> None:
 
     Parameters
     ----------
-    given : the object.
-    asked_by : name of the calling function, which begins the message.
+    given : the object
+    asked_by : name of the calling function, which begins the message
 
     Raises
     ------

@@ -143,7 +143,12 @@ def breakup_fragment(kind: FragmentKind, seed: int, characteristic_length_m: flo
 
 
 def hash_solid(solid: Solid) -> str:
-    """Return the SHA-256 of a solid: of its vertices as little-endian f8, and of its facets as i4."""
+    """Return the SHA-256 of a solid: of its vertices as little-endian f8, and of its facets as i4.
+
+    Parameters
+    ----------
+    solid : vertices (n, 3) [m] and facets (k, 3)
+    """
     digest = hashlib.sha256(solid.vertices.astype("<f8").tobytes())
     digest.update(solid.facets.astype("<i4").tobytes())
     return digest.hexdigest()

@@ -91,33 +91,6 @@ class CraftModel:
         return _moments(self)[1]
 
 
-def wing_hinges(
-    places_m: Mapping[str, tuple[float, float, float]],
-    axis: tuple[float, float, float],
-    normal: tuple[float, float, float],
-    parts: tuple[str, ...] = ("array", "substrate", "yoke"),
-) -> tuple[Hinge, ...]:
-    """Return a hinge for the solar wing of each side; it carries the parts ``solar_<part>_<side>``.
-
-    Parameters
-    ----------
-    places_m : position of each hinge, by side.
-    axis : of rotation.
-    normal : of the cells at angle zero.
-    parts : names of the parts that turn.
-    """
-    return tuple(
-        Hinge(
-            name=f"solar_{side}",
-            parts=tuple(f"solar_{part}_{side}" for part in parts),
-            position_m=place,
-            axis=axis,
-            normal=normal,
-        )
-        for side, place in places_m.items()
-    )
-
-
 def _moments(model: CraftModel) -> tuple[np.ndarray, np.ndarray]:
     """Return centre of mass and inertia from exact integrals over tetrahedra (solid) or triangles (hollow).
 

@@ -46,6 +46,11 @@ def build_ground(seed: int, size_m: float, cell_m: float, craters: Abundance, ro
     craters : sizes of the craters, and share of their equilibrium density.
     rocks : sizes of the boulders, and share of the area that they cover.
 
+    Returns
+    -------
+    Ground
+        Heights about their mean, and the boulders, if any.
+
     Raises
     ------
     MeshError

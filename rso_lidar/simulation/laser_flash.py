@@ -28,14 +28,14 @@ def flash(
 
     Parameters
     ----------
-    scenario : to be simulated.
-    truth : poses of all bodies at one epoch; its `exposure` says how they move while the pulses of the frame are sent.
-    rng : generator of all noise of this frame.
-    threads : number of threads (None: one per core). The result is bit for bit the same.
-    lidar : the instrument with the settings in force (None: as planned for this time).
-    index : of the frame.
-    keep : names of intermediate records to leave in ``frame.kept``.
-    sensors : samples of other sensors since the flash before, by name.
+    scenario : to be simulated
+    truth : poses of all bodies at one epoch; its `exposure` says how they move while the pulses of the frame are sent
+    rng : generator of all noise of this frame
+    threads : number of threads (None: one per core). The result is bit for bit the same
+    lidar : the instrument with the settings in force (None: as planned for this time)
+    index : of the frame
+    keep : names of intermediate records to leave in ``frame.kept``
+    sensors : samples of other sensors since the flash before, by name
 
     Returns
     -------
@@ -96,10 +96,10 @@ def assemble_frame(
 
     Parameters
     ----------
-    scenario, truth, lidar, index : what was flown, where everything was, the instrument in force, number of the frame.
-    reading, labels : what the sensor said, and what was there.
-    kept : intermediate records that the user requested.
-    sensors : samples of other sensors since the flash before, by name.
+    scenario, truth, lidar, index : what was flown, where everything was, the instrument in force, number of the frame
+    reading, labels : what the sensor said, and what was there
+    kept : intermediate records that the user requested
+    sensors : samples of other sensors since the flash before, by name
     """
     measured = truth.pointing.measured_rad if truth.pointing else None
     sight = lidar.receiver.line_of_sight

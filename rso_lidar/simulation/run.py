@@ -31,16 +31,16 @@ def simulate(
 
     Parameters
     ----------
-    scenario : to be simulated.
-    controller : called with each frame's Observation. The Command that it returns acts from the next flash on.
+    scenario : to be simulated
+    controller : called with each frame's Observation. The Command that it returns acts from the next flash on
     frames : indices of frames to make, ascending, or a slice (None: all). Frame k depends on scenario, seed and k
-        only. Under a controller it depends on history, so the two cannot be combined.
-    threads : number of threads (None: one per core). The result is bit for bit the same.
+        only. Under a controller it depends on history, so the two cannot be combined
+    threads : number of threads (None: one per core). The result is bit for bit the same
     workers : number of processes that make frames, instead of threads, for machines with many cores. A script that
-        uses them needs ``if __name__ == "__main__":`` around its own code. The result is bit for bit the same.
+        uses them needs ``if __name__ == "__main__":`` around its own code. The result is bit for bit the same
     keep : names of intermediate records to leave in ``frame.kept``: rays, hits, signal, photons, taps, waveforms,
         oversampled, prediction. ``signal`` is the photons without stray light, which the labels describe. ``taps`` holds the
-        signals between the stages of the detector, ``prediction`` the probability and the scatter of each pixel's report.
+        signals between the stages of the detector, ``prediction`` the probability and the scatter of each pixel's report
 
     Yields
     ------
@@ -75,8 +75,7 @@ def _fly_controlled(scenario: Scenario, controller: Controller, **chosen: Any) -
 
     Parameters
     ----------
-    scenario, controller : what is flown, and what commands it.
-    chosen : further arguments of `Simulation`.
+    chosen : further arguments of `Simulation`
     """
     simulation = Simulation(scenario, **chosen)
     command: Command | None = None
@@ -93,9 +92,8 @@ def _fly(scenario: Scenario, workers: int | None, **chosen: Any) -> Iterator[Fra
 
     Parameters
     ----------
-    scenario : what is flown.
-    workers : number of processes that make frames; None for threads.
-    chosen : further arguments of `Simulation`.
+    workers : number of processes that make frames; None for threads
+    chosen : further arguments of `Simulation`
     """
     simulation = Simulation(scenario, commanded=False, **chosen)
     at_once, ahead = (workers, 2 * workers) if workers else (simulation.threads, simulation.threads)
@@ -119,9 +117,7 @@ def _flash_in_parallel(
 
     Parameters
     ----------
-    scenario : what is flown.
-    count : number of threads or processes.
-    in_processes : whether processes work instead of threads.
+    in_processes : whether processes work instead of threads
     """
     call = partial(_make_part if in_processes else flash, scenario)
     with call_in_background(call, count, in_processes=in_processes) as start:

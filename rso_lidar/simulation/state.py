@@ -40,9 +40,9 @@ def digest_scenario(scenario: Scenario, numbers: np.ndarray, *, commanded: bool)
 
     Parameters
     ----------
-    scenario : whatever its seed.
-    numbers : of the frames.
-    commanded : whether commands may be given.
+    scenario : whatever its seed
+    numbers : of the frames
+    commanded : whether commands may be given
     """
     without_seed = re.sub(r"(?m)^seed = .*$", "", scenario.source.scenario, count=1)  # that of the scenario comes first
     return hashlib.sha256(without_seed.encode() + numbers.tobytes() + bytes([commanded])).hexdigest()
@@ -53,9 +53,9 @@ def check_state(state: SimulationState, digest: str, n_frames: int) -> None:
 
     Parameters
     ----------
-    state : from `Simulation.save`.
-    digest : of what the simulation flies.
-    n_frames : number of its frames.
+    state : from `Simulation.save`
+    digest : of what the simulation flies
+    n_frames : number of its frames
 
     Raises
     ------

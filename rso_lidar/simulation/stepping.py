@@ -66,14 +66,14 @@ class Simulation:
 
         Parameters
         ----------
-        scenario : to be flown.
+        scenario : to be flown
 
         Other Parameters
         ----------------
-        frames : as for `simulate`; with a choice of frames there can be no commands.
-        commanded : whether commands may be given. If False, the motion is computed for all flashes in one batch.
-        threads : number of threads of a flash (None: one per core). The result is bit for bit the same.
-        keep : as for `simulate`.
+        frames : as for `simulate`; with a choice of frames there can be no commands
+        commanded : whether commands may be given. If False, the motion is computed for all flashes in one batch
+        threads : number of threads of a flash (None: one per core). The result is bit for bit the same
+        keep : as for `simulate`
 
         Raises
         ------
@@ -132,7 +132,7 @@ class Simulation:
 
         Parameters
         ----------
-        seed : of all noise from here on (None: as before).
+        seed : of all noise from here on (None: as before)
 
         Raises
         ------
@@ -187,8 +187,8 @@ class Simulation:
 
         Parameters
         ----------
-        command : acts until the end of the step. An axis or a setting that is None is the scenario's.
-        dt_s : length of the step [s], rounded to 1 ns (None: to the next flash). It must not contain two flashes.
+        command : acts until the end of the step. An axis or a setting that is None is the scenario's
+        dt_s : length of the step [s], rounded to 1 ns (None: to the next flash). It must not contain two flashes
 
         Returns
         -------
@@ -247,7 +247,7 @@ class Simulation:
 
         Parameters
         ----------
-        command : as for `step`.
+        command : as for `step`
 
         Returns
         -------
@@ -302,7 +302,7 @@ class Simulation:
 
         Parameters
         ----------
-        command : as for `step`.
+        command : as for `step`
 
         Raises
         ------
@@ -335,7 +335,7 @@ class Simulation:
 
         Parameters
         ----------
-        state : from `save`, of this process or another.
+        state : from `save`, of this process or another
 
         Raises
         ------

@@ -40,10 +40,10 @@ class AccessControl:
 
         Parameters
         ----------
-        app : ASGI application.
-        token : required of each client.
-        hosts : host names that requests may give, without the port (None: any).
-        port : of the server; it names the cookie, because browsers share cookies among the ports of a host.
+        app : ASGI application
+        token : required of each client
+        hosts : host names that requests may give, without the port (None: any)
+        port : of the server; it names the cookie, because browsers share cookies among the ports of a host
         """
         self._app, self._token, self._hosts = app, token, hosts
         self._cookie = f"rso_lidar_studio_{port}"

@@ -26,8 +26,8 @@ def build_application(workspace: Workspace, *, token: str, hosts: frozenset[str]
 
     Parameters
     ----------
-    workspace : what all tabs share.
-    token, hosts, port : as in `AccessControl`.
+    workspace : what all tabs share
+    token, hosts, port : as in `AccessControl`
     """
     outer = fastapi.FastAPI(openapi_url=None)
     choosers.add_routes(outer)

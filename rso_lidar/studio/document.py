@@ -32,10 +32,10 @@ class Document(EditableToml):
 
         Parameters
         ----------
-        folder : of the studio.
-        text : of the scenario.
-        name : of its file; empty for none.
-        draft_name : after which the draft of a document without a file is named.
+        folder : of the studio
+        text : of the scenario
+        name : of its file; empty for none
+        draft_name : after which the draft of a document without a file is named
         """
         super().__init__(text)
         self.folder, self.name, self._draft_name = folder, name, draft_name

@@ -117,9 +117,9 @@ class JobQueue:
 
         Parameters
         ----------
-        folder : of all files.
+        folder : of all files
         check : called just before a job starts; it raises an error where the job must not start, else returns its number
-            of frames (0: unknown).
+            of frames (0: unknown)
         """
         self.folder, self._check = folder, check
         self._lock, self._journal_lock = threading.RLock(), threading.Lock()
@@ -259,7 +259,7 @@ class JobQueue:
 
         Parameters
         ----------
-        job, state, message : the job, how it ended, and a line about it.
+        job, state, message : the job, how it ended, and a line about it
         """
         with self._lock:
             job.state, job.message = state, message or state

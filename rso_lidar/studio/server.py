@@ -21,10 +21,10 @@ def open_studio(folder: Path, address: NetworkAddress, *, opens_browser: bool, t
 
     Parameters
     ----------
-    folder : the only folder that it reads and writes.
-    address : to listen at; port 0 takes a free one.
-    opens_browser : whether to open the page in the user's browser.
-    tell : takes the lines for the user, among them the address with the token.
+    folder : the only folder that it reads and writes
+    address : to listen at; port 0 takes a free one
+    opens_browser : whether to open the page in the user's browser
+    tell : takes the lines for the user, among them the address with the token
 
     Raises
     ------

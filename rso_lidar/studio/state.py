@@ -95,9 +95,9 @@ class Workspace:
 
         Parameters
         ----------
-        document : to be saved.
-        name : in the folder.
-        overwrite : whether a file of that name may be replaced.
+        document : to be saved
+        name : in the folder
+        overwrite : whether a file of that name may be replaced
 
         Raises
         ------

@@ -18,9 +18,9 @@ def keep_upload(folder: Folder, name: str, content: bytes) -> str:
 
     Parameters
     ----------
-    folder : of the studio.
-    name : of the file.
-    content : of the file.
+    folder : of the studio
+    name : of the file
+    content : of the file
 
     Raises
     ------

@@ -54,26 +54,39 @@ if TYPE_CHECKING:
         timeline,
         truth,
     )
-    from rso_lidar.study.dispersions.dispersed_mission import DispersedMission, disperse
-    from rso_lidar.study.dispersions.kept_runs import identify_runs
-    from rso_lidar.study.trades.definition import Study
-    from rso_lidar.study.trades.execution import RowFile, Trade, place_row_file, run_rows, tabulate_rows, trade
-    from rso_lidar.study.trades.plan import make_trade_plan
-    from rso_lidar.study.trades.ranking import summarize_trade
-    from rso_lidar.study.trades.report import TRADE_SUFFIXES, check_trade_formats
-    from rso_lidar.study.verification.matrix import VERIFICATION_SUFFIXES, RequirementResult, VerificationMatrix
-    from rso_lidar.study.verification.requirements_file import Requirement, Requirements
-    from rso_lidar.study.verification.sysml_requirements import write_requirements
-    from rso_lidar.study.verification.verify import verify
+    from rso_lidar.study.dispersions.dispersed_mission import (
+        DispersedMission,
+        disperse,
+    )
+    from rso_lidar.study.trades.definition import (
+        Study,
+    )
+    from rso_lidar.study.trades.execution import (
+        Trade,
+        TradeRun,
+        trade,
+    )
+    from rso_lidar.study.verification.matrix import (
+        RequirementResult,
+        VerificationMatrix,
+    )
+    from rso_lidar.study.verification.requirements_file import (
+        Requirement,
+        Requirements,
+    )
+    from rso_lidar.study.verification.sysml_requirements import (
+        write_requirements,
+    )
+    from rso_lidar.study.verification.verify import (
+        verify,
+    )
 else:
     __getattr__ = export_lazily(__name__)
 
 __all__ = [
     "HAZARD",
     "SAFE",
-    "TRADE_SUFFIXES",
     "UNKNOWN",
-    "VERIFICATION_SUFFIXES",
     "Budget",
     "BudgetCurve",
     "ConjunctionAssessment",
@@ -91,19 +104,18 @@ __all__ = [
     "Requirement",
     "RequirementResult",
     "Requirements",
-    "RowFile",
     "SetErrors",
     "Study",
     "Timeline",
     "Tracking",
     "Trade",
+    "TradeRun",
     "VerificationMatrix",
     "ViewedPlate",
     "assess_conjunction",
     "budget",
     "build_elevation_map",
     "build_true_elevation",
-    "check_trade_formats",
     "compare_frames",
     "compare_maps",
     "conjunction_scenario_text",
@@ -116,18 +128,12 @@ __all__ = [
     "find_true_relative_state",
     "fit_own_orbit",
     "fit_relative_orbit",
-    "identify_runs",
     "list_parameters",
-    "make_trade_plan",
-    "place_row_file",
     "reach_m",
     "report_pixel",
-    "run_rows",
     "sample_target",
     "save",
     "scenario_text",
-    "summarize_trade",
-    "tabulate_rows",
     "timeline",
     "tracking",
     "trade",

@@ -10,7 +10,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import track
 from rso_lidar.cli.track import describe_consistency, summarise
-from rso_lidar.evaluation import TRACKING_AXES, Tracking
+from rso_lidar.evaluation import Tracking
 from rso_lidar.track.pose import follow
 
 DEG = rl.units.DEG
@@ -50,7 +50,7 @@ def test_icp_without_points_enough_is_told(call, text, tmp_path):
 
 
 def test_icp_tells_of_hinges():
-    errors = [f"centroid_error_{axis}_m" for axis in TRACKING_AXES]
+    errors = [f"centroid_error_{axis}_m" for axis in Tracking.AXES]
     poses = ("icp_error_rad", "icp_long_axis_error_rad", "icp_error_m")
     table = {name: np.ones(2) for name in ("time_s", "points", *errors, *poses)}
     rigid = Tracking("a", "craft", table, {}, 0.1, 1e-4)

@@ -10,7 +10,7 @@ from functools import partial
 
 import pytest
 
-from rso_lidar.study import RowFile
+from rso_lidar.study.trades.execution import RowFile
 from tests.study.trades.trade_for_tests import STUDY, folder_with
 
 NO_PICTURES = "\n[report]\npictures = 0\n"

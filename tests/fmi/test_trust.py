@@ -12,7 +12,8 @@ from rso_lidar.cli.trade import trade
 from rso_lidar.dataset.drawing.plan import make_plan as plan_dataset
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import FmuAttitude
-from rso_lidar.study import Study, make_trade_plan
+from rso_lidar.study import Study
+from rso_lidar.study.trades.plan import make_trade_plan
 from tests.dataset.bench_for_tests import SCENARIO, make_spec
 from tests.fmi.fmus_for_tests import compile_reference
 

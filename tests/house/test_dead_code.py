@@ -1,4 +1,4 @@
-"""What a module defines has a user: in the package, its examples, its pages or its benchmarks; a test alone is none."""
+"""What a module defines has a user: in the package, the builders, examples, pages or benchmarks; a test alone is none."""
 
 import ast
 import re
@@ -8,7 +8,7 @@ import pytest
 
 from tests.house.sources import parse
 
-USERS = ("rso_lidar", "examples", "docs", "benchmarks")
+USERS = ("rso_lidar", "models", "examples", "docs", "benchmarks")
 
 
 def definitions(tree):
@@ -63,7 +63,9 @@ def unused(modules, users):
 
 
 def test_every_definition_has_a_user():
-    modules = {name: tree for name, tree in parse("rso_lidar").items() if not name.startswith("rso_lidar/cli/")}
+    modules = {
+        name: tree for name, tree in parse("rso_lidar", "models").items() if not name.startswith("rso_lidar/cli/")
+    }
     assert len(modules) > 300
     assert not unused(modules, parse(*USERS).values()), "delete it with its tests, or move it to tests/reference"
 

@@ -15,7 +15,8 @@ from PIL import Image, ImageSequence
 
 import rso_lidar as rl
 from rso_lidar.dataset.drawing.plan import make_plan as make_dataset_plan
-from rso_lidar.study import Study, make_trade_plan
+from rso_lidar.study import Study
+from rso_lidar.study.trades.plan import make_trade_plan
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -18,8 +18,8 @@ from tests.house.test_docs import broken_links
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted((ROOT / "docs" / "extending").glob("*.md"))
-MADE = shutil.ignore_patterns(".*", "out", "build", "dist", "kernels", "*.tmp-*", "auto_*")  # by `make`; machine code
-MADE_BY_THE_SITE = {"api", "files"}  # in docs; a room of the package is called files, too
+MADE = shutil.ignore_patterns(".*", "out", "dist", "kernels", "*.tmp-*", "auto_*")  # by `make`; machine code
+MADE_IN = {ROOT: {"build"}, ROOT / "docs": {"api", "files"}}  # in these folders only: others hold sources of that name
 
 
 SENTENCES = {  # how the last sentence before a block says what to do with it
@@ -51,8 +51,7 @@ class Step:
 
 def leave_out(folder, names):
     """Return what is not copied: all that `make` made."""
-    made = MADE(folder, names)
-    return made | MADE_BY_THE_SITE if Path(folder) == ROOT / "docs" else made
+    return MADE(folder, names) | (MADE_IN.get(Path(folder), set()) & set(names))
 
 
 def read_steps(text):

@@ -56,7 +56,7 @@ def burgled(tmp_path_factory):
         "Imports only go down, and rooms on one floor have no doors between them",
         "Nothing inside imports the root package",
         "embreex lives in scene",
-        "trimesh lives in scene and shapes",
+        "trimesh lives in scene",
         "skyfield and sgp4 live in orbit",
         "Light and files know nothing of orbits: rooms beside motion take records",
         "h5py and its like live in export",

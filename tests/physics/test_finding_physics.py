@@ -16,9 +16,10 @@ from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
 from rso_lidar.mission_analysis import find_range
+from rso_lidar.mission_analysis.budgets.attitude_search import place_body
+from rso_lidar.mission_analysis.budgets.facing_attitudes import face_direction
 from rso_lidar.records import BodyState
-from rso_lidar.scenario import Finding, find_aspects, move_target, place_body, preview_mission, spread_attitudes
-from rso_lidar.scenario.preview.orientations import face_direction
+from rso_lidar.scenario import Finding, find_aspects, move_target, preview_mission, spread_attitudes
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 LIDAR_FROM_FOLLOWER = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])

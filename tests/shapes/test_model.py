@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from models.build.primitives import ball, box
+from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Taxonomy
 from rso_lidar.shapes import CraftModel, CraftPart
-from rso_lidar.shapes.solids import ball, box
 
 
 def craft(**pieces):
@@ -44,3 +45,9 @@ def test_two_pieces_obey_the_parallel_axis_theorem():
     assert np.diag(model.inertia_kg_m2) == pytest.approx([own, own + 2 * 4 + 16, own + 2 * 4 + 16])
     assert model.size_m == pytest.approx([7, 1, 1])
     assert model.facet_count == 24
+
+
+def test_a_part_without_a_class_names_the_table():
+    model = craft(bus=CraftPart(box((1, 1, 1)), "aluminium", 1.0), flag=CraftPart(box((1, 1, 1)), "aluminium", 1.0))
+    with pytest.raises(ScenarioError, match="part 'flag': has no common part class: add it to"):
+        print(model.part_classes)

@@ -23,12 +23,12 @@ class AttitudeHistory:
 
     Parameters
     ----------
-    source : where they are from, in words.
-    time_s : (sample) instants, ascending [s].
-    inertial_from_body : (sample) attitudes.
-    longest_s : greatest time between two samples that are interpolated [s].
-    white_rad2 : (3, 3) covariance of the white error of a sample, a small rotation in body axes [rad²].
-    slow_rad : (3) standard deviations of its slow errors about the body axes [rad].
+    source : where they are from, in words
+    time_s : (sample) instants, ascending [s]
+    inertial_from_body : (sample) attitudes
+    longest_s : greatest time between two samples that are interpolated [s]
+    white_rad2 : (3, 3) covariance of the white error of a sample, a small rotation in body axes [rad²]
+    slow_rad : (3) standard deviations of its slow errors about the body axes [rad]
     """
 
     source: str
@@ -43,7 +43,7 @@ class AttitudeHistory:
 
         Parameters
         ----------
-        time_s : (time) instants [s].
+        time_s : (time) instants [s]
 
         Returns
         -------
@@ -78,8 +78,8 @@ def read_star_tracker(samples: StarTrackerSamples, part: StarTracker) -> Attitud
 
     Parameters
     ----------
-    samples : of the recording.
-    part : the sensor, which states its errors.
+    samples : of the recording
+    part : the sensor, which states its errors
     """
     from scipy.spatial.transform import Rotation
 

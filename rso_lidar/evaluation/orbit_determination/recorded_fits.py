@@ -51,14 +51,14 @@ class RelativeNavigation:
 
     Parameters
     ----------
-    title : of the recording.
-    target : name of the target.
-    fit : relative state with covariance, residuals and outliers.
-    own : fit of the follower's own orbit to GNSS; None where the orbit was given or taken as known.
-    attitude : where the follower's attitude is from, in words.
-    range_noise_m : standard deviation of one range that was assumed [m].
-    wander_m : changes of the centroid on the target, along the line of sight and across it, that count as noise [m].
-    n_frames : number of frames; those without a fix or an attitude are no measurements.
+    title : of the recording
+    target : name of the target
+    fit : relative state with covariance, residuals and outliers
+    own : fit of the follower's own orbit to GNSS; None where the orbit was given or taken as known
+    attitude : where the follower's attitude is from, in words
+    range_noise_m : standard deviation of one range that was assumed [m]
+    wander_m : changes of the centroid on the target, along the line of sight and across it, that count as noise [m]
+    n_frames : number of frames; those without a fix or an attitude are no measurements
     """
 
     title: str
@@ -97,17 +97,17 @@ def fit_own_orbit(
 
     Parameters
     ----------
-    frames : a recording, or frames of one scenario in the order of time. The follower must not burn among them.
-    sensor : name of the GNSS receiver (None: the first).
-    epoch_s : instant of the estimated state, since start_utc [s] (None: the first solution).
-    forces : on the follower besides the central attraction; None for two-body motion.
+    frames : a recording, or frames of one scenario in the order of time. The follower must not burn among them
+    sensor : name of the GNSS receiver (None: the first)
+    epoch_s : instant of the estimated state, since start_utc [s] (None: the first solution)
+    forces : on the follower besides the central attraction; None for two-body motion
 
     Other Parameters
     ----------------
     known_attitude : whether the recorded attitude counts as known, for an antenna beside the origin; otherwise it is that
-        of the first star tracker.
-    gate : probability that a solution without fault is kept.
-    folder : folder of the mesh files that the scenario names (None: the working folder).
+        of the first star tracker
+    gate : probability that a solution without fault is kept
+    folder : folder of the mesh files that the scenario names (None: the working folder)
 
     Returns
     -------
@@ -154,24 +154,24 @@ def fit_relative_orbit(
 
     Parameters
     ----------
-    frames : a recording, or frames of one scenario in the order of time. The follower must not burn among them.
-    target : name of the target (None: the first).
-    epoch_s : instant of the estimated state, since start_utc [s] (None: the first frame with a measurement).
-    motion : "nonlinear" integrates both orbits; "yamanaka_ankersen" and "hill" are linear models.
-    forces : on both bodies besides the central attraction; None for two-body motion.
-    own : the follower's orbit (None: fitted to the recording's GNSS).
+    frames : a recording, or frames of one scenario in the order of time. The follower must not burn among them
+    target : name of the target (None: the first)
+    epoch_s : instant of the estimated state, since start_utc [s] (None: the first frame with a measurement)
+    motion : "nonlinear" integrates both orbits; "yamanaka_ankersen" and "hill" are linear models
+    forces : on both bodies besides the central attraction; None for two-body motion
+    own : the follower's orbit (None: fitted to the recording's GNSS)
     known_orbit : whether the recorded state of the follower at the first frame counts as known without error; `forces`
-        propagate it.
-    known_attitude : whether the recorded attitude of the follower counts as known without error.
+        propagate it
+    known_attitude : whether the recorded attitude of the follower counts as known without error
 
     Other Parameters
     ----------------
-    range_noise_m : standard deviation of one range [m] (None: from the recorded returns, simulated again on the detector).
-    shape : whether the offset of the centroid is estimated; otherwise the state is that of the visible centroid.
-    misalignment_rad : constant misalignment of the boresight about each body axis, 1 sigma [rad].
-    gate : probability that a measurement without fault is kept.
-    folder : folder of the mesh files that the scenario names (None: the working folder).
-    each : iterator over the same frames that reports progress (None: `frames`).
+    range_noise_m : standard deviation of one range [m] (None: from the recorded returns, simulated again on the detector)
+    shape : whether the offset of the centroid is estimated; otherwise the state is that of the visible centroid
+    misalignment_rad : constant misalignment of the boresight about each body axis, 1 sigma [rad]
+    gate : probability that a measurement without fault is kept
+    folder : folder of the mesh files that the scenario names (None: the working folder)
+    each : iterator over the same frames that reports progress (None: `frames`)
 
     Returns
     -------
@@ -246,9 +246,9 @@ def find_true_relative_state(
 
     Parameters
     ----------
-    frames : a recording, or frames in the order of time.
-    target : name of the target.
-    epoch_s : instant of a frame [s]; None is returned where no frame has it.
+    frames : a recording, or frames in the order of time
+    target : name of the target
+    epoch_s : instant of a frame [s]; None is returned where no frame has it
     """
     for frame in frames:
         if frame.time_s == epoch_s:
@@ -291,11 +291,9 @@ def _fit_gnss(
 
     Parameters
     ----------
-    scenario, frames : of the recording.
-    part : the receiver.
-    attitude : of the follower, where its antenna is beside the origin.
-    epoch_s : instant of the state [s] (None: the first solution).
-    forces, gate : as for `fit_own_orbit`.
+    attitude : of the follower, where its antenna is beside the origin
+    epoch_s : instant of the state [s] (None: the first solution)
+    forces, gate : as for `fit_own_orbit`
     """
     samples = join_observed([frame.observation for frame in frames], part.name, "fit")
     assert isinstance(samples, GnssSamples)
@@ -310,14 +308,7 @@ def _fit_gnss(
 
 
 def _take_known_orbit(scenario: Scenario, frame: Frame, forces: Forces | None) -> EstimatedOrbit:
-    """Return the follower's recorded orbit at a frame, known without error.
-
-    Parameters
-    ----------
-    scenario : of the recording.
-    frame : the frame.
-    forces : on the follower.
-    """
+    """Return the follower's recorded orbit at a frame, known without error."""
     own = frame.truth.states["follower"]
     return EstimatedOrbit(
         scenario.time.start_utc, frame.time_s, own.position_m, own.velocity_m_s, np.zeros((6, 6)), forces

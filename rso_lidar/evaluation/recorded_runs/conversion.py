@@ -13,7 +13,6 @@ import numpy as np
 from rso_lidar import orbit
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, suppress_warnings, warn
 from rso_lidar.evaluation.recorded_runs.flown_scenario import load_scenario
-from rso_lidar.evaluation.recorded_runs.globe import build_globe
 from rso_lidar.export import (
     Frames,
     Recording,
@@ -27,7 +26,7 @@ from rso_lidar.export import (
     writer_for,
 )
 from rso_lidar.files import check_writable, convert_path
-from rso_lidar.mission_analysis import find_velocity_jumps_s
+from rso_lidar.mission_analysis import build_globe, find_velocity_jumps_s
 from rso_lidar.motion import write_aem
 from rso_lidar.orbit import write_oem
 from rso_lidar.part import parse_toml
@@ -48,15 +47,15 @@ def save(
 
     Parameters
     ----------
-    path : of the file or folder.
-    frames : from `simulate` or `open`.
-    overwrite : whether an existing file or folder may be replaced.
-    format : name of the format, where the suffix does not give it.
+    path : of the file or folder
+    frames : from `simulate` or `open`
+    overwrite : whether an existing file or folder may be replaced
+    format : name of the format, where the suffix does not give it
 
     Other Parameters
     ----------------
     options : of that format, such as ``viewpoint="tdrs"`` of pcd, ``target="tdrs"`` of tum, kitti, oem (a body; the
-        follower if left out) and aem (any axes), ``sensor="gyro"`` of csv and parquet (the truth if left out).
+        follower if left out) and aem (any axes), ``sensor="gyro"`` of csv and parquet (the truth if left out)
 
     Returns
     -------
@@ -100,10 +99,7 @@ def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
     Parameters
     ----------
-    place : path of the file.
-    frames : the recording.
-    source : of the recording.
-    target : name of the body (None: the follower).
+    target : name of the body (None: the follower)
     """
     folder = _find_folder(frames)
     batches = list(read_truth_batches(frames))
@@ -123,10 +119,7 @@ def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
     Parameters
     ----------
-    place : path of the file.
-    frames : the recording.
-    source : of the recording.
-    target : name of the axes (None: the follower's).
+    target : name of the axes (None: the follower's)
     """
     from scipy.spatial.transform import Rotation
 
@@ -143,14 +136,7 @@ def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
 
 def _write_czml(place: Path, frames: Iterable[Frame], source: Source) -> Path:
-    """Write bodies, lines of sight and boresight for a globe, reduced to a number of epochs that viewers play smoothly.
-
-    Parameters
-    ----------
-    place : path of the file.
-    frames : the recording.
-    source : of the recording.
-    """
+    """Write bodies, lines of sight and boresight for a globe, reduced to a number of epochs that viewers play smoothly."""
     if isinstance(frames, Recording):
         frames = frames[:]
     if isinstance(frames, Frames):  # so that no other frame is read
@@ -190,10 +176,8 @@ def _find_breaks_s(source: Source, name: str, time_s: np.ndarray, folder: Path |
 
     Parameters
     ----------
-    source : of the recording.
-    name : of the body.
-    time_s : (time) times of the frames [s].
-    folder : folder of the files that the scenario names.
+    time_s : (time) times of the frames [s]
+    folder : folder of the files that the scenario names
     """
     try:
         with suppress_warnings():

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 from rso_lidar import picture
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
@@ -18,8 +19,6 @@ from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, Shape, rerun_scene
 from rso_lidar.records import Frame, Source
 
-VIEW_TOOLS = ("rerun", "window", "files")
-VIEW_COLOURS: tuple[Colour, ...] = ("range", "intensity")
 _SCENE = ".rrd"
 _FILMS = (".gif", ".mp4")
 _PICTURES = (*FIGURE_SUFFIXES, *_FILMS)
@@ -30,11 +29,27 @@ _BESIDE = ("_view.png", _SHEET, "_view.gif")  # ends of the files beside a recor
 
 @dataclass(frozen=True)
 class ViewerChoice:
-    """The way a recording is shown: one of `VIEW_TOOLS`, the reason, and the files to write (none: a window opens)."""
+    """The way a recording is shown: one of `TOOLS`, the reason, and the files to write (none: a window opens).
+
+    `contents` describe the frames that each file shows, once it is written. `COLOURS` are those that points may have.
+    """
+
+    TOOLS: ClassVar[tuple[str, ...]] = ("rerun", "window", "files")
+    COLOURS: ClassVar[tuple[Colour, ...]] = ("range", "intensity")
 
     tool: str
     why: str
     paths: tuple[Path, ...] = ()
+    contents: tuple[str, ...] = ()
+
+    def describe(self) -> str:
+        """Describe in a line what was written, with which frames, and why; or what was opened."""
+        if not self.paths:
+            return self.why
+        named = ", ".join(f"{path} ({frames})" for path, frames in zip(self.paths, self.contents, strict=True))
+        why = f"{self.why}: wrote" if self.why else "wrote"
+        more = f"; open it with: rerun {self.paths[0]}" if self.tool == "rerun" else ""
+        return f"{why} {named}{more}"
 
 
 def choose_viewer(
@@ -48,19 +63,20 @@ def choose_viewer(
 
     Parameters
     ----------
-    tool : one of `VIEW_TOOLS` (None: the first that is available, or the one that the suffix of `output` implies).
-    output : a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
-    recording : file of the recording, beside which files without a name are written (None: none are).
-    overwrite : whether existing files are replaced.
+    tool : one of `ViewerChoice.TOOLS` (None: the first that is available, or the one that the suffix of `output` implies)
+    output : a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4)
+    recording : file of the recording, beside which files without a name are written (None: none are)
+    overwrite : whether existing files are replaced
 
     Raises
     ------
     RecordingError
         For a tool that is unknown or not available, and for files that exist already.
     """
-    if tool is not None and tool not in VIEW_TOOLS:
+    if tool is not None and tool not in ViewerChoice.TOOLS:
+        known = ViewerChoice.TOOLS
         raise RecordingError(
-            f"view: no viewer is named '{tool}'{did_you_mean(tool, VIEW_TOOLS)} (known: {', '.join(VIEW_TOOLS)})"
+            f"view: no viewer is named '{tool}'{did_you_mean(tool, known)} (known: {', '.join(known)})"
         )
     if output is not None:
         return _choose_by_suffix(tool, Path(output), overwrite=overwrite)
@@ -86,23 +102,32 @@ def view(
     output: str | Path | None = None,
     overwrite: bool = False,
     folder: Path | None = None,
+    each: Iterable[Frame] | None = None,
+    scheme: Scheme = LIGHT,
+    on_window: Callable[[str], None] | None = None,
 ) -> ViewerChoice:
     """Show a recording in Rerun, in a window of matplotlib or in files; return when its window is closed.
 
     Parameters
     ----------
-    frames : a recording, or a part of one such as ``recording[::10]``.
+    frames : a recording, or a part of one such as ``recording[::10]``
     tool : ``"rerun"``, ``"window"`` or ``"files"`` (None: the first that is available; without a display, files beside the
-        recording).
-    colour : of the points, ``"range"`` or ``"intensity"``.
-    output : file to write instead: a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
-    overwrite : whether existing files are replaced.
-    folder : folder of the mesh files that the scenario names (None: that of the recording).
+        recording)
+    colour : of the points, ``"range"`` or ``"intensity"``
+    output : file to write instead: a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4)
+    overwrite : whether existing files are replaced
+
+    Other Parameters
+    ----------------
+    folder : folder of the mesh files that the scenario names (None: that of the recording)
+    each : iterator over the same frames that reports progress while a scene for Rerun is written (None: `frames`)
+    scheme : of pictures and of matplotlib's window, `LIGHT` or `DARK`
+    on_window : called with a line of text before a window opens
 
     Returns
     -------
     ViewerChoice
-        How it was shown.
+        How it was shown, and the files that were written.
 
     Raises
     ------
@@ -111,34 +136,30 @@ def view(
     """
     path = _find_path(frames)
     chosen = choose_viewer(tool, output, recording=path, overwrite=overwrite)
-    show(chosen, frames, colour=colour, folder=folder or (path.parent if path else None))
-    return chosen
+    if on_window is not None and not chosen.paths:
+        on_window(f"{chosen.why}: {_count_frames(len(frames))}; close it to go on")
+    folder = folder or (path.parent if path else None)
+    return replace(chosen, contents=_show(chosen, frames, colour, folder, each, scheme))
 
 
-def show(
+def _show(
     chosen: ViewerChoice,
     frames: Sequence[Frame],
-    *,
-    colour: Colour = "range",
-    folder: Path | None = None,
-    each: Iterable[Frame] | None = None,
-    scheme: Scheme = LIGHT,
+    colour: Colour,
+    folder: Path | None,
+    each: Iterable[Frame] | None,
+    scheme: Scheme,
 ) -> tuple[str, ...]:
     """Show frames in the chosen way, and describe the frames that each file shows.
 
     Parameters
     ----------
-    chosen : the way.
-    frames : a recording, or a part of one.
-    colour : of the points.
-    folder : folder of the mesh files that the scenario names.
-    each : iterator over the same frames that reports progress while a scene is written (None: `frames`).
-    scheme : of pictures and of the window, `LIGHT` or `DARK`.
+    folder : folder of the mesh files that the scenario names (None: the working folder)
+    each : iterator over the same frames that reports progress while a scene is written (None: `frames`)
     """
-    if colour not in VIEW_COLOURS:
-        raise RecordingError(
-            f"view: no colour '{colour}'{did_you_mean(colour, VIEW_COLOURS)} (known: {', '.join(VIEW_COLOURS)})"
-        )
+    if colour not in ViewerChoice.COLOURS:
+        known = ViewerChoice.COLOURS
+        raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, known)} (known: {', '.join(known)})")
     if not len(frames):
         raise RecordingError("view: the recording has no frames; record some")
     suffixes = {path.suffix.lower() for path in chosen.paths}
@@ -166,16 +187,7 @@ def _count_frames(count: int) -> str:
 def _write_pictures(
     paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour, scheme: Scheme
 ) -> list[str]:
-    """Write pictures by the suffix of their names, and describe the frames that each shows.
-
-    Parameters
-    ----------
-    paths : of the pictures.
-    frames : a recording, or a part of one.
-    shapes : meshes to draw.
-    colour : of the points.
-    scheme : of the pictures.
-    """
+    """Write pictures by the suffix of their names, and describe the frames that each shows."""
     count, contents = len(frames), []
     for path in paths:
         if path.suffix.lower() in _FILMS:
@@ -215,9 +227,8 @@ def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> Vie
 
     Parameters
     ----------
-    tool : the tool that writes it, if asked for.
-    output : path of the file.
-    overwrite : whether an existing file is replaced.
+    tool : the tool that writes it, if asked for
+    overwrite : whether an existing file is replaced
     """
     known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
     if tool == "window":
@@ -234,10 +245,7 @@ def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwri
 
     Parameters
     ----------
-    tool : the tool that writes them.
-    why : reason for writing files.
-    recording : file of the recording.
-    overwrite : whether existing files are replaced.
+    overwrite : whether existing files are replaced
     """
     if recording is None:
         raise RecordingError(f"view: {why or 'files'}: these frames have no file to write beside; give output")

@@ -11,7 +11,23 @@ from rso_lidar.scene import Surface
 
 
 def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
-    """Load the scenario of a recording; `folder` holds the mesh files that it names (None: the working folder)."""
+    """Load the scenario of a recording, without its warnings.
+
+    Parameters
+    ----------
+    source : of the recording
+    folder : folder of the mesh files that the scenario names (None: the working folder)
+
+    Returns
+    -------
+    Scenario
+        Python code and FMUs that it names are not run.
+
+    Raises
+    ------
+    ScenarioError
+        For a text that is no valid scenario, and for files that are missing.
+    """
     with suppress_warnings():
         return Scenario.loads(source.scenario, folder=folder, where="recording", trust_code=None)
 
@@ -21,10 +37,10 @@ def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str
 
     Parameters
     ----------
-    scenario : of the recording.
-    source : of the recording.
-    number : index of the target.
-    asked_by : start of error messages.
+    scenario : of the recording
+    source : of the recording
+    number : index of the target
+    asked_by : start of error messages
 
     Raises
     ------
@@ -47,9 +63,9 @@ def find_target(source: Source, target: str | None, asked_by: str) -> int:
 
     Parameters
     ----------
-    source : of the recording.
-    target : its name (None: the first).
-    asked_by : start of error messages.
+    source : of the recording
+    target : its name (None: the first)
+    asked_by : start of error messages
 
     Raises
     ------

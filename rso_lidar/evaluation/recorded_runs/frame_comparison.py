@@ -1,4 +1,4 @@
-"""Two frames compared pixel by pixel, and the pixels in which a frame has its targets."""
+"""Two frames compared pixel by pixel."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.export import Recording
 from rso_lidar.records import Frame
-from rso_lidar.track import locate_centroid
 
 _NORMAL_MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation, 1 / 0.67449
 
@@ -51,7 +49,7 @@ def compare_frames(first: Frame, second: Frame) -> FrameDifference:
 
     Parameters
     ----------
-    first, second : of scenarios or recordings.
+    first, second : of scenarios or recordings
 
     Returns
     -------
@@ -75,30 +73,3 @@ def compare_frames(first: Frame, second: Frame) -> FrameDifference:
         numbers = [range_m.mean(), np.sqrt(np.mean(range_m**2)), median_m, robust_m, counts.mean(), counts.std()]
     only = (int((first.valid & ~second.valid).sum()), int((second.valid & ~first.valid).sum()))
     return FrameDifference(int(both.sum()), *only, *(float(number) for number in numbers))
-
-
-def find_frame(recording: Recording, index: int) -> Frame | None:
-    """Return the frame of a recording with a number of its scenario, or None if it has no such frame."""
-    rows = np.flatnonzero(recording.frame_index[:] == index)
-    return recording[int(rows[0])] if rows.size else None
-
-
-def locate_centers(frame: Frame) -> dict[str, tuple[int, int]]:
-    """Return the pixel (row, col) of the true origin of each target, and of the centroid of the measured points.
-
-    What is outside the field is left out.
-    """
-    places_m = {f"truth of {one.name}": frame.truth.pose("lidar", one.name).translation for one in frame.source.targets}
-    sight = frame.line_of_sight
-    pixel_rad = float(np.linalg.norm(sight[0, 0] - sight[0, 1]))
-    fix = locate_centroid(frame.points_m, pixel_rad=pixel_rad)
-    if fix is not None:
-        places_m["centroid of the points"] = fix.position_m
-    found = {}
-    for name, place_m in places_m.items():
-        cosine = sight.reshape(-1, 3) @ (place_m / max(float(np.linalg.norm(place_m)), 1e-9))
-        nearest = int(cosine.argmax())
-        if cosine[nearest] > np.cos(pixel_rad):
-            row, col = divmod(nearest, sight.shape[1])
-            found[name] = (row, col)
-    return found

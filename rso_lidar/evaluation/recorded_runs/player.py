@@ -71,13 +71,13 @@ class Player:
 
         Parameters
         ----------
-        frames : a recording, or some of its frames.
-        shapes : true meshes whose edges are drawn.
-        colour : what the colour of the cloud means.
-        figure : where to draw (None: a new figure on an Agg canvas).
-        first : index of the frame shown first.
-        controls : whether there is a slider, and the help on keys.
-        scheme : `LIGHT` or `DARK`.
+        frames : a recording, or some of its frames
+        shapes : true meshes whose edges are drawn
+        colour : what the colour of the cloud means
+        figure : where to draw (None: a new figure on an Agg canvas)
+        first : index of the frame shown first
+        controls : whether there is a slider, and the help on keys
+        scheme : `LIGHT` or `DARK`
         """
         from matplotlib.widgets import Slider
 
@@ -215,11 +215,11 @@ def save_view(
 
     Parameters
     ----------
-    frames : a recording, or some of its frames.
-    path : of the picture; PNG, PDF or SVG by the suffix.
-    shapes : true meshes whose edges are drawn.
-    colour : what the colour of the cloud means.
-    scheme : `LIGHT` or `DARK`.
+    frames : a recording, or some of its frames
+    path : of the picture; PNG, PDF or SVG by the suffix
+    shapes : true meshes whose edges are drawn
+    colour : what the colour of the cloud means
+    scheme : `LIGHT` or `DARK`
 
     Returns
     -------
@@ -244,10 +244,10 @@ def play(
 
     Parameters
     ----------
-    frames : a recording, or some of its frames.
-    shapes : true meshes whose edges are drawn.
-    colour : what the colour of the cloud means.
-    scheme : `LIGHT` or `DARK`.
+    frames : a recording, or some of its frames
+    shapes : true meshes whose edges are drawn
+    colour : what the colour of the cloud means
+    scheme : `LIGHT` or `DARK`
     """
     import matplotlib
     from matplotlib import pyplot
@@ -318,9 +318,7 @@ def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]
 
     Parameters
     ----------
-    frame : the frame.
-    shapes : true meshes.
-    edges_m : their edges in lidar axes.
+    edges_m : their edges in lidar axes
     """
     if edges_m:
         held = np.concatenate([lines.reshape(-1, 3) for lines in edges_m[: _of_one_target(shapes)]])

@@ -6,10 +6,10 @@ a star tracker), its orbit and its burns. Of the target it receives the mesh onl
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from rso_lidar.evaluation.track_quality.burns import list_known_burns
 from rso_lidar.evaluation.track_quality.lidar_mount import find_measured_mount, find_pointing_error_rad
 from rso_lidar.evaluation.track_quality.range_noise import estimate_range_noise_m
 from rso_lidar.evaluation.track_quality.target_mesh import measure_hinges_rad, sample_target
-from rso_lidar.evaluation.track_quality.tracking_figure import tracking_figure
+from rso_lidar.evaluation.track_quality.tracking_figure import TRACKED_QUANTITIES, tracking_figure
 from rso_lidar.orbit import elements_from_state
 from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.pose import ROOT, cross, quaternion_xyzw, rotate_vectors
@@ -39,8 +39,6 @@ from rso_lidar.track import (
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
-TRACKING_AXES = ("right", "down", "ahead")
-
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
@@ -57,7 +55,12 @@ class Tracking:
     (``cv_error_right_m``), and ``cv_nis``. Of ICP: ``icp_right_m``, ``icp_quaternion_x`` to ``_w`` of
     lidar_from_target, the rms distance ``icp_rms_m`` of points from the model, and the errors ``icp_error_m``,
     ``icp_error_rad`` (the whole turn, symmetry not considered) and ``icp_long_axis_error_rad``.
+
+    `AXES` are the words for the lidar axes in names of columns, and `FILTERS` the names of the filters in words.
     """
+
+    AXES: ClassVar[tuple[str, ...]] = ("right", "down", "ahead")
+    FILTERS: ClassVar[Mapping[str, str]] = TRACKED_QUANTITIES
 
     title: str
     target: str
@@ -77,8 +80,8 @@ class Tracking:
 
         Parameters
         ----------
-        path : of the output, .csv, .png, .pdf or .svg.
-        scheme : of a picture, `LIGHT` or `DARK`.
+        path : of the output, .csv, .png, .pdf or .svg
+        scheme : of a picture, `LIGHT` or `DARK`
 
         Returns
         -------
@@ -108,17 +111,17 @@ def tracking(
 
     Parameters
     ----------
-    frames : a recording, or frames of one scenario in the order of time.
-    target : name of the target (None: the first); other targets in the field disturb these trackers.
-    folder : folder of the mesh files that the scenario names (None: the working folder).
-    range_noise_m : standard deviation of one range [m] (None: from the recorded returns, simulated again on the detector).
-    acceleration_m_s2_sqrt_hz : process noise of the filters, each axis [m/s²/√Hz].
+    frames : a recording, or frames of one scenario in the order of time
+    target : name of the target (None: the first); other targets in the field disturb these trackers
+    folder : folder of the mesh files that the scenario names (None: the working folder)
+    range_noise_m : standard deviation of one range [m] (None: from the recorded returns, simulated again on the detector)
+    acceleration_m_s2_sqrt_hz : process noise of the filters, each axis [m/s²/√Hz]
     shape : whether the filters correct for the target's shape. They then use the mean and the spread of the distance
         between the visible middle and the target's origin, over all directions. That error varies slowly and is not white
-        noise, so that NIS is below 3 at most frames. Otherwise the filters follow the visible middle.
-    poses : whether ICP runs.
-    hinges : whether ICP estimates the angles of the target's hinges; otherwise it assumes those of the mesh.
-    each : iterator over the same frames that reports progress (None: `frames`).
+        noise, so that NIS is below 3 at most frames. Otherwise the filters follow the visible middle
+    poses : whether ICP runs
+    hinges : whether ICP estimates the angles of the target's hinges; otherwise it assumes those of the mesh
+    each : iterator over the same frames that reports progress (None: `frames`)
 
     Returns
     -------
@@ -233,11 +236,10 @@ def _evaluate_frame(
 
     Parameters
     ----------
-    scenario, frame, name : the scenario, the frame, and the target.
-    size_m : greatest extent of the target [m].
-    noise_m : standard deviation of a range [m].
-    wander : offset of the visible centroid along the line of sight, its standard deviation, and rms across it [m].
-    follow : ICP; None to omit it.
+    size_m : greatest extent of the target [m]
+    noise_m : standard deviation of a range [m]
+    wander : offset of the visible centroid along the line of sight, its standard deviation, and rms across it [m]
+    follow : ICP; None to omit it
     """
     truth, settings = frame.truth, frame.observation.settings
     pixel_rad = scenario.lidar.receiver.pixel_pitch_m / settings["focal_length_m"]
@@ -323,9 +325,7 @@ def _compare_alignment(found: Alignment, true: RigidTransform, model: SampledMes
 
     Parameters
     ----------
-    found : the estimate.
-    true : lidar_from_body of the truth.
-    model : the target's model.
+    true : lidar_from_body of the truth
     """
     place, rotation = found.pose.translation, found.pose.rotation
     ours, theirs = rotation.apply(model.long_axis), true.rotation.apply(model.long_axis)
@@ -340,21 +340,14 @@ def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.nd
 
     Parameters
     ----------
-    name, unit : start and end of the names.
-    values : (time, 3).
+    name, unit : start and end of the names
+    values : (time, 3)
     """
-    return {f"{name}_{axis}{unit}": column for axis, column in zip(TRACKING_AXES, values.T, strict=True)}
+    return {f"{name}_{axis}{unit}": column for axis, column in zip(Tracking.AXES, values.T, strict=True)}
 
 
 def _tabulate_errors(kind: str, made: Track, rows: Sequence[_EvaluatedFrame]) -> dict[str, np.ndarray]:
-    """Tabulate a filter's estimates in its own axes, its errors in lidar axes, and its NIS.
-
-    Parameters
-    ----------
-    kind : name of the filter.
-    made : its track.
-    rows : the frames.
-    """
+    """Tabulate a filter's estimates in its own axes, its errors in lidar axes, and its NIS."""
     table = {}
     for values, word, unit, true in (
         (made.position_m, "", "_m", [row.true_m[kind] for row in rows]),

@@ -25,8 +25,8 @@ def estimate_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
 
     Parameters
     ----------
-    lidar : the instrument that took them.
-    frames : the recording.
+    lidar : the instrument that took them
+    frames : the recording
     """
     chosen = np.unique(np.linspace(0, len(frames) - 1, _FRAMES).round().astype(int)).tolist()
     readings = [frames[k].observation.reading for k in chosen]
@@ -72,9 +72,7 @@ def _mean_intensity(lidar: Lidar, range_m: float, rng: np.random.Generator) -> n
 
     Parameters
     ----------
-    lidar : the instrument.
-    range_m : range of the plate [m].
-    rng : generator of all noise.
+    range_m : range of the plate [m]
     """
     n = len(_LEVELS) * _EACH
     level = np.arange(n) % len(_LEVELS)
@@ -93,9 +91,7 @@ def _light_of_reading(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Ph
 
     Parameters
     ----------
-    lidar : the instrument.
-    reading : of one frame.
-    answers : (level) mean intensity at each level of photons [counts].
+    answers : (level) mean intensity at each level of photons [counts]
     """
     pixel = np.flatnonzero(np.isfinite(reading.range_m))
     counts = reading.intensity_counts.ravel()[pixel].astype(float)

@@ -14,9 +14,9 @@ def sample_target(scenario: Scenario, number: int = 0, *, hinged: bool = True) -
 
     Parameters
     ----------
-    scenario : with the target.
-    number : index of the target.
-    hinged : whether its hinges may turn; otherwise it is a rigid mesh with all of them at zero.
+    scenario : with the target
+    number : index of the target
+    hinged : whether its hinges may turn; otherwise it is a rigid mesh with all of them at zero
 
     Returns
     -------
@@ -38,9 +38,9 @@ def measure_hinges_rad(truth: Truth, target: str, hinges: tuple[MeshHinge, ...])
 
     Parameters
     ----------
-    truth : of one frame.
-    target : its name.
-    hinges : of its mesh.
+    truth : of one frame
+    target : its name
+    hinges : of its mesh
     """
     turns = [truth.pose(target, f"{target}.{hinge.name}").rotation.as_rotvec() @ hinge.direction for hinge in hinges]
     return np.array(turns, dtype=float)

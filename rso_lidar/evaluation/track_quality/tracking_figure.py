@@ -30,10 +30,10 @@ def tracking_figure(
 
     Parameters
     ----------
-    table : columns (time) by name, as `study.tracking` makes them.
-    kinds : filters in the table, ``cv`` or ``cw``.
-    target : name of the target.
-    title, note : heading of the figure, and small print beside the target's name.
+    table : columns (time) by name, as `study.tracking` makes them
+    kinds : filters in the table, ``cv`` or ``cw``
+    target : name of the target
+    title, note : heading of the figure, and small print beside the target's name
     """
     time_s = table["time_s"]
     poses = "icp_error_rad" in table
@@ -78,13 +78,7 @@ def tracking_figure(
 
 
 def _draw_legend(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) -> None:
-    """Draw a legend on one line above a panel, where it covers no point.
-
-    Parameters
-    ----------
-    axes : the panel.
-    handles, words : entries and their names.
-    """
+    """Draw a legend on one line above a panel, where it covers no point."""
     axes.legend(
         handles, words, fontsize=figures.SMALL_PT, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0),
         ncols=len(words), labelcolor=palette.QUIET, borderaxespad=0.0,
@@ -127,10 +121,7 @@ def _draw_errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[st
 
     Parameters
     ----------
-    axes : the panel.
-    table : columns (time) by name.
-    kinds : filters in the table.
-    axis : name of the axis.
+    table : columns (time) by name
     """
     shown = [table[f"centroid_error_{axis}_m"]]
     axes.axhline(0, color=palette.RULE, lw=figures.THIN_PT)
@@ -152,9 +143,7 @@ def _draw_nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str])
 
     Parameters
     ----------
-    axes : the panel.
-    table : columns (time) by name.
-    kinds : filters in the table.
+    table : columns (time) by name
     """
     low, high = _NIS_95
     axes.axhspan(low, high, color=palette.SHADE, lw=0, label="95 % bounds, chi-square", zorder=0)
@@ -174,10 +163,9 @@ def _draw_on_log(
 
     Parameters
     ----------
-    axes : the panel.
-    table : columns (time) by name.
-    lines : name of the column, label and colour of each line.
-    scale : factor to the unit of the axis.
+    table : columns (time) by name
+    lines : name of the column, label and colour of each line
+    scale : factor to the unit of the axis
     """
     for name, word, colour in lines:
         axes.plot(table["time_s"], table[name] * scale, ".-", color=colour, ms=3, lw=figures.THIN_PT, label=word)

@@ -28,7 +28,7 @@ _HAS_PREADV = hasattr(os, "preadv")  # not on Windows
 _HEADER = struct.Struct("<4sB3xQ")  # of a heap: signature, version, size with this header
 _OBJECT = struct.Struct("<HH4xQ")  # of an object: index, references, size; index 0 is free space, with this header
 _SMALL_BYTES, _MOST_RATIO = 2**24, 1100  # deflate makes data at most 1032 times smaller (zlib, Technical Details)
-_ATTEMPTS, _PAUSE_S = 5, 0.002  # a writer replaces metadata in microseconds
+_ATTEMPTS, _PAUSE_S = 7, 0.002  # pauses double: a busy machine replaces metadata in up to 0.1 s
 
 
 class CheckedStream(io.RawIOBase):
@@ -150,7 +150,7 @@ def check_heaps(path: Path, *, is_growing: bool = False) -> None:
         except (OSError, RuntimeError, KeyError, ValueError, TypeError):
             if not left:
                 raise
-            time.sleep(_PAUSE_S)
+            time.sleep(_PAUSE_S * 2 ** (_ATTEMPTS - 1 - left))
 
 
 @lru_cache(maxsize=4096)

@@ -33,12 +33,12 @@ class Approach(LidarEnvironment):
 
     Parameters
     ----------
-    scenario : with a `state_space` motion of the follower, or the path of its file (None: 120 m behind a rocket stage).
-    draw : as for `LidarEnvironment` (default: `draw_approach`, or None with a scenario).
-    goal_m : in the target's rtn axes [m].
-    max_acceleration_m_s2 : of the action 1 [m/s2].
-    keep_out_m, farthest_m : distances that end an episode [m].
-    target, lost_after_s, threads, render_mode : as for `LidarEnvironment`.
+    scenario : with a `state_space` motion of the follower, or the path of its file (None: 120 m behind a rocket stage)
+    draw : as for `LidarEnvironment` (default: `draw_approach`, or None with a scenario)
+    goal_m : in the target's rtn axes [m]
+    max_acceleration_m_s2 : of the action 1 [m/s2]
+    keep_out_m, farthest_m : distances that end an episode [m]
+    target, lost_after_s, threads, render_mode : as for `LidarEnvironment`
 
     Raises
     ------
@@ -94,7 +94,7 @@ class Approach(LidarEnvironment):
 
         Parameters
         ----------
-        command : for the time to the next flash.
+        command : for the time to the next flash
         """
         inputs = command.inputs if command is not None else None
         asked = self._acceleration if not inputs else np.asarray(inputs["follower"], dtype=float)

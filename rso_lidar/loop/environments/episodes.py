@@ -34,8 +34,8 @@ def draw_pass(scenario: Scenario, rng: np.random.Generator) -> Scenario:
 
     Parameters
     ----------
-    scenario : with a `hill` motion and an `rtn` attitude of the follower, and a PTU with a `fixed` point.
-    rng : of the episode.
+    scenario : with a `hill` motion and an `rtn` attitude of the follower, and a PTU with a `fixed` point
+    rng : of the episode
 
     Returns
     -------
@@ -80,9 +80,9 @@ def _change(part: Any, place: str, **fields: Any) -> Any:
 
     Parameters
     ----------
-    part : the part, or an object of the user's own.
-    place : where it is, for the message.
-    fields : new values by the names of the fields.
+    part : the part, or an object of the user's own
+    place : where it is, for the message
+    fields : new values by the names of the fields
     """
     known = type(part).model_fields if isinstance(part, Part) else {}
     for name in fields:
@@ -106,8 +106,8 @@ def draw_approach(scenario: Scenario, rng: np.random.Generator) -> Scenario:
 
     Parameters
     ----------
-    scenario : with a `state_space` motion of the follower in rtn axes.
-    rng : of the episode.
+    scenario : with a `state_space` motion of the follower in rtn axes
+    rng : of the episode
 
     Returns
     -------

@@ -36,12 +36,12 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
 
     Parameters
     ----------
-    scenario : what is flown, or the path of its TOML file.
-    draw : function ``(scenario, rng) -> scenario`` that draws the beginning of an episode (None: all begin alike).
-    target : name of the target to be observed (None: the first).
-    lost_after_s : time without a pixel on the target after which an episode ends [s].
-    threads : number of threads of a flash. The result is bit for bit the same.
-    render_mode : ``"rgb_array"`` for images of the range, or None.
+    scenario : what is flown, or the path of its TOML file
+    draw : function ``(scenario, rng) -> scenario`` that draws the beginning of an episode (None: all begin alike)
+    target : name of the target to be observed (None: the first)
+    lost_after_s : time without a pixel on the target after which an episode ends [s]
+    threads : number of threads of a flash. The result is bit for bit the same
+    render_mode : ``"rgb_array"`` for images of the range, or None
 
     Raises
     ------
@@ -102,8 +102,8 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
 
         Parameters
         ----------
-        seed : of this episode and of those after it (None: go on with the generator that there is).
-        options : none is known.
+        seed : of this episode and of those after it (None: go on with the generator that there is)
+        options : none is known
 
         Returns
         -------
@@ -130,7 +130,7 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
 
         Parameters
         ----------
-        action : entries in [-1, 1].
+        action : entries in [-1, 1]
 
         Returns
         -------
@@ -182,7 +182,7 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
 
         Parameters
         ----------
-        frame : of this environment.
+        frame : of this environment
         """
         number = [one.name for one in self.scenario.target].index(self.target)
         return int((frame.labels.target == number).sum())
@@ -223,7 +223,7 @@ class LidarEnvironment(gymnasium.Env[Images, np.ndarray]):
 
         Parameters
         ----------
-        command : for the time to the next flash.
+        command : for the time to the next flash
         """
 
     @abstractmethod

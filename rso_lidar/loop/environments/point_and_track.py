@@ -31,12 +31,12 @@ class PointAndTrack(LidarEnvironment):
 
     Parameters
     ----------
-    scenario : with a PTU, or the path of its file (None: a passage by a rocket stage at 300 to 500 m).
-    draw : as for `LidarEnvironment` (default: `draw_pass`, or None with a scenario).
-    action : ``"rate"`` or ``"angle"``.
-    max_rate_deg_s : rate of the action 1 [deg/s] (None: the greatest of the drive, or 10 deg/s).
-    substeps : commands of a ramp.
-    target, lost_after_s, threads, render_mode : as for `LidarEnvironment`.
+    scenario : with a PTU, or the path of its file (None: a passage by a rocket stage at 300 to 500 m)
+    draw : as for `LidarEnvironment` (default: `draw_pass`, or None with a scenario)
+    action : ``"rate"`` or ``"angle"``
+    max_rate_deg_s : rate of the action 1 [deg/s] (None: the greatest of the drive, or 10 deg/s)
+    substeps : commands of a ramp
+    target, lost_after_s, threads, render_mode : as for `LidarEnvironment`
 
     Raises
     ------
@@ -87,7 +87,7 @@ class PointAndTrack(LidarEnvironment):
 
         Parameters
         ----------
-        command : for the time to the next flash.
+        command : for the time to the next flash
         """
         asked = (None, None) if command is None else (command.pan_rad, command.tilt_rad)
         angles = np.array([kept if angle is None else angle for angle, kept in zip(asked, self._demand, strict=True)])

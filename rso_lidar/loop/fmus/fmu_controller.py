@@ -40,10 +40,10 @@ class FmuController:
 
     Parameters
     ----------
-    file : path of the FMU.
-    step_s : time between flashes [s], the grid of the FMU.
-    trust_fmu : whether its native code may run.
-    mapping : `inputs`, `outputs`, and further fields of an FMU: parameters, units, interface, relative_tolerance.
+    file : path of the FMU
+    step_s : time between flashes [s], the grid of the FMU
+    trust_fmu : whether its native code may run
+    mapping : `inputs`, `outputs`, and further fields of an FMU: parameters, units, interface, relative_tolerance
 
     Raises
     ------
@@ -87,7 +87,7 @@ class FmuController:
 
         Parameters
         ----------
-        state : from `save`.
+        state : from `save`
 
         Raises
         ------

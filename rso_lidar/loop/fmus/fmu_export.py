@@ -127,10 +127,10 @@ def write_fmu(scenario: Scenario, path: str | Path, *, version: int = 2, overwri
 
     Parameters
     ----------
-    scenario : to be flown, without Python objects.
-    path : of the FMU (.fmu).
-    version : of FMI, 2 or 3.
-    overwrite : whether a file that exists is replaced.
+    scenario : to be flown, without Python objects
+    path : of the FMU (.fmu)
+    version : of FMI, 2 or 3
+    overwrite : whether a file that exists is replaced
 
     Returns
     -------
@@ -190,8 +190,8 @@ def _copy_files(scenario: Scenario, folder: Path) -> list[Path]:
 
     Parameters
     ----------
-    scenario : which names them.
-    folder : where they go.
+    scenario : which names them
+    folder : where they go
     """
     tops = []
     for name in list_named_files(Scenario.loads(scenario.source.scenario, trust_code=True)):
@@ -215,8 +215,7 @@ def _state_units(built: Path, final: Path, units: dict[str, str]) -> None:
 
     Parameters
     ----------
-    built, final : paths of the FMU.
-    units : of the variables, by name.
+    units : of the variables, by name
     """
     with zipfile.ZipFile(built) as before, zipfile.ZipFile(final, "w", zipfile.ZIP_DEFLATED) as after:
         for entry in before.infolist():

@@ -45,7 +45,7 @@ def measure(observation: Observation) -> dict[str, float]:
 
     Parameters
     ----------
-    observation : of the flash.
+    observation : of the flash
 
     Returns
     -------
@@ -80,7 +80,7 @@ class Instrument:
 
     Parameters
     ----------
-    scenario : what is flown.
+    scenario : what is flown
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -96,7 +96,7 @@ class Instrument:
 
         Parameters
         ----------
-        folder : the resources.
+        folder : the resources
         """
         text = (folder / "scenario.toml").read_text(encoding="utf-8")
         # Whoever runs the FMU runs its code: that of its scenario is part of it.
@@ -116,7 +116,7 @@ class Instrument:
 
         Parameters
         ----------
-        until_s : the instant [s].
+        until_s : the instant [s]
         """
         simulation, command = self._simulation, self._command()
         while not simulation.is_over:
@@ -153,7 +153,7 @@ def list_inputs(scenario: Scenario) -> tuple[Port, ...]:
 
     Parameters
     ----------
-    scenario : to be flown.
+    scenario : to be flown
 
     Returns
     -------

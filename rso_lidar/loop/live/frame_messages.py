@@ -82,9 +82,7 @@ def _write_image(frame: Frame, image: np.ndarray, encoding: str) -> Any:
 
     Parameters
     ----------
-    frame : the frame.
-    image : (row, col) values.
-    encoding : name of the format in the message.
+    image : (row, col) values
     """
     from foxglove.messages import RawImage
 
@@ -153,8 +151,8 @@ def write_targets(frame: Frame, shapes: Sequence[Shape]) -> Any:
 
     Parameters
     ----------
-    frame : any frame, for its time.
-    shapes : meshes of the targets.
+    frame : any frame, for its time
+    shapes : meshes of the targets
     """
     from foxglove.messages import Color, ModelPrimitive, Pose, Quaternion, SceneEntity, SceneUpdate, Vector3
 

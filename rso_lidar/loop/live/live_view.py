@@ -50,11 +50,11 @@ class LiveView(QueuedView):
 
         Parameters
         ----------
-        scenario : that is flown, with the meshes of its targets.
-        address : ``HOST:PORT`` of the server, a loopback address; port 0 takes a free one.
-        shapes : meshes to show (None: those of the scenario).
-        origins : of further web pages that may watch, such as ``http://localhost:8080``.
-        log : prints a line about a page that was refused.
+        scenario : that is flown, with the meshes of its targets
+        address : ``HOST:PORT`` of the server, a loopback address; port 0 takes a free one
+        shapes : meshes to show (None: those of the scenario)
+        origins : of further web pages that may watch, such as ``http://localhost:8080``
+        log : prints a line about a page that was refused
 
         Raises
         ------
@@ -139,8 +139,8 @@ class LiveView(QueuedView):
 
         Parameters
         ----------
-        topic, frame : the topic, and the frame that it is about.
-        client : number of the only viewer that receives it (None: all).
+        topic, frame : the topic, and the frame that it is about
+        client : number of the only viewer that receives it (None: all)
         """
         if topic == TARGETS:
             self._targets = message = self._targets or write_targets(frame, self._shapes)
@@ -154,7 +154,7 @@ class LiveView(QueuedView):
 
         Parameters
         ----------
-        topic, client : the topic, and the number of the viewer.
+        topic, client : the topic, and the number of the viewer
         """
         frame = self._latest
         if frame is not None and topic in self._channels:
@@ -201,8 +201,7 @@ def _make_channels(context: Any, *, has_ptu: bool) -> dict[str, Any]:
 
     Parameters
     ----------
-    context : of the library.
-    has_ptu : whether there is a PTU.
+    has_ptu : whether there is a PTU
     """
     from foxglove import Channel, channels
 

@@ -21,7 +21,7 @@ def parse_origin(text: str) -> str:
 
     Parameters
     ----------
-    text : such as ``http://localhost:8080``.
+    text : such as ``http://localhost:8080``
 
     Raises
     ------
@@ -43,7 +43,7 @@ class HandshakeCheck:
 
     Parameters
     ----------
-    accepts : returns whether a page of an origin may watch.
+    accepts : returns whether a page of an origin may watch
     """
 
     refusal = b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
@@ -57,7 +57,7 @@ class HandshakeCheck:
 
         Parameters
         ----------
-        data : from the client.
+        data : from the client
         """
         if self._head is None:
             return True

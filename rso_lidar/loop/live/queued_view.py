@@ -60,7 +60,7 @@ class QueuedView(ABC):
 
         Parameters
         ----------
-        frame : the next frame. If too many wait, the oldest of them is dropped.
+        frame : the next frame. If too many wait, the oldest of them is dropped
         """
         with self._changed:
             if self._is_closed:

@@ -41,9 +41,9 @@ class RerunView(QueuedView):
 
         Parameters
         ----------
-        scenario : that is flown, with the meshes of its targets.
-        address : ``HOST:PORT`` of the proxy, a loopback address; port 0 takes a free one.
-        shapes : meshes to show (None: those of the scenario).
+        scenario : that is flown, with the meshes of its targets
+        address : ``HOST:PORT`` of the proxy, a loopback address; port 0 takes a free one
+        shapes : meshes to show (None: those of the scenario)
 
         Raises
         ------
@@ -136,12 +136,7 @@ def _find_free(address: NetworkAddress) -> NetworkAddress:
 
 
 def _wait_for(address: NetworkAddress, process: subprocess.Popen[bytes]) -> None:
-    """Wait until a process listens at an address, or raise `ScenarioError`.
-
-    Parameters
-    ----------
-    address, process : the address, and the process.
-    """
+    """Wait until a process listens at an address, or raise `ScenarioError`."""
     end = time.monotonic() + _OPENS_S
     while process.poll() is None and time.monotonic() < end:
         with suppress(OSError), socket.create_connection((address.host, address.port), timeout=1.0):

@@ -44,16 +44,16 @@ class Client:
 
     Parameters
     ----------
-    endpoint : address of the server.
+    endpoint : address of the server
 
     Other Parameters
     ----------------
-    role : ``driver`` steps the simulation; ``observer`` only reads.
-    timeout_s : longest wait for a reply [s].
-    name : in the server's log.
-    token : secret that the server requires.
-    key : file of this client's CURVE keys (``.key_secret``).
-    server_key : file of the server's public key.
+    role : ``driver`` steps the simulation; ``observer`` only reads
+    timeout_s : longest wait for a reply [s]
+    name : in the server's log
+    token : secret that the server requires
+    key : file of this client's CURVE keys (``.key_secret``)
+    server_key : file of the server's public key
     """
 
     def __init__(
@@ -174,9 +174,9 @@ class Client:
 
         Parameters
         ----------
-        command : as for `Simulation.step`; over a link with a latency it acts until the next command does.
-        dt_s : length of the step [s] (None: to the next flash).
-        stamp_s : when the command was given [s since start_utc] (None: as soon as it could have been).
+        command : as for `Simulation.step`; over a link with a latency it acts until the next command does
+        dt_s : length of the step [s] (None: to the next flash)
+        stamp_s : when the command was given [s since start_utc] (None: as soon as it could have been)
 
         Returns
         -------
@@ -204,7 +204,7 @@ class Client:
 
         Parameters
         ----------
-        seed : of all noise (None: the scenario's).
+        seed : of all noise (None: the scenario's)
         """
         self._ask("reset", seed=seed)
         self._observation, self._samples = None, {}
@@ -220,8 +220,8 @@ class Client:
 
         Parameters
         ----------
-        state : its name, from `save`.
-        delete : whether the server deletes it afterwards.
+        state : its name, from `save`
+        delete : whether the server deletes it afterwards
         """
         self._ask("restore", state=state, delete=delete)
         self._observation = None
@@ -260,9 +260,8 @@ class Client:
 
         Parameters
         ----------
-        kind : of the request.
-        read : function of the header and the arrays of the reply (None: nothing is read).
-        **fields : of the request; None is left out.
+        read : function of the header and the arrays of the reply (None: nothing is read)
+        **fields : of the request; None is left out
         """
         if self._socket.closed:
             raise ScenarioError("Client: is closed; make a new one")

@@ -56,9 +56,9 @@ class CommandLog:
 
     Parameters
     ----------
-    path : of the log once the flight is complete.
-    run_id : of the temporary name.
-    simulation : that is flown.
+    path : of the log once the flight is complete
+    run_id : of the temporary name
+    simulation : that is flown
     """
 
     def __init__(self, path: Path, run_id: str, simulation: Simulation) -> None:
@@ -71,7 +71,7 @@ class CommandLog:
 
         Parameters
         ----------
-        steps : in their order.
+        steps : in their order
         """
         self._append([_write_line(step) for step in steps])
 
@@ -87,7 +87,7 @@ class CommandLog:
 
         Parameters
         ----------
-        keep : whether the flight has frames; else the log is deleted.
+        keep : whether the flight has frames; else the log is deleted
         """
         try:
             if keep:
@@ -109,9 +109,9 @@ def repeat_flight(simulation: Simulation, path: str | os.PathLike[str]) -> Itera
 
     Parameters
     ----------
-    simulation : of the scenario in the recording, at t = 0.
+    simulation : of the scenario in the recording, at t = 0
     path : of the log, such as ``a.commands.jsonl`` beside ``a.h5``. A last line without its end, which a killed server
-        leaves, is left out.
+        leaves, is left out
 
     Returns
     -------
@@ -147,8 +147,7 @@ def _repeat_step(simulation: Simulation, step: LoggedStep, where: str) -> Frame 
 
     Parameters
     ----------
-    simulation, step : what is stepped, and how.
-    where : start of error messages.
+    where : start of error messages
     """
     command = step.command.to_command() if step.command else None
     length_s = {} if step.dt_ns is None else {"dt_s": step.dt_ns / NS_PER_S}
@@ -166,9 +165,7 @@ def _check_header(header: LogHeader, simulation: Simulation, where: str) -> None
 
     Parameters
     ----------
-    header : first line of the log.
-    simulation : to be flown.
-    where : start of error messages.
+    where : start of error messages
     """
     if header.digest != simulation.digest:
         raise RecordingError(f"{where}: is of another scenario; load the scenario in the recording beside it")
@@ -184,9 +181,7 @@ def _parse_line(line: bytes, kind: type[_Line], where: str) -> _Line:
 
     Parameters
     ----------
-    line : of the log.
-    kind : of the line.
-    where : start of error messages.
+    where : start of error messages
     """
     try:
         tree = parse_json(line, where)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.units import NS_PER_S
 
 Policy = Literal["slip", "skip", "fail"]
-DEADLINE_POLICIES: tuple[Policy, ...] = ("slip", "skip", "fail")
 
 
 class Deadlines:
@@ -21,22 +20,24 @@ class Deadlines:
     The first reply after a reset starts the clock. The reply of a step to simulated time t is due t / `factor` later.
     A reply that is ready before is held until then. A reply that is ready later has missed its deadline: ``slip``
     moves all later deadlines by the delay, ``skip`` keeps them and leaves out flashes whose deadlines have passed before
-    they begin, and ``fail`` ends the run.
+    they begin, and ``fail`` ends the run. `POLICIES` are these.
 
     Parameters
     ----------
-    factor : simulated time over wall-clock time.
-    policy : at a missed deadline.
-    clock : monotonic time [s].
+    factor : simulated time over wall-clock time
+    policy : at a missed deadline
+    clock : monotonic time [s]
     """
+
+    POLICIES: ClassVar[tuple[Policy, ...]] = ("slip", "skip", "fail")
 
     def __init__(self, factor: float, policy: Policy = "slip", clock: Callable[[], float] = time.monotonic) -> None:
         if not 1e-6 <= factor <= 1e6:
             raise ScenarioError(
                 f"--real-time {factor:g}: is no factor of real time; give one from 1e-6 to 1e6, such as 1"
             )
-        if policy not in DEADLINE_POLICIES:
-            raise ScenarioError(f"--late {policy}: is not {', '.join(DEADLINE_POLICIES)}")
+        if policy not in self.POLICIES:
+            raise ScenarioError(f"--late {policy}: is not {', '.join(self.POLICIES)}")
         self.factor, self.policy, self._clock = factor, policy, clock
         self._origin: tuple[float, int] | None = None  # clock [s] and simulated time [ns]
         self._late_s: list[float] = []
@@ -58,7 +59,7 @@ class Deadlines:
 
         Parameters
         ----------
-        time_ns : time of the flash [ns].
+        time_ns : time of the flash [ns]
         """
         return self.policy == "skip" and self._origin is not None and self._clock() > self._deadline_s(time_ns)
 
@@ -71,9 +72,9 @@ class Deadlines:
 
         Parameters
         ----------
-        time_ns : simulated time of the reply [ns].
-        asked_s : when its request arrived on the clock [s].
-        skipped : whether its flash was left out.
+        time_ns : simulated time of the reply [ns]
+        asked_s : when its request arrived on the clock [s]
+        skipped : whether its flash was left out
 
         Returns
         -------

@@ -40,7 +40,7 @@ class Security:
 
         Parameters
         ----------
-        token : of a client; None for none.
+        token : of a client; None for none
         """
         if self.token is None:
             return True
@@ -51,9 +51,9 @@ class Security:
 
         Parameters
         ----------
-        option : that gave the address, for messages.
-        endpoint : such as ``tcp://127.0.0.1:5571``.
-        is_stream : whether it is that of the stream, whose readers send no token.
+        option : that gave the address, for messages
+        endpoint : such as ``tcp://127.0.0.1:5571``
+        is_stream : whether it is that of the stream, whose readers send no token
 
         Raises
         ------
@@ -74,8 +74,8 @@ def is_private(option: str, endpoint: str) -> bool:
 
     Parameters
     ----------
-    option : that gave the address, for messages.
-    endpoint : such as ``tcp://127.0.0.1:5571`` or ``ipc://lidar``, a socket file in the working folder.
+    option : that gave the address, for messages
+    endpoint : such as ``tcp://127.0.0.1:5571`` or ``ipc://lidar``, a socket file in the working folder
 
     Raises
     ------
@@ -101,8 +101,8 @@ def resolve_host(zmq: Any, endpoint: str) -> str:
 
     Parameters
     ----------
-    zmq : the module, whose names of hosts and interfaces count.
-    endpoint : such as ``tcp://eth0:5571``, ``tcp://*:*`` or ``ipc://lidar``.
+    zmq : the module, whose names of hosts and interfaces count
+    endpoint : such as ``tcp://eth0:5571``, ``tcp://*:*`` or ``ipc://lidar``
 
     Raises
     ------
@@ -120,7 +120,17 @@ def resolve_host(zmq: Any, endpoint: str) -> str:
 
 
 def read_token(path: Path) -> str:
-    """Return the token in a file, without blanks around it; raise `ScenarioError` where there is none."""
+    """Return the token in a file, without blanks around it.
+
+    Parameters
+    ----------
+    path : of a text file with the token alone
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, is too long, or holds no token.
+    """
     token = read_text(path, _MOST_TOKEN_BYTES, ScenarioError, "token").strip()
     if not token:
         raise ScenarioError(f"{path}: holds no token; write at least {_LEAST_TOKEN} random characters into it")
@@ -132,7 +142,7 @@ def load_keys(path: Path) -> tuple[bytes, bytes]:
 
     Parameters
     ----------
-    path : of a file of zmq.auth whose name ends in ``.key_secret``.
+    path : of a file of zmq.auth whose name ends in ``.key_secret``
 
     Raises
     ------
@@ -167,7 +177,17 @@ def load_public_key(path: Path) -> bytes:
 
 
 def import_zmq(what: str) -> Any:
-    """Return the module zmq; raise `ScenarioError` where it is not installed."""
+    """Return the module zmq.
+
+    Parameters
+    ----------
+    what : what needs it, the start of the error message
+
+    Raises
+    ------
+    ScenarioError
+        If it is not installed.
+    """
     try:
         import zmq
     except ImportError:

@@ -29,8 +29,8 @@ class FlightRecorder:
 
     Parameters
     ----------
-    path : of the first recording.
-    overwrite : whether recordings that exist are replaced.
+    path : of the first recording
+    overwrite : whether recordings that exist are replaced
     """
 
     def __init__(self, path: Path, *, overwrite: bool = False) -> None:
@@ -58,9 +58,9 @@ class FlightRecorder:
 
         Parameters
         ----------
-        frame : that was made; None for none.
-        steps : for the log.
-        simulation : that made them.
+        frame : that was made; None for none
+        steps : for the log
+        simulation : that made them
 
         Raises
         ------

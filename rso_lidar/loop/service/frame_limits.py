@@ -23,8 +23,8 @@ class FrameLimits:
 
     Parameters
     ----------
-    is_curve : whether the connection is encrypted, so that the ends of messages cannot be seen.
-    is_stream : whether the client subscribes, and sends subscriptions only.
+    is_curve : whether the connection is encrypted, so that the ends of messages cannot be seen
+    is_stream : whether the client subscribes, and sends subscriptions only
     """
 
     refusal = b""
@@ -44,7 +44,7 @@ class FrameLimits:
 
         Parameters
         ----------
-        data : from the client.
+        data : from the client
         """
         at = min(len(data), _GREETING_BYTES - self._greeted)
         if at and not self._admits_greeting(data[:at]):
@@ -83,8 +83,8 @@ class FrameLimits:
 
         Parameters
         ----------
-        flags, size : of its header: flags of ZMTP 3.1, and length [bytes].
-        name_length : first byte of a command, the length of its name [bytes].
+        flags, size : of its header: flags of ZMTP 3.1, and length [bytes]
+        name_length : first byte of a command, the length of its name [bytes]
         """
         is_command = bool(flags & _COMMAND)
         if flags > 7 or size > MOST_REQUEST_BYTES or (is_command and (flags & _MORE or not size)):

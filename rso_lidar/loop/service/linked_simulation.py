@@ -53,7 +53,7 @@ class LinkedSimulation:
 
     Parameters
     ----------
-    simulation : to be stepped.
+    simulation : to be stepped
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -99,7 +99,7 @@ class LinkedSimulation:
 
         Parameters
         ----------
-        seed : as for `Simulation.reset`.
+        seed : as for `Simulation.reset`
         """
         self.simulation.reset(seed)
         self._active, self._commands, self._readings, self._samples = None, [], [], []
@@ -117,10 +117,10 @@ class LinkedSimulation:
 
         Parameters
         ----------
-        command : acts from `stamp_ns` plus the latency of commands on, until the next one acts. None is an empty command.
-        dt_ns : length of the step [ns] (None: to the next flash).
-        stamp_ns : when flight software gave the command [ns since start_utc] (None: as soon as it could).
-        skip : whether the next flash is left out. It needs a step to the next flash.
+        command : acts from `stamp_ns` plus the latency of commands on, until the next one acts. None is an empty command
+        dt_ns : length of the step [ns] (None: to the next flash)
+        stamp_ns : when flight software gave the command [ns since start_utc] (None: as soon as it could)
+        skip : whether the next flash is left out. It needs a step to the next flash
 
         Returns
         -------
@@ -237,7 +237,7 @@ class LinkedSimulation:
 
         Parameters
         ----------
-        state : from `save`.
+        state : from `save`
         """
         self.simulation.restore(state.simulation)
         self._active, self._delivered, self.frame = state.active, state.delivered, None

@@ -15,8 +15,8 @@ def send_parts(socket: Any, parts: Sequence[Any]) -> None:
 
     Parameters
     ----------
-    socket : of ZeroMQ.
-    parts : bytes of each part.
+    socket : of ZeroMQ
+    parts : bytes of each part
     """
     for part in parts[:-1]:
         socket.send(part, _DONTWAIT | _SNDMORE)
@@ -28,7 +28,7 @@ def receive_parts(socket: Any) -> list[Any]:
 
     Parameters
     ----------
-    socket : of ZeroMQ, with its time limit (``RCVTIMEO``).
+    socket : of ZeroMQ, with its time limit (``RCVTIMEO``)
     """
     parts = [socket.recv(copy=False)]
     while parts[-1].more:

@@ -34,8 +34,8 @@ class Peers:
 
     Parameters
     ----------
-    security : who may connect.
-    log : prints a line of the log.
+    security : who may connect
+    log : prints a line of the log
     """
 
     def __init__(self, security: Security, log: Callable[[str], None]) -> None:
@@ -47,9 +47,9 @@ class Peers:
 
         Parameters
         ----------
-        identity : of the client.
-        connection : number of its socket.
-        request : that it makes.
+        identity : of the client
+        connection : number of its socket
+        request : that it makes
 
         Raises
         ------
@@ -70,8 +70,7 @@ class Peers:
 
         Parameters
         ----------
-        identity, connection : of the client, and number of its socket.
-        request : its hello.
+        identity, connection : of the client, and number of its socket
         """
         if not self._security.accepts(request.token):
             raise RefusalError("forbidden", "hello: has no token, or a wrong one; give the token of the server")
@@ -91,7 +90,7 @@ class Peers:
 
         Parameters
         ----------
-        connection : number of its socket.
+        connection : number of its socket
         """
         return [identity for identity, peer in self._peers.items() if peer.connection == connection]
 
@@ -100,8 +99,8 @@ class Peers:
 
         Parameters
         ----------
-        identity : of the client.
-        reason : verb phrase for the log.
+        identity : of the client
+        reason : verb phrase for the log
         """
         if (peer := self._peers.pop(identity, None)) is not None:
             waits = "; the simulation waits for another" if peer.is_driver else ""

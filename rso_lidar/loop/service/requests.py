@@ -139,7 +139,7 @@ def parse_request(header: bytes) -> Any:
 
     Parameters
     ----------
-    header : UTF-8 text of a JSON object.
+    header : UTF-8 text of a JSON object
 
     Raises
     ------
@@ -172,8 +172,8 @@ def parse_json(text: bytes, where: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    text : UTF-8.
-    where : start of error messages.
+    text : UTF-8
+    where : start of error messages
 
     Raises
     ------

@@ -44,15 +44,15 @@ class Server:
 
     Parameters
     ----------
-    session : answers the requests.
-    bind : address of the request socket.
+    session : answers the requests
+    bind : address of the request socket
 
     Other Parameters
     ----------------
-    publish : address of the stream; None for none.
-    security : who may connect.
-    deadlines : deadlines of the wall clock; None for lock-step as fast as it goes.
-    log : prints a line of the log.
+    publish : address of the stream; None for none
+    security : who may connect
+    deadlines : deadlines of the wall clock; None for lock-step as fast as it goes
+    log : prints a line of the log
     """
 
     def __init__(
@@ -131,8 +131,7 @@ class Server:
 
         Parameters
         ----------
-        context, undone : of ZeroMQ, and what is closed at the end.
-        kind : of the socket.
+        context, undone : of ZeroMQ, and what is closed at the end
         """
         zmq = self._zmq
         made = undone.enter_context(context.socket(kind))
@@ -151,9 +150,9 @@ class Server:
 
         Parameters
         ----------
-        gateway : the `Gateway` to the socket.
-        made, folder : the socket, and the folder of its private address.
-        option, endpoint : the public address, and the option that gave it.
+        gateway : the `Gateway` to the socket
+        made, folder : the socket, and the folder of its private address
+        option, endpoint : the public address, and the option that gave it
         """
         has_ipc = self._zmq.has("ipc") and hasattr(socket, "AF_UNIX")
         made.bind(f"ipc://{folder}/{option.strip('-')}" if has_ipc else "tcp://127.0.0.1:*")
@@ -173,7 +172,7 @@ class Server:
 
         Parameters
         ----------
-        is_stopped : asked ten times a second whether to end.
+        is_stopped : asked ten times a second whether to end
 
         Raises
         ------
@@ -264,9 +263,7 @@ class Server:
 
         Parameters
         ----------
-        envelope : for the reply.
-        request : to be answered.
-        asked_s : when it arrived on the clock [s].
+        asked_s : when it arrived on the clock [s]
         """
         next_ns = self._session.linked.next_flash_ns
         skip = self._deadlines is not None and next_ns is not None and self._deadlines.has_passed(next_ns)
@@ -306,10 +303,7 @@ class Server:
 
         Parameters
         ----------
-        envelope : for the reply.
-        sequence : of the request.
-        code : of the reason.
-        message : *where: what: what to do*.
+        message : *where: what: what to do*
         """
         sendable = message.encode(errors="backslashreplace").decode()  # a request can hold a lone surrogate
         error = {"code": code, "message": sendable}

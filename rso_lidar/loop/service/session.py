@@ -48,10 +48,10 @@ class Session:
 
     Parameters
     ----------
-    simulation : under commands.
-    serves_truth : whether requests for the truth are answered.
-    recorder : of all frames made; None for none.
-    show : called with every frame made, such as by a live view; None for nothing.
+    simulation : under commands
+    serves_truth : whether requests for the truth are answered
+    recorder : of all frames made; None for none
+    show : called with every frame made, such as by a live view; None for nothing
     """
 
     def __init__(
@@ -74,8 +74,8 @@ class Session:
 
         Parameters
         ----------
-        request : from `parse_request`.
-        skip : whether the flash of a step is left out.
+        request : from `parse_request`
+        skip : whether the flash of a step is left out
 
         Returns
         -------
@@ -162,9 +162,7 @@ class Session:
 
         Parameters
         ----------
-        delivery : of the flash.
-        samples : of the other sensors.
-        is_step : whether it answers a step; else it holds the line of sight, changed or not.
+        is_step : whether it answers a step; else it holds the line of sight, changed or not
         """
         header = self._state() | {"frame": None}
         observation = delivery.observation if delivery else None

@@ -51,8 +51,8 @@ def list_record(path: str, record: Record) -> Iterator[WireArray]:
 
     Parameters
     ----------
-    path : before the names of the fields, with a slash at its end, or empty.
-    record : whose arrays are sent; those that are None are not.
+    path : before the names of the fields, with a slash at its end, or empty
+    record : whose arrays are sent; those that are None are not
     """
     for name, spec in specs(type(record)).items():
         if (values := getattr(record, name)) is not None:
@@ -66,9 +66,9 @@ def list_reading(
 
     Parameters
     ----------
-    observation : whose reading and angles are sent; None for none.
-    samples : of the other sensors, by name.
-    with_line_of_sight : whether the receiver does not have the present line of sight yet.
+    observation : whose reading and angles are sent; None for none
+    samples : of the other sensors, by name
+    with_line_of_sight : whether the receiver does not have the present line of sight yet
 
     Returns
     -------
@@ -93,7 +93,7 @@ def list_truth(truth: Truth) -> list[WireArray]:
 
     Parameters
     ----------
-    truth : at one epoch.
+    truth : at one epoch
     """
     from scipy.spatial.transform import Rotation
 
@@ -122,8 +122,8 @@ def encode(header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any
 
     Parameters
     ----------
-    header : of the message, without schema and arrays. A number that is not finite is sent as null.
-    arrays : in the order in which they are sent.
+    header : of the message, without schema and arrays. A number that is not finite is sent as null
+    arrays : in the order in which they are sent
     """
     packed = [_to_little_endian(one.values) for one in arrays]
     listed = b",".join(
@@ -141,13 +141,7 @@ def encode(header: dict[str, Any], arrays: Sequence[WireArray] = ()) -> list[Any
 
 @lru_cache(maxsize=1024)
 def _describe_array(path: str, spec: ArraySpec, dtype: str, shape: tuple[int, ...]) -> bytes:
-    """Return the JSON object that describes an array; most are the same from message to message.
-
-    Parameters
-    ----------
-    path, spec : of the array.
-    dtype, shape : as it is sent.
-    """
+    """Return the JSON object that describes an array; most are the same from message to message."""
     stated = {"unit": spec.unit, "dims": spec.dims, "meaning": spec.meaning}
     return to_json({"name": path, "dtype": dtype, "shape": shape, **stated})
 
@@ -165,7 +159,7 @@ def decode(parts: Sequence[Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]]
 
     Parameters
     ----------
-    parts : bytes of the header and of each array.
+    parts : bytes of the header and of each array
 
     Raises
     ------
@@ -209,7 +203,7 @@ def check_reply(endpoint: str) -> Iterator[None]:
 
     Parameters
     ----------
-    endpoint : address of the server.
+    endpoint : address of the server
     """
     try:
         yield
@@ -230,9 +224,9 @@ def build_observation(
 
     Parameters
     ----------
-    header, arrays : from `decode`.
-    line_of_sight : (row, col, xyz) in force.
-    samples : of the other sensors since the reading before, by name.
+    header, arrays : from `decode`
+    line_of_sight : (row, col, xyz) in force
+    samples : of the other sensors since the reading before, by name
     """
     reading = _build_record("reading", Reading, arrays)
     frame = header["frame"]
@@ -251,7 +245,7 @@ def build_samples(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict
 
     Parameters
     ----------
-    header, arrays : from `decode`.
+    header, arrays : from `decode`
     """
     built = {}
     for path, name in header.get("records", {}).items():
@@ -264,13 +258,7 @@ def build_samples(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict
 
 
 def _build_record(path: str, cls: type[AnyRecord], arrays: dict[str, np.ndarray]) -> AnyRecord:
-    """Build one record of a message.
-
-    Parameters
-    ----------
-    path, cls : of the record, and its class.
-    arrays : of the message, by path.
-    """
+    """Build one record of a message."""
     return cls(**{field: arrays[f"{path}/{field}"] for field in specs(cls) if f"{path}/{field}" in arrays})
 
 
@@ -279,7 +267,7 @@ def build_truth(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Truth:
 
     Parameters
     ----------
-    header, arrays : from `decode`.
+    header, arrays : from `decode`
     """
     from scipy.spatial.transform import Rotation
 
@@ -307,9 +295,9 @@ def encode_request(kind: str, sequence: int, fields: dict[str, Any]) -> bytes:
 
     Parameters
     ----------
-    kind : of the request.
-    sequence : its number.
-    fields : further keys; None is left out.
+    kind : of the request
+    sequence : its number
+    fields : further keys; None is left out
 
     Raises
     ------

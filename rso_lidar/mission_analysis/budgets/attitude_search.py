@@ -7,8 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.detector import report_probability
 from rso_lidar.errors import ScenarioError, suppress_warnings
+from rso_lidar.mission_analysis.budgets.facing_attitudes import list_facing_attitudes
 from rso_lidar.records import Truth
 from rso_lidar.scenario import (
     Finding,
@@ -16,11 +18,8 @@ from rso_lidar.scenario import (
     Scenario,
     cast_surfaces,
     find_aspects,
-    follow_gate,
-    list_facing_attitudes,
     list_run_attitudes,
     move_target,
-    place_body,
     preview_mission,
     spread_attitudes,
 )
@@ -44,12 +43,12 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        lidar : the camera.
-        scenario : the scenario of the body.
-        number : of the body among its targets.
-        finding : when the body counts as found.
-        attitudes : number of attitudes.
-        in_run : whether they are those of the run.
+        lidar : the camera
+        scenario : the scenario of the body
+        number : of the body among its targets
+        finding : when the body counts as found
+        attitudes : number of attitudes
+        in_run : whether they are those of the run
         """
         with suppress_warnings():
             self._preview = preview_mission(scenario)
@@ -80,8 +79,8 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        attitude, range_m : the attitude, and the range [m].
-        n : number of places in the pixel grid over which the mean is taken.
+        attitude, range_m : the attitude, and the range [m]
+        n : number of places in the pixel grid over which the mean is taken
         """
         found, _ = self._evaluate([attitude] * n, range_m, spread_attitudes(n)[1])
         return float(found.mean())
@@ -116,8 +115,8 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        attitudes, range_m : the attitudes, and the range [m].
-        n : number of places in the pixel grid over which the means are taken.
+        attitudes, range_m : the attitudes, and the range [m]
+        n : number of places in the pixel grid over which the means are taken
         """
         places = np.tile(spread_attitudes(n)[1], (len(attitudes), 1))
         found, photons = self._evaluate([one for one in attitudes for _ in range(n)], range_m, places)
@@ -139,8 +138,8 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        attitudes, range_m : the attitudes, and the range [m].
-        phases : (attitude, right_down) places in the pixel grid.
+        attitudes, range_m : the attitudes, and the range [m]
+        phases : (attitude, right_down) places in the pixel grid
         """
         lidar = follow_gate(self._lidar, range_m)
         truths = [self._place(one, range_m, phase) for one, phase in zip(attitudes, phases, strict=True)]
@@ -153,9 +152,38 @@ class AttitudeSearch:
 
         Parameters
         ----------
-        attitude, range_m : the attitude, and the range [m].
-        phase : (right_down) place in the pixel grid.
+        attitude, range_m : the attitude, and the range [m]
+        phase : (right_down) place in the pixel grid
         """
         row, turned = attitude
         place_m = place_body(self._lidar, range_m, phase)
         return move_target(self._scenario, self._number, self._preview.truth.at(row), place_m, turned)
+
+
+def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
+    """Return the place (xyz) [m] in lidar axes of a body at a range, beside the boresight by parts of a pixel.
+
+    Parameters
+    ----------
+    lidar : the instrument
+    range_m : range
+    phase : (right_down) place beside the boresight [pixels]
+    """
+    x, y = phase * lidar.receiver.pixel_tangent
+    place_m: np.ndarray = np.array([x, y, 1.0]) * (range_m / math.sqrt(1.0 + x * x + y * y))
+    return place_m
+
+
+def follow_gate(lidar: Lidar, range_m: float) -> Lidar:
+    """Return the instrument with a range in the middle of its gate; the same without a gate.
+
+    Parameters
+    ----------
+    lidar : the instrument
+    range_m : range
+    """
+    traits = lidar.detector.traits
+    if not traits.is_gated:
+        return lidar
+    opens_m = max(range_m - 0.5 * (traits.sees_to_m - traits.sees_from_m), 0.0)
+    return lidar.with_settings({"gate_delay_ns": opens_m / units.RANGE_PER_DELAY_M_S / units.NS})

@@ -16,9 +16,9 @@ def choose_body(lidar: Lidar, scenario: Scenario | None, body: str | None) -> tu
 
     Parameters
     ----------
-    lidar : the camera.
-    scenario : the scenario of the camera, if any.
-    body : name of a target or of a model, or path of a mesh (None: the scenario's first target).
+    lidar : the camera
+    scenario : the scenario of the camera, if any
+    body : name of a target or of a model, or path of a mesh (None: the scenario's first target)
 
     Returns
     -------
@@ -66,12 +66,6 @@ def _build_bench(lidar: Lidar, model: str) -> Scenario:
 
 
 def _explain(message: str, names: list[str]) -> str:
-    """Return what is wrong with a body, and the targets that a scenario has.
-
-    Parameters
-    ----------
-    message : of the error.
-    names : of the scenario's targets.
-    """
+    """Return what is wrong with a body, and the targets that a scenario has."""
     text = message.rpartition("target body: ")[2]
     return f"no target of that name (targets: {', '.join(names)}), and no model: {text}" if names else text

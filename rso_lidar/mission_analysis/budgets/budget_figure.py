@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.mission_analysis.budgets.range_curve import BudgetCurve
 from rso_lidar.picture import figures, palette
 
 if TYPE_CHECKING:
@@ -21,27 +21,15 @@ _STYLES = ("-", (0, (5, 2)))
 _LOWEST_PHOTONS = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class Line:
-    """Curve (range) of a link budget with its name; `max_range_m` is NaN where there is none.
-
-    Beyond `filled_to_m` the target no longer fills a pixel, and the curve is drawn faintly.
-    """
-
-    name: str
-    range_m: np.ndarray
-    photons: np.ndarray
-    probability: np.ndarray
-    range_precision_m: np.ndarray
-    pixels: np.ndarray
-    max_range_m: float
-    armed_limits: bool
-    fill_limits: bool = False
-    filled_to_m: float = np.inf
-
-
 def budget_figure(
-    lines: Sequence[Line], title: str, note: str, probability: float, small_print: Sequence[str] = ()
+    curves: Sequence[BudgetCurve],
+    names: Sequence[str],
+    title: str,
+    note: str,
+    probability: float,
+    *,
+    filled_to_m: float = math.inf,
+    small_print: Sequence[str] = (),
 ) -> Figure:
     """Draw a link budget against range in four plots, with the greatest ranges of the wanted probability marked.
 
@@ -49,37 +37,35 @@ def budget_figure(
 
     Parameters
     ----------
-    lines : the curves.
-    title, note, small_print : words about the figure.
-    probability : the wanted probability of detection.
+    probability : the wanted probability of detection
+    filled_to_m : range beyond which the target fills no pixel, and curves are drawn faintly [m]
     """
     figure = figures.new_figure(11.0, 8.2, title, note, tuple(small_print))
     (light, found), (precision, pixels) = figure.subplots(2, 2, sharex=True)
-    for number, line in enumerate(lines):
+    for number, (name, curve) in enumerate(zip(names, curves, strict=True)):
         look = {
             "color": _COLOURS[number % len(_COLOURS)],
             "ls": _STYLES[number // len(_COLOURS) % 2],
             "lw": figures.LINE_PT,
         }
-        ends = _ARMED if line.armed_limits else _FILLED if line.fill_limits else ""
-        reach = ": never" if np.isnan(line.max_range_m) else f": {_format_length(line.max_range_m)}{ends}"
-        shown = np.where(line.probability >= 0.01, line.range_precision_m / units.CM, np.nan)
-        light.plot([], [], label=f"{line.name}{reach}", **look)
-        for axes, values in ((light, line.photons), (found, line.probability), (precision, shown)):
-            if line.filled_to_m < line.range_m[-1]:
-                axes.plot(line.range_m, values, **look, alpha=_FAINT)
-            near = line.range_m <= line.filled_to_m
-            axes.plot(line.range_m, np.where(near, values, np.nan), **look)
-        pixels.plot(line.range_m, line.pixels, **look)
-        if line.range_m[0] <= line.max_range_m <= line.range_m[-1]:
-            at = np.log(line.max_range_m)
-            there = float(np.interp(at, np.log(line.range_m), line.probability)) if ends else probability
-            _mark(found, line.max_range_m, there, str(look["color"]))
-            for axes, values in ((light, line.photons), (pixels, line.pixels)):
-                height = np.exp(np.interp(at, np.log(line.range_m), np.log(np.maximum(values, 1e-12))))
-                _mark(axes, line.max_range_m, float(height), str(look["color"]))
-    first, last = min(line.range_m[0] for line in lines), max(line.range_m[-1] for line in lines)
-    filled_to_m = min(line.filled_to_m for line in lines)
+        ends = _ARMED if curve.armed_limits else _FILLED if curve.fill_limits else ""
+        reach = ": never" if np.isnan(curve.max_range_m) else f": {_format_length(curve.max_range_m)}{ends}"
+        shown = np.where(curve.detection_probability >= 0.01, curve.range_precision_m / units.CM, np.nan)
+        light.plot([], [], label=f"{name}{reach}", **look)
+        for axes, values in ((light, curve.photons), (found, curve.detection_probability), (precision, shown)):
+            if filled_to_m < curve.range_m[-1]:
+                axes.plot(curve.range_m, values, **look, alpha=_FAINT)
+            near = curve.range_m <= filled_to_m
+            axes.plot(curve.range_m, np.where(near, values, np.nan), **look)
+        pixels.plot(curve.range_m, curve.pixels_on_target, **look)
+        if curve.range_m[0] <= curve.max_range_m <= curve.range_m[-1]:
+            at = np.log(curve.max_range_m)
+            there = float(np.interp(at, np.log(curve.range_m), curve.detection_probability)) if ends else probability
+            _mark(found, curve.max_range_m, there, str(look["color"]))
+            for axes, values in ((light, curve.photons), (pixels, curve.pixels_on_target)):
+                height = np.exp(np.interp(at, np.log(curve.range_m), np.log(np.maximum(values, 1e-12))))
+                _mark(axes, curve.max_range_m, float(height), str(look["color"]))
+    first, last = min(curve.range_m[0] for curve in curves), max(curve.range_m[-1] for curve in curves)
     if first < filled_to_m < last:
         for axes in (light, found, precision):
             axes.axvline(filled_to_m, color=palette.QUIET, lw=figures.THIN_PT, ls=(0, (2, 3)), zorder=0)
@@ -106,15 +92,7 @@ def budget_figure(
 
 
 def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -> None:
-    """Write the names of the curves between the plots and the small print, and make room for them.
-
-    Parameters
-    ----------
-    figure : the figure.
-    axes : a plot that holds all curves.
-    probability : the wanted probability.
-    printed : lines of small print.
-    """
+    """Write the names of the curves between the plots and the small print, and make room for them."""
     handles, names = axes.get_legend_handles_labels()
     columns = 1 if len(names) <= 2 else 2 if len(names) <= 8 else 3
     height_in = float(figure.get_figheight())
@@ -146,13 +124,7 @@ _LEAST_SPAN = 1.5  # least ratio of the ends of a log axis: a shorter axis would
 
 
 def _prepare_axes(axes: Axes, title: str, note: str) -> None:
-    """Prepare a panel with a logarithmic range axis.
-
-    Parameters
-    ----------
-    axes : the panel.
-    title, note : its heading, left and right.
-    """
+    """Prepare a panel with a logarithmic range axis."""
     axes.set_xscale("log")
     figures.style_axes(axes, title, note=note)
     axes.tick_params(labelbottom=True)
@@ -175,9 +147,7 @@ def _mark(axes: Axes, x: float, y: float, colour: str) -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    x, y : of the point, in units of the axes.
-    colour : of the mark.
+    x, y : of the point, in units of the axes
     """
     axes.plot([x], [y], "o", color=colour, ms=5, mec=palette.PAPER, mew=0.8, zorder=5)
 

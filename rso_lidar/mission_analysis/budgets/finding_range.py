@@ -13,14 +13,14 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch
 from rso_lidar.mission_analysis.budgets.body import choose_body
+from rso_lidar.mission_analysis.budgets.facing_attitudes import describe_facing
 from rso_lidar.mission_analysis.budgets.finding_figure import finding_figure
 from rso_lidar.mission_analysis.budgets.inputs import select_camera
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M
 from rso_lidar.picture import LIGHT, Scheme, save_figure_or_table
 from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.scenario import Finding, Lidar, Scenario, describe_facing
+from rso_lidar.scenario import Finding, Lidar, Scenario
 
-FINDING_ATTITUDES = 256
 _SCAN_RATIO, _SCANNED_ATTITUDES = 1.35, 24  # of the ranges of the first scan, and attitudes at each
 _DRAWN = 13  # ranges at which the curve is computed, from almost always to almost never found
 _SURE = 0.995
@@ -104,7 +104,7 @@ class FoundRange:
 
         Parameters
         ----------
-        probability : that the body is found.
+        probability : that the body is found
         """
         reached = np.flatnonzero(self.found_probability >= probability)
         if not reached.size:
@@ -135,8 +135,8 @@ class FoundRange:
 
         Parameters
         ----------
-        path : of the output, .csv, .png, .pdf or .svg.
-        scheme : of a picture, `LIGHT` or `DARK`.
+        path : of the output, .csv, .png, .pdf or .svg
+        scheme : of a picture, `LIGHT` or `DARK`
 
         Returns
         -------
@@ -161,7 +161,7 @@ def find_range(
     finding: Finding | None = None,
     probability: float = 0.9,
     range_m: tuple[float, float] | None = None,
-    attitudes: int = FINDING_ATTITUDES,
+    attitudes: int = 256,
     in_run: bool = False,
 ) -> FoundRange:
     """Solve how far a body is found: at least m pixels report it, in at least k of n flashes.
@@ -171,16 +171,16 @@ def find_range(
 
     Parameters
     ----------
-    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera.
-    body : name of a target of the scenario, name of a model, or path of a mesh (None: the scenario's first target).
-    finding : when the body counts as found (None: as the scenario says, or one pixel of one flash).
-    probability : that it is found, for which the greatest range is solved.
+    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera
+    body : name of a target of the scenario, name of a model, or path of a mesh (None: the scenario's first target)
+    finding : when the body counts as found (None: as the scenario says, or one pixel of one flash)
+    probability : that it is found, for which the greatest range is solved
 
     Other Parameters
     ----------------
-    range_m : nearest and farthest range [m] (None: as far as the detector sees).
-    attitudes : number of attitudes, each at one place in the pixel grid.
-    in_run : take the attitudes that the scenario's target has to the line of sight in the run, instead of all.
+    range_m : nearest and farthest range [m] (None: as far as the detector sees)
+    attitudes : number of attitudes, each at one place in the pixel grid
+    in_run : take the attitudes that the scenario's target has to the line of sight in the run, instead of all
 
     Returns
     -------
@@ -257,9 +257,8 @@ def _choose_span_m(lidar: Lidar, given: Any, radius_m: float) -> tuple[float, fl
 
     Parameters
     ----------
-    lidar : the camera.
-    given : the two, or None.
-    radius_m : of the body [m].
+    given : the two, or None
+    radius_m : of the body [m]
     """
     traits = lidar.detector.traits
     if given is None:
@@ -278,8 +277,8 @@ def _scan_inward(probability: Callable[[float], float], near_m: float, far_m: fl
 
     Parameters
     ----------
-    probability : function of a range [m].
-    near_m, far_m : nearest and farthest range [m].
+    probability : function of a range [m]
+    near_m, far_m : nearest and farthest range [m]
     """
     scanned: dict[float, float] = {}
     n = max(math.ceil(math.log(far_m / near_m) / math.log(_SCAN_RATIO)), 4) + 1
@@ -295,7 +294,7 @@ def _choose_curve_m(scan_m: np.ndarray, scan: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    scan_m, scan : (range) scanned ranges [m] and probabilities.
+    scan_m, scan : (range) scanned ranges [m] and probabilities
     """
     seen = np.flatnonzero(scan > 1.0 - _SURE)
     if not seen.size:
@@ -313,9 +312,8 @@ def _solve_m(
 
     Parameters
     ----------
-    probability : function of a range [m].
-    range_m, known : (range) ranges [m], and their probabilities.
-    wanted : probability.
+    probability : function of a range [m]
+    range_m, known : (range) ranges [m], and their probabilities
     """
     reached = np.flatnonzero(known >= wanted)
     if not reached.size:
@@ -346,9 +344,8 @@ def _describe_notes(lidar: Lidar, *, in_run: bool, has_retros: bool) -> tuple[st
 
     Parameters
     ----------
-    lidar : the camera.
-    in_run : whether the attitudes are those of the run.
-    has_retros : whether the body has retro-reflectors.
+    in_run : whether the attitudes are those of the run
+    has_retros : whether the body has retro-reflectors
     """
     notes = [
         "attitudes of the run" if in_run else "attitudes: all rotations, evenly; places: one pixel about the boresight"

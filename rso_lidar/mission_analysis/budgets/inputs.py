@@ -17,7 +17,7 @@ from rso_lidar.detector import AnyDetector, describe_window, list_neglected_effe
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.mission_analysis.budgets.silhouettes import cast_silhouettes
-from rso_lidar.scenario import Lidar, Scenario, load_presets, preview_mission
+from rso_lidar.scenario import Lidar, Scenario, load_presets
 from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete, find_material, load_materials
 
 _RANGES = 121
@@ -52,9 +52,9 @@ def check_angles_deg(what: str, given: Sequence[float] | float, least: float, mo
 
     Parameters
     ----------
-    what : name of the angles in error messages.
-    given : one or several angles [deg].
-    least, most : limits [deg].
+    what : name of the angles in error messages
+    given : one or several angles [deg]
+    least, most : limits [deg]
     """
     values = tuple(dict.fromkeys(float(value) for value in np.atleast_1d(np.asarray(given, dtype=float))))
     if not values:
@@ -118,7 +118,7 @@ def choose_target(given: Sequence[float] | float | None, scenario: Scenario | No
     """
     if given is None and scenario is not None and scenario.target:
         with suppress_warnings():
-            areas_m2, squares_m = cast_silhouettes(scenario, preview_mission(scenario), 0)
+            areas_m2, squares_m = cast_silhouettes(scenario, 0)
         corners = scenario.corners_of(0).reshape(-1, 3)
         sides = tuple(float(side) for side in corners.max(axis=0) - corners.min(axis=0))
         name = scenario.target[0].name
@@ -146,9 +146,9 @@ def choose_materials(
 
     Parameters
     ----------
-    given : names, reflectances, tables or materials (None: dimmest and brightest of the scenario's first target).
-    scenario : the scenario of the camera, if any.
-    wavelength_m : of the laser [m].
+    given : names, reflectances, tables or materials (None: dimmest and brightest of the scenario's first target)
+    scenario : the scenario of the camera, if any
+    wavelength_m : of the laser [m]
     """
     if given is not None:
         if isinstance(given, str | float | int | Material):
@@ -240,9 +240,9 @@ def describe_omissions(lidar: Lidar, false_alarms: float, *, retros: bool = Fals
 
     Parameters
     ----------
-    lidar : the camera.
-    false_alarms : false alarms of a frame in the dark.
-    retros : whether retro-reflectors of the target are omitted.
+    lidar : the camera
+    false_alarms : false alarms of a frame in the dark
+    retros : whether retro-reflectors of the target are omitted
     """
     laser, receiver = lidar.laser, lidar.receiver
     dropped = ["retro-reflectors of the target"] * retros

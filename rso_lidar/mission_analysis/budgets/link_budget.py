@@ -10,9 +10,9 @@ def filled_pixel_photons(laser: Laser, receiver: Receiver, brdf_per_sr: float, r
 
     Parameters
     ----------
-    laser, receiver : the instrument.
-    brdf_per_sr : BRDF of the facet.
-    range_m : range of the facet.
+    laser, receiver : the instrument
+    brdf_per_sr : BRDF of the facet
+    range_m : range of the facet
 
     Examples
     --------

@@ -40,11 +40,11 @@ def compute_photons(
 
     Parameters
     ----------
-    laser, receiver : the camera.
-    material : of the facet.
-    tilt_rad : angle between the facet's normal and the boresight [rad].
-    range_m : (range) ranges of the facet [m].
-    facet_m2 : area of a square facet [m²] (None: it fills the pixel and its neighbours).
+    laser, receiver : the camera
+    material : of the facet
+    tilt_rad : angle between the facet's normal and the boresight [rad]
+    range_m : (range) ranges of the facet [m]
+    facet_m2 : area of a square facet [m²] (None: it fills the pixel and its neighbours)
 
     Returns
     -------
@@ -77,10 +77,10 @@ def depth_spread_s(receiver: Receiver, tilt_rad: float, range_m: np.ndarray, fil
 
     Parameters
     ----------
-    receiver : the lens and the focal plane.
-    tilt_rad : angle between the facet's normal and the boresight [rad].
-    range_m : (range) ranges of the facet [m].
-    fill : (range) share of the pixel that the facet fills, which gives the visible width w.
+    receiver : the lens and the focal plane
+    tilt_rad : angle between the facet's normal and the boresight [rad]
+    range_m : (range) ranges of the facet [m]
+    fill : (range) share of the pixel that the facet fills, which gives the visible width w
     """
     seen_m = pixel_width_m(receiver, range_m) * np.sqrt(fill)
     spread: np.ndarray = seen_m * math.tan(tilt_rad) / units.RANGE_PER_DELAY_M_S
@@ -92,9 +92,8 @@ def _illuminated_share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) 
 
     Parameters
     ----------
-    laser : the laser.
-    across_m : (range) width of the square [m].
-    range_m : (range) its range [m].
+    across_m : (range) width of the square [m]
+    range_m : (range) its range [m]
     """
     right_m, down_m, ahead_m = laser.offset_m
     before = range_m > ahead_m
@@ -120,8 +119,7 @@ def _overlap(middle: np.ndarray, half: np.ndarray, low: float = -1.0, high: floa
 
     Parameters
     ----------
-    middle, half : middle and half width of the other interval.
-    low, high : ends of the interval.
+    middle, half : middle and half width of the other interval
     """
     length: np.ndarray = np.maximum(np.minimum(middle + half, high) - np.maximum(middle - half, low), 0.0)
     return length
@@ -140,8 +138,8 @@ def _circle_share(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    x, y : middle of the square.
-    half : half of its side.
+    x, y : middle of the square
+    half : half of its side
     """
     place = (np.arange(_SLICES) + 0.5) / _SLICES * 2.0 - 1.0
     across = x[..., None] + half[..., None] * place
@@ -157,9 +155,9 @@ def _pattern_share(pattern: np.ndarray, x: np.ndarray, y: np.ndarray, half: np.n
 
     Parameters
     ----------
-    pattern : (row, col) share of the energy in each cell, uniform within the cell.
-    x, y : middle of the square in units of the pattern's half width.
-    half : half of its side.
+    pattern : (row, col) share of the energy in each cell, uniform within the cell
+    x, y : middle of the square in units of the pattern's half width
+    half : half of its side
     """
     rows, cols = pattern.shape
     shares = []

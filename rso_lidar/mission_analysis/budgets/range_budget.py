@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from rso_lidar import units
 from rso_lidar.detector import false_alarm_probability
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import check_writable, write_text
-from rso_lidar.mission_analysis.budgets.budget_figure import Line, budget_figure
+from rso_lidar.mission_analysis.budgets.budget_figure import budget_figure
 from rso_lidar.mission_analysis.budgets.inputs import (
     change_divergence,
     check_angles_deg,
@@ -29,29 +29,12 @@ from rso_lidar.mission_analysis.budgets.inputs import (
     select_camera,
 )
 from rso_lidar.mission_analysis.budgets.range_curve import FARTHEST_M, BudgetCurve, compute_curve
-from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, save_figure
+from rso_lidar.picture import LIGHT, RESULT_SUFFIXES, Scheme, save_figure
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scene import Material
 
-BUDGET_SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 _MOST_CURVES = 200
 _MOST_DRAWN = 12
-
-
-BUDGET_COLUMNS = (
-    "range_m",
-    "photons",
-    "fill_fraction",
-    "detection_probability",
-    "range_precision_m",
-    "snr",
-    "saturated",
-    "false_alarm_probability",
-    "pixel_m",
-    "pixels_on_target",
-    "pixels_across",
-    "target_fills_pixel",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +43,24 @@ class Budget:
 
     `target` describes what pixels are counted on: the scenario's target, a square that faces the lidar, or a tumbling box.
     `target_m` are its sides, and `target_area_m2` is its mean silhouette over attitudes. `filled_to_m` is the range to which
-    it fills a pixel, infinite for a facet and without a target. `notes` describe omitted effects.
+    it fills a pixel, infinite for a facet and without a target. `notes` describe omitted effects. `COLUMNS` are the names of
+    the results along range, in the order of the table.
     """
+
+    COLUMNS: ClassVar[tuple[str, ...]] = (
+        "range_m",
+        "photons",
+        "fill_fraction",
+        "detection_probability",
+        "range_precision_m",
+        "snr",
+        "saturated",
+        "false_alarm_probability",
+        "pixel_m",
+        "pixels_on_target",
+        "pixels_across",
+        "target_fills_pixel",
+    )
 
     camera: str
     probability: float
@@ -80,7 +79,7 @@ class Budget:
 
         Parameters
         ----------
-        pixels : number of pixels, above 0.
+        pixels : number of pixels, above 0
         """
         return math.sqrt(self.target_area_m2 / check_positive("pixels", pixels)) / self.pixel_rad
 
@@ -88,9 +87,9 @@ class Budget:
         """Return all curves as one CSV table with a row for each range; column names end in their unit."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["material", "tilt_deg", "divergence_deg", *BUDGET_COLUMNS])
+        writer.writerow(["material", "tilt_deg", "divergence_deg", *self.COLUMNS])
         for curve in self.curves:
-            columns = [getattr(curve, name) for name in BUDGET_COLUMNS]
+            columns = [getattr(curve, name) for name in self.COLUMNS]
             for row in zip(*columns, strict=True):
                 values = [int(value) if isinstance(value, np.bool_) else f"{float(value):.7g}" for value in row]
                 writer.writerow([curve.material, f"{curve.tilt_deg:g}", f"{curve.divergence_deg:g}", *values])
@@ -103,31 +102,24 @@ class Budget:
                 f"budget: {len(self.curves)} curves are too many for one picture; draw at most {_MOST_DRAWN}, or "
                 "write .csv"
             )
-        lines = [
-            Line(
-                name,
-                curve.range_m,
-                curve.photons,
-                curve.detection_probability,
-                curve.range_precision_m,
-                curve.pixels_on_target,
-                curve.max_range_m,
-                curve.armed_limits,
-                curve.fill_limits,
-                self.filled_to_m,
-            )
-            for name, curve in zip(self.names(), self.curves, strict=True)
-        ]
-        return budget_figure(lines, f"Link budget of {self.camera}", self.about(), self.probability, self.notes)
+        return budget_figure(
+            self.curves,
+            self.names(),
+            f"Link budget of {self.camera}",
+            self.about(),
+            self.probability,
+            filled_to_m=self.filled_to_m,
+            small_print=self.notes,
+        )
 
     def save(self, path: str | Path, *, overwrite: bool = False, scheme: Scheme = LIGHT) -> Path:
         """Write the budget as a table or a picture.
 
         Parameters
         ----------
-        path : of the output, .csv, .png, .pdf or .svg.
-        overwrite : whether an existing file may be replaced.
-        scheme : of a picture, `LIGHT` or `DARK`.
+        path : of the output, .csv, .png, .pdf or .svg
+        overwrite : whether an existing file may be replaced
+        scheme : of a picture, `LIGHT` or `DARK`
 
         Returns
         -------
@@ -138,7 +130,7 @@ class Budget:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        place = check_writable(path, BUDGET_SUFFIXES, overwrite=overwrite)
+        place = check_writable(path, RESULT_SUFFIXES, overwrite=overwrite)
         if place.suffix.lower() != ".csv":
             return save_figure(self.figure(), place, scheme=scheme)
         return write_text(place, self.csv_text(), overwrite=overwrite)
@@ -217,17 +209,17 @@ def budget(
 
     Parameters
     ----------
-    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera.
+    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera
     range_m : nearest and farthest range, or three or more ranges [m] (None: from a fiftieth of the detector's reach to its
-        reach).
+        reach)
     materials : names of the catalogue, reflectances, BRDF tables (.csv: incidence_deg, brdf_per_sr), or materials (None: the
-        dimmest and the brightest of the scenario's first target, or Lambertian 0.30).
-    tilt_deg : angles between the facet's normal and the boresight [deg].
-    divergence_deg : full angles of the beam [deg] (None: that of the laser).
-    probability : detection probability for which the greatest ranges are solved [1].
+        dimmest and the brightest of the scenario's first target, or Lambertian 0.30)
+    tilt_deg : angles between the facet's normal and the boresight [deg]
+    divergence_deg : full angles of the beam [deg] (None: that of the laser)
+    probability : detection probability for which the greatest ranges are solved [1]
     target_m : side of a square, or three sides of a box [m] (None: the scenario's first target, or a square of 1 m on which
-        pixels are counted). With a target, greatest ranges end where it no longer fills a pixel.
-    facet_m2 : area of a facet that may be smaller than a pixel [m²] (None: it fills the pixel).
+        pixels are counted). With a target, greatest ranges end where it no longer fills a pixel
+    facet_m2 : area of a facet that may be smaller than a pixel [m²] (None: it fills the pixel)
 
     Returns
     -------

@@ -57,7 +57,7 @@ def iterate_parameters(scenario: Scenario) -> Iterator[MissionParameter]:
 
     Parameters
     ----------
-    scenario : the scenario. Derived figures of parts that read files use the files that it names.
+    scenario : the scenario. Derived figures of parts that read files use the files that it names
 
     Raises
     ------
@@ -109,9 +109,8 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
 
     Parameters
     ----------
-    part, path : the part, and its place.
-    origins : where values come from.
-    is_given : whether the part itself was given, and is no default.
+    origins : where values come from
+    is_given : whether the part itself was given, and is no default
     """
     for name, field in type(part).model_fields.items():
         place, value = f"{path}.{name}".lstrip("."), getattr(part, name)
@@ -131,8 +130,8 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
         yield MissionParameter(
             path=place,
             value=_plain(value),
-            unit=find_unit(name, said) if _is_numeric(value, field.annotation) else "",
-            meaning=drop_units(said),
+            unit=_find_unit(name, said) if _is_numeric(value, field.annotation) else "",
+            meaning=_drop_units(said),
             default=_plain(default),
             source=origin,
         )
@@ -140,19 +139,14 @@ def _iterate_part(part: Part, path: str, origins: _Origins, *, is_given: bool) -
     for name, meaning in _list_derived(type(part)):
         value = _try_property(twin, name)
         if value is not None:
-            place, unit = f"{path}.{name}".lstrip("."), find_unit(name, meaning)
-            yield MissionParameter(place, value, unit, drop_units(meaning), None, "derived", is_derived=True)
+            place, (unit, said) = f"{path}.{name}".lstrip("."), split_unit(name, meaning)
+            yield MissionParameter(place, value, unit, said, None, "derived", is_derived=True)
     if path == "lidar":
         yield from _list_detection(twin)
 
 
 def _list_detection(lidar: Any) -> Iterator[MissionParameter]:
-    """Yield what follows from detector and laser together: false alarms of a pixel, and the light that it detects.
-
-    Parameters
-    ----------
-    lidar : the part, with its files found.
-    """
+    """Yield what follows from detector and laser together: false alarms of a pixel, and the light that it detects."""
     place, traits = "lidar.detector", lidar.detector.traits
     if not traits.is_gated and not hasattr(lidar.detector, "false_alarms_per_s"):
         before = float(false_alarm_probability(lidar.detector, np.array([traits.sees_to_m]))[0])
@@ -188,8 +182,7 @@ def _find_twin(part: Part, path: str, resolved: Mapping[str, Any]) -> Any:
 
     Parameters
     ----------
-    part, path : the part, and its place.
-    resolved : parts by place in which files have been found.
+    resolved : parts by place in which files have been found
     """
     for start, one in resolved.items():
         if path == start or path.startswith(f"{start}."):
@@ -233,13 +226,27 @@ def _is_numeric(value: Any, annotation: Any) -> bool:
     return isinstance(first, int | float) and not isinstance(first, bool)
 
 
-def find_unit(name: str, text: str) -> str:
-    """Return the unit of a number: that in brackets in its meaning, or that which its name says; 1 for none.
+def split_unit(name: str, description: str) -> tuple[str, str]:
+    """Split the description of a number into its unit and its meaning, without the unit in brackets.
 
     Parameters
     ----------
-    name, text : of the key or property, and its meaning.
+    name : of the key or property, which gives the unit where the description does not, as ``rate_photons`` does
+    description : such as ``Energy of a pulse [mJ].``
+
+    Returns
+    -------
+    unit : such as ``mJ``; ``1`` for none.
+    meaning : such as ``Energy of a pulse.``
+
+    >>> split_unit("energy_mj", "Energy of a pulse [mJ].")
+    ('mJ', 'Energy of a pulse.')
     """
+    return _find_unit(name, description), _drop_units(description)
+
+
+def _find_unit(name: str, text: str) -> str:
+    """Return the unit of a number: that in brackets in its meaning, or that which its name says; 1 for none."""
     for found in _BRACKETS.findall(text):
         if unit := _read_unit(found):
             return unit
@@ -256,13 +263,8 @@ def _read_unit(bracketed: str) -> str:
     return unit.replace("2", "²") if re.match(r"1/|1$|\D", unit) else ""
 
 
-def drop_units(text: str) -> str:
-    """Return a meaning without its units in brackets, which have a column of their own.
-
-    Parameters
-    ----------
-    text : the description of a field.
-    """
+def _drop_units(text: str) -> str:
+    """Return a meaning without its units in brackets, which have a column of their own."""
     return re.sub(r" +([,.;:])", r"\1", " ".join(_BRACKETS.sub(_keep_other, text).split()))
 
 

@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_writable, write_text
@@ -17,14 +17,18 @@ from rso_lidar.mission_analysis.mission_parameters.parameter_list import Mission
 from rso_lidar.mission_analysis.mission_parameters.sysml_text import write_model
 from rso_lidar.scenario import Scenario
 
-PARAMETER_SUFFIXES = (".csv", ".json", ".sysml")
 _COLUMNS = ("path", "value", "unit", "meaning", "default", "source", "is_derived")
 _WIDEST = 40  # characters of a value on the terminal
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterTable:
-    """The parameters of a mission: `name` is its title, `parameters` its keys and derived figures in order."""
+    """The parameters of a mission: `name` is its title, `parameters` its keys and derived figures in order.
+
+    `SUFFIXES` are those of the files that `save` writes.
+    """
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json", ".sysml")
 
     name: str
     parameters: tuple[MissionParameter, ...]
@@ -34,7 +38,7 @@ class ParameterTable:
 
         Parameters
         ----------
-        path : as `MissionParameter.path`.
+        path : as `MissionParameter.path`
 
         Raises
         ------
@@ -54,7 +58,7 @@ class ParameterTable:
         rows = [
             (
                 one.path,
-                f"{_shorten(format_parameter(one.value))} {'' if one.unit == '1' else one.unit}".rstrip(),
+                f"{_shorten(_format_value(one.value))} {'' if one.unit == '1' else one.unit}".rstrip(),
                 one.source,
             )
             for one in self.parameters
@@ -71,10 +75,10 @@ class ParameterTable:
         for one in self.parameters:
             values = (
                 one.path,
-                format_parameter(one.value),
+                _format_value(one.value),
                 one.unit,
                 one.meaning,
-                format_parameter(one.default),
+                _format_value(one.default),
                 one.source,
             )
             writer.writerow([*values, int(one.is_derived)])
@@ -90,7 +94,7 @@ class ParameterTable:
 
         Parameters
         ----------
-        more : further lines of the package, such as those of requirements.
+        more : further lines of the package, such as those of requirements
         """
         version = importlib.metadata.version("rso-lidar")
         about = f"Parameters of the mission {self.name}. Written by rso-lidar {version}."
@@ -101,9 +105,9 @@ class ParameterTable:
 
         Parameters
         ----------
-        path : of the output, .csv, .json or .sysml.
-        overwrite : whether an existing file may be replaced.
-        more : further lines of a .sysml file.
+        path : of the output, .csv, .json or .sysml
+        overwrite : whether an existing file may be replaced
+        more : further lines of a .sysml file
 
         Returns
         -------
@@ -114,7 +118,7 @@ class ParameterTable:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        place = check_writable(path, PARAMETER_SUFFIXES, overwrite=overwrite)
+        place = check_writable(path, self.SUFFIXES, overwrite=overwrite)
         suffix = place.suffix.lower()
         text = (
             self.sysml_text(more) if suffix == ".sysml" else self.json_text() if suffix == ".json" else self.csv_text()
@@ -127,7 +131,7 @@ def list_parameters(scenario: Scenario) -> ParameterTable:
 
     Parameters
     ----------
-    scenario : the scenario.
+    scenario : the scenario
 
     Returns
     -------
@@ -142,10 +146,10 @@ def list_parameters(scenario: Scenario) -> ParameterTable:
     return ParameterTable(scenario.name, parameters)
 
 
-def format_parameter(value: Any) -> str:
+def _format_value(value: Any) -> str:
     """Return a value as text: numbers in full, lists in brackets, nothing for none.
 
-    >>> format_parameter((0.5, -3000.0)), format_parameter(None), format_parameter(True)
+    >>> _format_value((0.5, -3000.0)), _format_value(None), _format_value(True)
     ('[0.5, -3000.0]', '', 'true')
     """
     if value is None:
@@ -153,7 +157,7 @@ def format_parameter(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
-        return f"[{', '.join(format_parameter(one) for one in value)}]"
+        return f"[{', '.join(_format_value(one) for one in value)}]"
     if isinstance(value, dict):
         return json.dumps(value, default=str, ensure_ascii=False)
     return str(value)

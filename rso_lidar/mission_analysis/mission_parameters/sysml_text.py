@@ -34,6 +34,10 @@ _RESERVED = frozenset(  # RESERVED_KEYWORD of SysML-textual-bnf.kebnf
 def quote_name(name: str) -> str:
     """Return a name as SysML writes it: in single quotes if it is reserved or no basic name.
 
+    Parameters
+    ----------
+    name : any text
+
     >>> quote_name("ifov_rad"), quote_name("state"), quote_name("LID-010")
     ('ifov_rad', "'state'", "'LID-010'")
     """
@@ -44,8 +48,35 @@ def quote_name(name: str) -> str:
 
 
 def write_comment(text: str) -> str:
-    """Return a text as documentation of the element around it, on one line."""
+    """Return a text as documentation of the element around it, on one line.
+
+    Parameters
+    ----------
+    text : of one or several lines, which may hold the end mark of a comment
+    """
     return f"doc /* {' '.join(text.split()).replace('*/', '* /')} */"
+
+
+def declare_attribute(name: str, unit: str, value: float | None = None) -> str:
+    """Write an attribute usage of a quantity, without its end.
+
+    Parameters
+    ----------
+    name : of the attribute, as SysML writes it
+    unit : of the quantity, such as ``m/s``; a real number where SysML has none for it, such as photons
+    value : in that unit (None: the attribute has none)
+
+    Returns
+    -------
+    str
+        Such as ``attribute at_least : LengthValue = 5.0 [m]``.
+
+    >>> declare_attribute("at_least", "m", 5.0), declare_attribute("quantity", "photons")
+    ('attribute at_least : LengthValue = 5.0 [m]', 'attribute quantity : Real')
+    """
+    notation = find_notation(unit)
+    declared = f"attribute {name} : {notation.type}"
+    return declared if value is None else f"{declared} = {_write_value(value, notation.unit)}"
 
 
 def write_model(name: str, parameters: Sequence[MissionParameter], about: str, more: Iterable[str] = ()) -> str:
@@ -55,10 +86,10 @@ def write_model(name: str, parameters: Sequence[MissionParameter], about: str, m
 
     Parameters
     ----------
-    name : of the package.
-    parameters : of the mission.
-    about : documentation of the package.
-    more : further lines of the package, such as requirements.
+    name : of the package
+    parameters : of the mission
+    about : documentation of the package
+    more : further lines of the package, such as requirements
     """
     more = list(more)
     given = [one for one in parameters if one.value is not None and one.value not in ((), {})]
@@ -106,13 +137,13 @@ def _write_attribute(name: str, one: MissionParameter) -> list[str]:
 
     Parameters
     ----------
-    name, one : last step of the path, and the parameter.
+    name, one : last step of the path, and the parameter
     """
     notation = find_notation(one.unit)
     values = list(_flatten(one.value))
     kind = notation.type if one.unit and notation.unit else _choose_type(values)
     many = f"[{len(values)}] ordered nonunique" if isinstance(one.value, tuple) else ""
-    written = [write_value(value, notation.unit) for value in values]
+    written = [_write_value(value, notation.unit) for value in values]
     text = f"({', '.join(written)})" if many else written[0]
     unit = f" Unit: {one.unit}." if one.unit not in ("", "1") and not notation.unit else ""
     return [
@@ -141,15 +172,15 @@ def _choose_type(values: list[Any]) -> str:
     return "String"
 
 
-def write_value(value: Any, unit: str) -> str:
+def _write_value(value: Any, unit: str) -> str:
     """Return a value as an expression of SysML.
 
     Parameters
     ----------
-    value : a number, text, truth value, instant or table.
-    unit : expression of the unit; empty for none.
+    value : a number, text, truth value, instant or table
+    unit : expression of the unit; empty for none
 
-    >>> write_value(1064.0, "nm"), write_value("a", ""), write_value(True, "")
+    >>> _write_value(1064.0, "nm"), _write_value("a", ""), _write_value(True, "")
     ('1064.0 [nm]', '"a"', 'true')
     """
     if isinstance(value, bool):

@@ -95,7 +95,7 @@ def declare_units(units: set[str]) -> list[str]:
 
     Parameters
     ----------
-    units : expressions of the units that a text uses.
+    units : expressions of the units that a text uses
     """
     symbols = {symbol for unit in units for symbol in re.findall(r"'[^']+'|[A-Za-z]+", unit)}
     symbols |= {_PREFIXED[symbol][3] for symbol in symbols & set(_PREFIXED)}

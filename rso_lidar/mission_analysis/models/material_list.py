@@ -8,32 +8,35 @@ from typing import Any
 
 from rso_lidar.scene import load_materials
 
-WAVELENGTHS_NM = (1064.0, 1570.0)
-
 
 @dataclass(frozen=True)
 class MaterialLine:
-    """A material: kind of BRDF, total reflectance at each of `WAVELENGTHS_NM`, and confidence in the numbers."""
+    """A material: kind of BRDF, total reflectance by the wavelength of a laser [nm], and confidence in the numbers."""
 
     name: str
     kind: str
     what: str
-    reflectance: tuple[float, float]
+    reflectance: dict[float, float]
     confidence: str
 
 
 def list_materials() -> list[MaterialLine]:
-    """List the materials of the catalogue in its order.
+    """List the shipped materials in the order of their catalogue.
+
+    Returns
+    -------
+    list of MaterialLine
+        Each with reflectances at 1064 and 1570 nm.
 
     >>> [line.reflectance for line in list_materials() if line.name == "mli_gold"]
-    [(0.8, 0.87)]
+    [{1064.0: 0.8, 1570.0: 0.87}]
     """
     return [
         MaterialLine(
             name,
             table["type"],
             table["what"],
-            (_total_reflectance(table), _total_reflectance({**table, **table["at_1570_nm"]})),
+            {1064.0: _total_reflectance(table), 1570.0: _total_reflectance({**table, **table["at_1570_nm"]})},
             table["confidence"],
         )
         for name, table in load_materials().items()

@@ -89,7 +89,22 @@ class ModelCard:
         return rows
 
     def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
-        """Write the page as .png, .pdf or .svg, and return its path."""
+        """Draw the page.
+
+        Parameters
+        ----------
+        path : of the picture, .png, .pdf or .svg; an existing file is replaced
+        scheme : `LIGHT` or `DARK`
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        RecordingError
+            For another suffix, or a path that cannot be written.
+        """
         return save_figure(self.figure(), path, scheme=scheme)
 
 
@@ -98,9 +113,19 @@ def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: b
 
     Parameters
     ----------
-    name : of the model; with a suffix or a slash, the path of a mesh.
-    file : finds a mesh file by its name.
-    returns : whether to simulate the light that the model returns.
+    name : of the model; with a suffix or a slash, the path of a mesh
+    file : finds a mesh file by its name
+    returns : whether to simulate the light that the model returns
+
+    Returns
+    -------
+    ModelCard
+        Size, parts and materials; views of its sides; and the light of each side at 1 km.
+
+    Raises
+    ------
+    MeshError
+        For a model that is not in the catalogue, and a mesh that cannot be read.
     """
     target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
     if target.is_path:
@@ -141,8 +166,7 @@ def _view_width_m(surface: Surface, toward: _Direction, up: _Direction) -> float
 
     Parameters
     ----------
-    surface : the surface.
-    toward, up : (xyz) directions in body axes: from where it is seen, and up in the view.
+    toward, up : (xyz) directions in body axes: from where it is seen, and up in the view
     """
     from_middle = surface.corners.reshape(-1, 3) - surface.sphere[0]
     right, down, _ = viewer_axes(toward, up)
@@ -164,9 +188,9 @@ def _simulate_side(target: Target, file: Callable[[str], Path], wavelength_nm: f
 
     Parameters
     ----------
-    target, file : the model, and the function that finds the files that it names.
-    wavelength_nm : of the laser [nm].
-    side : name of the side, a key of `SIDES`.
+    target, file : the model, and the function that finds the files that it names
+    wavelength_nm : of the laser [nm]
+    side : name of the side, a key of `SIDES`
     """
     lidar = Lidar(preset=CAMERA).at(0.0)  # type: ignore[call-arg]
     # Sides of a model lie along rows of pixels, where only a fine grid is right.
@@ -189,9 +213,9 @@ def _lidar_from_body(toward: _Direction, up: _Direction, range_m: float) -> Rigi
 
     Parameters
     ----------
-    toward : (xyz) direction in body axes from which it is seen.
-    up : (xyz) direction in body axes that points up in the image.
-    range_m : its range [m].
+    toward : (xyz) direction in body axes from which it is seen
+    up : (xyz) direction in body axes that points up in the image
+    range_m : its range [m]
     """
     from scipy.spatial.transform import RigidTransform, Rotation
 

@@ -43,10 +43,10 @@ def model_card_figure(
 
     Parameters
     ----------
-    title : the model's name.
-    views : its sides.
-    lines : what it is, in a few words each.
-    light : rows of cells of a table, its heads first.
+    title : the model's name
+    views : its sides
+    lines : what it is, in a few words each
+    light : rows of cells of a table, its heads first
     """
     wrapped = [part for line in lines for part in textwrap.wrap(line, 80)]
     foot = max(len(wrapped), len(light))
@@ -94,9 +94,7 @@ def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
 
     Parameters
     ----------
-    figure : the page.
-    rows : of the table.
-    foot : height of the foot [lines].
+    foot : height of the foot [lines]
     """
     height_in = float(figure.get_figheight())
     for row, cells in enumerate(rows):
@@ -119,9 +117,9 @@ def _shade(index: np.ndarray, rgb: np.ndarray, cosine: np.ndarray) -> np.ndarray
 
     Parameters
     ----------
-    index : (row, col) of the part or material of each pixel, -1 for the background.
-    rgb : (index, 3) colours, 0 to 1.
-    cosine : (row, col) cosine of incidence.
+    index : (row, col) of the part or material of each pixel, -1 for the background
+    rgb : (index, 3) colours, 0 to 1
+    cosine : (row, col) cosine of incidence
 
     Returns
     -------
@@ -154,9 +152,8 @@ def _draw_bar(axes: Any, view: CardView, tall_m: float) -> None:
 
     Parameters
     ----------
-    axes : the view's axes.
-    view : the view.
-    tall_m : height of the axes.
+    axes : the view's axes
+    tall_m : height of the axes
     """
     half_m = 0.5 * view.cell_m * view.part.shape[1]
     rounded = 10.0 ** np.floor(np.log10(half_m))
@@ -172,11 +169,7 @@ def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others:
 
     Parameters
     ----------
-    axes : the panel.
-    title : of the list.
-    names : in the order of importance.
-    rgb : (name, 3) colours, 0 to 1.
-    others : number of names left out.
+    rgb : (name, 3) colours, 0 to 1
     """
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)

@@ -16,8 +16,8 @@ class BodyTrajectory:
 
     Parameters
     ----------
-    scenario : the scenario.
-    name : of the target, or "follower".
+    scenario : the scenario
+    name : of the target, or "follower"
 
     Raises
     ------
@@ -63,7 +63,7 @@ class BodyTrajectory:
 
         Parameters
         ----------
-        epochs : instants that matter.
+        epochs : instants that matter
 
         Returns
         -------

@@ -97,15 +97,15 @@ def assess_conjunction(
 
     Parameters
     ----------
-    message : the message, or the path of its file.
-    radius_m : combined hard-body radius, the sum of both objects' (None: the message's) [m].
+    message : the message, or the path of its file
+    radius_m : combined hard-body radius, the sum of both objects' (None: the message's) [m]
 
     Other Parameters
     ----------------
-    samples : number of Monte Carlo draws (None: for some 1000 hits, from 1e5 to 4e6; 0: no Monte Carlo).
-    seed : of the draws.
+    samples : number of Monte Carlo draws (None: for some 1000 hits, from 1e5 to 4e6; 0: no Monte Carlo)
+    seed : of the draws
     window_s : time that Monte Carlo searches on each side of the closest approach (None: as in
-        `rl.orbit.sample_collisions`, at most half a revolution) [s].
+        `rl.orbit.sample_collisions`, at most half a revolution) [s]
 
     Returns
     -------
@@ -176,21 +176,13 @@ def _state(value: float | None, form: str, unit: str) -> str:
 
     Parameters
     ----------
-    value : of the message, None where it states none.
-    form, unit : format, and what follows the number.
+    value : of the message, None where it states none
     """
     return "" if value is None else f" (message: {value:{form}}{unit})"
 
 
 def _make_state(message: ConjunctionMessage, one: ConjunctionObject, notes: list[str]) -> UncertainState:
-    """Turn the state of an object to inertial axes, with its covariance.
-
-    Parameters
-    ----------
-    message : for error messages.
-    one : the object.
-    notes : added to.
-    """
+    """Turn the state of an object to inertial axes, with its covariance."""
     turn = np.kron(np.eye(2), rtn_matrix(one.position_m, one.velocity_m_s)[0])
     covariance = turn @ one.covariance_rtn @ turn.T
     if not one.has_velocity_covariance:
@@ -228,8 +220,7 @@ def _compare(message: ConjunctionMessage, miss_m: float, speed_m_s: float, place
 
     Parameters
     ----------
-    message : the message.
-    miss_m, speed_m_s, place_m : distance, relative speed and position of its states.
+    miss_m, speed_m_s, place_m : distance, relative speed and position of its states
     """
     stated: list[tuple[str, Any, Any, float, str]] = [
         ("MISS_DISTANCE", message.stated_miss_m, miss_m, _ROUNDED_M, "m"),

@@ -40,13 +40,13 @@ def conjunction_scenario_text(
 
     Parameters
     ----------
-    conjunction : the assessed message.
-    follower : which object carries the lidar, 1 or 2.
+    conjunction : the assessed message
+    follower : which object carries the lidar, 1 or 2
 
     Other Parameters
     ----------------
-    lidar : instrument (None: the preset ``long_range_1064``).
-    seed : of all noise.
+    lidar : instrument (None: the preset ``long_range_1064``)
+    seed : of all noise
 
     Returns
     -------
@@ -109,8 +109,7 @@ def _write_facts(conjunction: ConjunctionAssessment, own: ConjunctionObject, oth
 
     Parameters
     ----------
-    conjunction : the assessment.
-    own, other : the object with the lidar, and the one before it.
+    own, other : the object with the lidar, and the one before it
     """
     message = conjunction.message
     known = f" {message.message_id}" if message.message_id else ""

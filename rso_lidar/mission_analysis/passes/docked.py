@@ -38,8 +38,8 @@ def fold_docked(screened: ScreeningResult | PairScreening, rows: Sequence[Encoun
 
     Parameters
     ----------
-    screened : the screening, with the element sets in use.
-    rows : its encounters, in any order.
+    screened : the screening, with the element sets in use
+    rows : its encounters, in any order
 
     Returns
     -------
@@ -87,13 +87,7 @@ def _merge_stays(stays: Sequence[Encounter], reason: str) -> Encounter:
 
 
 def _explain_docking(screened: ScreeningResult | PairScreening, own_number: int, which: int) -> str | None:
-    """Explain why two objects count as docked; None where they do not, and for trajectories that differ.
-
-    Parameters
-    ----------
-    screened : the screening.
-    own_number, which : numbers of follower and object.
-    """
+    """Explain why two objects count as docked; None where they do not, and for trajectories that differ."""
     lead, objects = screened.follower, screened.objects
     time_s = np.append(np.arange(0.0, objects.duration_s, _STEP_S), objects.duration_s)
     own, there = np.full(len(time_s), own_number), np.full(len(time_s), which)

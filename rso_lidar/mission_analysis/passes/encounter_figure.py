@@ -42,14 +42,14 @@ def encounter_figure(
 
     Parameters
     ----------
-    time_utc : (row) numpy datetime64 of the closest approach.
-    range_m, speed_m_s : (row) range [m] and relative speed [m/s] then.
-    sunlit : (row) whether the object is in sunlight then: a disc, or a square with a dark rim in the Earth's shadow.
-    labels : (row) name of each object.
-    within_m : range limit of the search [m].
-    reach_m : range at which the lidar detects a facing plate of 1 m2 [m], drawn as a line.
-    title, note : heading of the figure, and small print beside it.
-    window_utc : start and end of the search, the span of the time axis; by default from the first row to the last.
+    time_utc : (row) numpy datetime64 of the closest approach
+    range_m, speed_m_s : (row) range [m] and relative speed [m/s] then
+    sunlit : (row) whether the object is in sunlight then: a disc, or a square with a dark rim in the Earth's shadow
+    labels : (row) name of each object
+    within_m : range limit of the search [m]
+    reach_m : range at which the lidar detects a facing plate of 1 m2 [m], drawn as a line
+    title, note : heading of the figure, and small print beside it
+    window_utc : start and end of the search, the span of the time axis; by default from the first row to the last
 
     Returns
     -------
@@ -160,10 +160,9 @@ def _write_names(
 
     Parameters
     ----------
-    figure, axes : where to write.
-    points : (point, [x, y]) in data coordinates.
-    named : index and name of each point to name, in order of importance.
-    busy : other artists not to cover.
+    figure, axes : where to write
+    points : (point, [x, y]) in data coordinates
+    named : index and name of each point to name, in order of importance
     """
     from matplotlib.text import Text
     from matplotlib.transforms import Bbox

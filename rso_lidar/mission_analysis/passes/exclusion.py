@@ -46,9 +46,9 @@ def check_constraints(
 
     Parameters
     ----------
-    asked : the constraints.
-    table : columns (row) of the encounters by name.
-    place_m : (row, 3) position of the follower in the rtn axes of each object [m].
+    asked : the constraints
+    table : columns (row) of the encounters by name
+    place_m : (row, 3) position of the follower in the rtn axes of each object [m]
     """
     count = len(place_m)
     sun_deg, moon_deg, earth_deg, radius_m = (None,) * 4
@@ -99,9 +99,9 @@ class ExclusionAngles:
 
         Parameters
         ----------
-        time_s : (stay, instant) times [s since the start].
+        time_s : (stay, instant) times [s since the start]
         line, position_m : (stay, instant, 3) vectors from the follower to the object, and positions of the follower [m], in
-            TEME axes.
+            TEME axes
         """
         asked, worst = self.constraints, np.full(time_s.shape, -np.pi)
         if asked is None:

@@ -134,7 +134,7 @@ class Encounter:
 
         Parameters
         ----------
-        start_utc : begin of the search.
+        start_utc : begin of the search
         """
         return start_utc.astimezone(datetime.UTC) + datetime.timedelta(seconds=self.time_s)
 
@@ -160,8 +160,8 @@ def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
 
     Parameters
     ----------
-    lidar : the instrument.
-    plate_m2 : area of the plate [m²].
+    lidar : the instrument
+    plate_m2 : area of the plate [m²]
 
     Returns
     -------
@@ -189,11 +189,11 @@ def build_encounters(
 
     Parameters
     ----------
-    screened : the screening.
-    reach : nearest and farthest range of the lidar [m].
-    max_slew_deg_s : greatest rate of the line of sight [deg/s].
-    light : what the lidar gets of a plate.
-    constraints : exclusion angles, keep-out sphere and corridors.
+    screened : the screening
+    reach : nearest and farthest range of the lidar [m]
+    max_slew_deg_s : greatest rate of the line of sight [deg/s]
+    light : what the lidar gets of a plate
+    constraints : exclusion angles, keep-out sphere and corridors
     """
     sky = ExclusionAngles(screened, constraints)
     each = [max(_EACH_SIDE, math.ceil((stay.leave_s - stay.enter_s) / _APART_S)) for stay in screened.approaches]
@@ -225,12 +225,10 @@ def _build_batch(
 
     Parameters
     ----------
-    screened, stays : result of the screening, and its close approaches.
-    reach : nearest and farthest range of the lidar [m].
-    max_slew_deg_s : limit of the slew rate [deg/s].
-    light : what the lidar gets of a plate.
-    sky : exclusion angles over the span.
-    each_side : instants on either side of the closest approach.
+    screened, stays : result of the screening, and its close approaches
+    reach : nearest and farthest range of the lidar [m]
+    max_slew_deg_s : limit of the slew rate [deg/s]
+    each_side : instants on either side of the closest approach
     """
     lead, objects = screened.follower, screened.objects
     which, first = (np.array(numbers) for numbers in zip(*((stay.which, stay.lead) for stay in stays), strict=True))
@@ -313,14 +311,10 @@ def _integrate_stays(
 
     Parameters
     ----------
-    screened : the screening.
-    stays : the close approaches.
-    speed_m_s : (stay) relative speed at the closest approach [m/s].
-    reach : nearest and farthest range of the lidar [m].
-    max_slew_deg_s : greatest rate of the line of sight [deg/s].
-    light : what the lidar gets of a plate.
-    sky : the exclusion angles.
-    each_side : epochs on each side of the closest approach.
+    speed_m_s : (stay) relative speed at the closest approach [m/s]
+    reach : nearest and farthest range of the lidar [m]
+    max_slew_deg_s : greatest rate of the line of sight [deg/s]
+    each_side : epochs on each side of the closest approach
     """
     nearest = np.array([stay.time_s for stay in stays])
     range_m = np.array([stay.range_m for stay in stays])

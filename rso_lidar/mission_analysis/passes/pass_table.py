@@ -8,10 +8,13 @@ import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
+
+import numpy as np
 
 from rso_lidar import units
 from rso_lidar.files import write_text
+from rso_lidar.mission_analysis.passes.encounter_figure import encounter_figure
 from rso_lidar.mission_analysis.passes.exclusion import keep_out_radius_m, select_rtn_corridors
 from rso_lidar.mission_analysis.passes.pass_geometry import (
     SMALL_M2,
@@ -24,7 +27,6 @@ from rso_lidar.scenario import Constraints, Lidar
 NOTE = (
     "Element sets are good to about a kilometre, and worse with age: these are plausible encounters, not predictions."
 )
-LEFT_HEADS = ("follower", "object", "closest approach, UTC", "breaks")  # columns of text
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +35,10 @@ class Encounters:
 
     `follower` is its element set nearest to the start, or its trajectory; None where all pairs were searched. `rejected`
     lists objects that were not propagated to the end, with the reason. `switching` counts objects that change to another
-    element set within the span.
+    element set within the span. `TEXT_HEADS` are the heads of columns of text, which align to the left.
     """
+
+    TEXT_HEADS: ClassVar[tuple[str, ...]] = ("follower", "object", "closest approach, UTC", "breaks")
 
     rows: tuple[Encounter, ...]
     follower: Any
@@ -216,7 +220,7 @@ class Encounters:
             return "\n".join([self.title, "no encounter found", *self.notes()])
         heads, body = self.cells()
         widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
-        left = {k for k, head in enumerate(heads) if head in LEFT_HEADS}
+        left = {k for k, head in enumerate(heads) if head in self.TEXT_HEADS}
         lines = [
             "  ".join(
                 cell.ljust(width) if k in left else cell.rjust(width)
@@ -226,13 +230,33 @@ class Encounters:
         ]
         return "\n".join([self.title, *lines, *self.notes()])
 
+    def figure(self) -> Any:
+        """Return the figure of ranges over time, coloured by relative speed; docked pairs are left out."""
+        rows = [row for row in self.rows if not row.docked]
+        start = np.datetime64(self.start_utc.astimezone(datetime.UTC).replace(tzinfo=None), "ms")
+        return encounter_figure(
+            start + np.array([round(1e3 * row.time_s) for row in rows]).astype("timedelta64[ms]"),
+            np.array([row.range_m for row in rows]),
+            np.array([row.speed_m_s for row in rows]),
+            np.array([row.sunlit_fraction >= 0.5 for row in rows]),
+            [row.label if self.follower else f"{row.follower_label}, {row.label}" for row in rows],
+            self.within_m,
+            self.reach_m[1],
+            f"Encounters of {(self.follower.name or self.follower.label) if self.follower else 'all pairs'}",
+            f"{format_count(len(rows), 'encounter')} within {self.within_m / units.KM:g} km of "
+            f"{format_count(self.screened, 'object')}   ·   "
+            f"{self.start_utc:%Y-%m-%d %H:%M} UTC + {self.span}"
+            + ("   ·   element sets are good to a kilometre" if self.has_element_sets else ""),
+            window_utc=(start, start + np.timedelta64(round(units.DAY_S * 1e3 * self.days), "ms")),
+        )
+
     def csv(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write all rows and columns as CSV; names of columns end in their unit.
 
         Parameters
         ----------
-        path : of the file.
-        overwrite : whether an existing file may be replaced.
+        path : of the file
+        overwrite : whether an existing file may be replaced
 
         Returns
         -------

@@ -84,9 +84,9 @@ class PlateLight:
 
     Parameters
     ----------
-    lidar : the instrument.
-    plate : the plate.
-    finding : when it counts as found.
+    lidar : the instrument
+    plate : the plate
+    finding : when it counts as found
     """
 
     def __init__(self, lidar: Lidar, plate: ViewedPlate, finding: Finding) -> None:
@@ -124,9 +124,9 @@ class PlateLight:
 
         Parameters
         ----------
-        range_m : (…) ranges [m].
-        phase_rad : (…) angles at the plate between the Sun and the lidar [rad].
-        sunlit : (…) share of the Sun's disc that lights it.
+        range_m : (…) ranges [m]
+        phase_rad : (…) angles at the plate between the Sun and the lidar [rad]
+        sunlit : (…) share of the Sun's disc that lights it
         """
         receiver = self.lidar.receiver
         per_pixel = self._sun_per_s_m2 * receiver.aperture_area_m2 * receiver.transmission * receiver.pixel_tangent**2
@@ -139,8 +139,8 @@ class PlateLight:
 
         Parameters
         ----------
-        range_m, rate_m_s : (instant) range [m] and range rate [m/s].
-        sunlight_per_s : (instant) sunlight in a pixel [photons/s].
+        range_m, rate_m_s : (instant) range [m] and range rate [m/s]
+        sunlight_per_s : (instant) sunlight in a pixel [photons/s]
         """
         found = np.zeros(len(range_m))
         traits = self.lidar.detector.traits
@@ -167,8 +167,8 @@ class PlateLight:
 
         Parameters
         ----------
-        photons : (instant) expected photons.
-        range_m, rate_m_s, sunlight_per_s : as for `find_in_flash`.
+        photons : (instant) expected photons
+        range_m, rate_m_s, sunlight_per_s : as for `find_in_flash`
         """
         laser, detector = self.lidar.laser, self.lidar.detector
         spread_s = np.abs(rate_m_s) * self.lidar.exposure_s / units.RANGE_PER_DELAY_M_S
@@ -194,8 +194,8 @@ class PlateLight:
 
         Parameters
         ----------
-        time_s : (instant) ascending times [s].
-        found : (instant) probability that one flash finds it, 0 where it cannot be looked at.
+        time_s : (instant) ascending times [s]
+        found : (instant) probability that one flash finds it, 0 where it cannot be looked at
         """
         finding = self.finding
         group = np.clip(k_of_n(found, finding.needed, finding.flashes), 0.0, 1.0 - _CERTAIN)
@@ -233,13 +233,13 @@ def tabulate_light(
 
     Parameters
     ----------
-    light : what the lidar gets of a plate.
-    sky : gives the Sun.
-    time_s : (stay, instant) times [s].
+    light : what the lidar gets of a plate
+    sky : gives the Sun
+    time_s : (stay, instant) times [s]
     geometry : relative positions [m] and velocities [m/s], and positions of the follower [m], all (stay, instant, 3) in TEME
-        axes.
-    allowed : (stay, instant) whether slew and exclusion angles allow a look.
-    middle : (stay) number of the instant of the closest approach.
+        axes
+    allowed : (stay, instant) whether slew and exclusion angles allow a look
+    middle : (stay) number of the instant of the closest approach
     """
     line, rate, place = geometry
     apart = np.sqrt(np.einsum("nti,nti->nt", line, line))

@@ -34,7 +34,7 @@ def choose_attitude(follower: BodyState, target: BodyState) -> tuple[float, floa
 
     Parameters
     ----------
-    follower, target : states at the closest approach, in the same inertial axes.
+    follower, target : states at the closest approach, in the same inertial axes
 
     Returns
     -------
@@ -63,9 +63,9 @@ def write_motion(entry: Any, state: BodyState, at_utc: datetime.datetime) -> str
 
     Parameters
     ----------
-    entry : the element set, or the piece of a trajectory.
-    state : its state in GCRS axes.
-    at_utc : when it has this state.
+    entry : the element set, or the piece of a trajectory
+    state : its state in GCRS axes
+    at_utc : when it has this state
     """
     if isinstance(entry, ElementSet):
         return write_elements(entry)
@@ -129,9 +129,9 @@ def write_cautions(
 
     Parameters
     ----------
-    range_m : of the closest approach [m].
-    reach_m : nearest and farthest range of the lidar for a facing plate of 1 m2 [m].
-    slew_deg_s, most_slew_deg_s : rate of the line of sight there, and greatest rate of the drive [deg/s].
+    range_m : of the closest approach [m]
+    reach_m : nearest and farthest range of the lidar for a facing plate of 1 m2 [m]
+    slew_deg_s, most_slew_deg_s : rate of the line of sight there, and greatest rate of the drive [deg/s]
     """
     lines = []
     if not reach_m[0] <= range_m <= reach_m[1]:

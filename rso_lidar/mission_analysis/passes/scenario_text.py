@@ -34,8 +34,8 @@ def scenario_text(table: Encounters, number: int) -> str:
 
     Parameters
     ----------
-    table : the encounters.
-    number : row of the encounter, from 1.
+    table : the encounters
+    number : row of the encounter, from 1
 
     Returns
     -------

@@ -18,7 +18,7 @@ from rso_lidar.mission_analysis.passes.pass_geometry import (
 )
 from rso_lidar.mission_analysis.passes.pass_table import Encounters
 from rso_lidar.mission_analysis.passes.plate_light import PlateLight, ViewedPlate
-from rso_lidar.mission_analysis.passes.search_objects import SearchObjects, collect_objects
+from rso_lidar.mission_analysis.passes.search_objects import SearchObjects, collect_objects, load_follower
 from rso_lidar.orbit import (
     STALE_DAYS,
     ElementSet,
@@ -32,7 +32,6 @@ from rso_lidar.orbit import (
 from rso_lidar.scenario import Constraints, Finding, Lidar
 
 Order = Literal["range", "time", "speed"]
-MAX_SLEW_DEG_S = 2.0
 _KEYS = {
     "range": lambda row: (row.range_m, row.time_s),
     "time": lambda row: (row.time_s, row.range_m),
@@ -49,7 +48,7 @@ def encounters(
     days: float,
     lidar: Lidar | None = None,
     lidar_name: str = "",
-    max_slew_deg_s: float = MAX_SLEW_DEG_S,
+    max_slew_deg_s: float = 2.0,
     constraints: Constraints | None = None,
     sunlit: bool = False,
     min_duration_s: float = 0.0,
@@ -70,22 +69,22 @@ def encounters(
     Parameters
     ----------
     catalog : objects of the search: a file (element sets, OEM or CSV ephemeris, or a scenario's bodies), a catalogue, a list
-        of files, element sets and trajectories, or a mapping of names to trajectories.
-    follower : catalogue number, name, element set, or trajectory of the object with the lidar. None: every two objects of
-        the catalogue, with the lidar on the first one.
-    within_m : greatest distance of an encounter [m].
-    start_utc, days : start, with an offset, and length of the searched span.
-    lidar : instrument whose reach counts (None: the preset ``long_range_1064``).
-    lidar_name : its name in the notes (empty: the name of its preset).
-    max_slew_deg_s : greatest rate of the line of sight [deg/s].
-    constraints : exclusion angles of a boresight at the object, keep-out sphere and corridors, for every object.
-    sunlit : whether to keep only objects that are in sunlight at the closest approach.
-    min_duration_s : least duration of an encounter [s].
-    sort : order of the rows.
-    limit : greatest number of rows (None: all).
-    plate : what the lidar looks at, and how often (None: all values are assumed).
-    finding : when it counts as found (None: one pixel of one flash).
-    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that scenarios among the files name.
+        of files, element sets and trajectories, or a mapping of names to trajectories
+    follower : catalogue number, name, element set, or trajectory of the object with the lidar, or `Path` of a file of one
+        object, such as a scenario. None: every two objects of the catalogue, with the lidar on the first one
+    within_m : greatest distance of an encounter [m]
+    start_utc, days : start, with an offset, and length of the searched span
+    lidar : instrument whose reach counts (None: the preset ``long_range_1064``)
+    lidar_name : its name in the notes (empty: the name of its preset)
+    max_slew_deg_s : greatest rate of the line of sight [deg/s]
+    constraints : exclusion angles of a boresight at the object, keep-out sphere and corridors, for every object
+    sunlit : whether to keep only objects that are in sunlight at the closest approach
+    min_duration_s : least duration of an encounter [s]
+    sort : order of the rows
+    limit : greatest number of rows (None: all)
+    plate : what the lidar looks at, and how often (None: all values are assumed)
+    finding : when it counts as found (None: one pixel of one flash)
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that scenarios among the files name
 
     Returns
     -------
@@ -110,6 +109,8 @@ def encounters(
     if lidar is None:
         lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
     light = PlateLight(lidar, plate or ViewedPlate(), finding or Finding())
+    if isinstance(follower, Path):
+        follower = load_follower(str(follower), trust_code=trust_code, trust_fmu=trust_fmu)
     found_objects = collect_objects(catalog, trust_code=trust_code, trust_fmu=trust_fmu)
     lead: Any = None
     found: ScreeningResult | PairScreening
@@ -155,9 +156,9 @@ def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_s
 
     Parameters
     ----------
-    within_m : greatest distance of an encounter [m].
-    start_utc, days : start, with an offset, and length of the searched span.
-    max_slew_deg_s : greatest rate of the line of sight [deg/s].
+    within_m : greatest distance of an encounter [m]
+    start_utc, days : start, with an offset, and length of the searched span
+    max_slew_deg_s : greatest rate of the line of sight [deg/s]
     """
     for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
         _check_number(what, unit, value)
@@ -178,8 +179,7 @@ def _check_number(what: str, unit: str, value: Any) -> None:
 
     Parameters
     ----------
-    what, unit : name and unit, for the message.
-    value : to be checked.
+    what, unit : name and unit, for the message
     """
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise ScenarioError(f"{what}: {quote_value(value)} is not a number; give one in {unit}, without the unit")
@@ -190,9 +190,8 @@ def _choose_follower(objects: SearchObjects, follower: Any, catalog: Any) -> lis
 
     Parameters
     ----------
-    objects : those of the search.
-    follower : number, name, element set or sets, or trajectory.
-    catalog : the catalogue as it was given, for error messages.
+    follower : number, name, element set or sets, or trajectory
+    catalog : the catalogue as it was given, for error messages
     """
     if isinstance(follower, ElementSet | NamedTrajectory):
         return [follower]

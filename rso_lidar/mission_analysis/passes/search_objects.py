@@ -51,8 +51,8 @@ class SearchObjects:
 
         Parameters
         ----------
-        wanted : catalogue number or name.
-        source : the catalogue as it was given, for error messages.
+        wanted : catalogue number or name
+        source : the catalogue as it was given, for error messages
 
         Raises
         ------
@@ -99,8 +99,8 @@ def collect_objects(source: Any, *, trust_code: bool = False, trust_fmu: bool = 
     Parameters
     ----------
     source : path of a file, a catalogue, an iterable of element sets, trajectories and paths, or a mapping of names to
-        trajectories.
-    trust_code, trust_fmu : whether Python code and FMUs may run that scenarios among the files name.
+        trajectories
+    trust_code, trust_fmu : whether Python code and FMUs may run that scenarios among the files name
 
     Raises
     ------
@@ -207,14 +207,7 @@ def _add_file(found: SearchObjects, path: Any) -> None:
 
 
 def _name_body(path: str, scenario: Scenario, name: str) -> NamedTrajectory:
-    """Name a body of a scenario: a target by its name, the follower by the file as well.
-
-    Parameters
-    ----------
-    path : of the scenario's file.
-    scenario : the scenario.
-    name : of the body.
-    """
+    """Name a body of a scenario: a target by its name, the follower by the file as well."""
     shown = f"{Path(path).stem} {name}" if name == _FOLLOWER else name
     return NamedTrajectory(shown, BodyTrajectory(scenario, name), source=_resolve(path))
 
@@ -228,8 +221,8 @@ def load_follower(path: str, *, trust_code: bool = False, trust_fmu: bool = Fals
 
     Parameters
     ----------
-    path : of the file.
-    trust_code, trust_fmu : whether Python code and FMUs may run that a scenario names.
+    path : of the file
+    trust_code, trust_fmu : whether Python code and FMUs may run that a scenario names
 
     Raises
     ------

@@ -57,7 +57,7 @@ class SetErrors:
 
         Parameters
         ----------
-        age_days : age of the set [day].
+        age_days : age of the set [day]
 
         Returns
         -------
@@ -114,8 +114,8 @@ def estimate_set_errors(sets: SetSequence | Sequence[ElementSet], ages_days: Seq
 
     Parameters
     ----------
-    sets : element sets of one object.
-    ages_days : edges of the bins of age, increasing from 0 or more [day].
+    sets : element sets of one object
+    ages_days : edges of the bins of age, increasing from 0 or more [day]
 
     Returns
     -------
@@ -167,10 +167,9 @@ def _sort_into_bins(label: str, edges: np.ndarray, ages: np.ndarray, differences
 
     Parameters
     ----------
-    label : of the object.
-    edges : of the bins [day].
-    ages : (pair,) ages [day].
-    differences : (pair, 6) in rtn axes [m, m/s].
+    edges : of the bins [day]
+    ages : (pair,) ages [day]
+    differences : (pair, 6) in rtn axes [m, m/s]
     """
     bins = len(edges) - 1
     age, mean, covariance = np.full(bins, np.nan), np.full((bins, 6), np.nan), np.full((bins, 6, 6), np.nan)

@@ -25,9 +25,9 @@ def fly_open_loop(
 
     Parameters
     ----------
-    scenario : what to fly.
-    frames : which frames, as a slice or indices (None: all).
-    drive : whether to simulate the drive. Otherwise the PTU stands on its demand, and there are no angles.
+    scenario : what to fly
+    frames : which frames, as a slice or indices (None: all)
+    drive : whether to simulate the drive. Otherwise the PTU stands on its demand, and there are no angles
 
     Returns
     -------
@@ -59,10 +59,9 @@ def _pointing(
 
     Parameters
     ----------
-    scenario, ptu : the scenario, and its PTU with the paths of its files.
-    numbers : indices (time) of frames.
-    time_s : times (time) of the frames [s].
-    asked : demand of the PTU.
+    scenario, ptu : the scenario, and its PTU with the paths of its files
+    numbers : indices (time) of frames
+    time_s : times (time) of the frames [s]
     """
     state = motion.start(ptu, asked)
     for k, until_s in zip(numbers.tolist(), time_s.tolist(), strict=True):
@@ -75,9 +74,9 @@ def tabulate_run(scenario: Scenario, truth: Truth, angles: tuple[PtuAngles, ...]
 
     Parameters
     ----------
-    scenario : what was flown.
-    truth : batch over the frames.
-    angles : of the PTU, one for each frame.
+    scenario : what was flown
+    truth : batch over the frames
+    angles : of the PTU, one for each frame
     """
     return tabulate_truth(
         truth, [target.name for target in scenario.target], format_utc(scenario, truth.time_s), angles
@@ -108,9 +107,9 @@ def sample_between_impulses(
 
     Parameters
     ----------
-    scenario : what is flown.
-    name : of the body.
-    time_s : (time) ascending times [s since start_utc].
+    scenario : what is flown
+    name : of the body
+    time_s : (time) ascending times [s since start_utc]
 
     Returns
     -------
@@ -128,7 +127,23 @@ def sample_between_impulses(
 
 
 def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
-    """Find the times [s] of velocity jumps of a body: its impulses, and those of bodies that its motion is relative to."""
+    """Find the times of velocity jumps of a body: its impulses, and those of bodies that its motion is relative to.
+
+    Parameters
+    ----------
+    scenario : what is flown
+    name : of the body
+
+    Returns
+    -------
+    set of float
+        Times [s since start_utc].
+
+    Raises
+    ------
+    KeyError
+        For a name that no body has.
+    """
     by_name = {body.name: body for body in scenario.bodies}
     chain: list[Any] = [by_name[name]]
     while (relative_to := get_chief_name(chain[-1].motion)) is not None:

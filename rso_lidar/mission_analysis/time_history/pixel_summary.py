@@ -34,9 +34,9 @@ def report_pixel(frame: Frame, lidar: Lidar, pixel: tuple[int, int]) -> PixelRep
 
     Parameters
     ----------
-    frame : made with "waveforms" and "taps" kept, where its detector has them.
-    lidar : settings in force.
-    pixel : row and column.
+    frame : made with "waveforms" and "taps" kept, where its detector has them
+    lidar : settings in force
+    pixel : row and column
 
     Returns
     -------

@@ -23,9 +23,9 @@ def tabulate_sky(scenario: Scenario, truth: Truth, frames: np.ndarray) -> dict[s
 
     Parameters
     ----------
-    scenario : what is flown.
-    truth : batch over the frames, with the lidar in it.
-    frames : (time) indices of the frames.
+    scenario : what is flown
+    truth : batch over the frames, with the lidar in it
+    frames : (time) indices of the frames
 
     Returns
     -------
@@ -51,8 +51,8 @@ def find_sky_light(scenario: Scenario, truth: Truth) -> np.ndarray:
 
     Parameters
     ----------
-    scenario : what is flown, with glare.
-    truth : one epoch, with the lidar in it.
+    scenario : what is flown, with glare
+    truth : one epoch, with the lidar in it
 
     Returns
     -------
@@ -72,7 +72,7 @@ def _tabulate_angles(scenario: Scenario, truth: Truth, frames: np.ndarray) -> di
 
     Parameters
     ----------
-    scenario, truth, frames : as for `tabulate_sky`.
+    scenario, truth, frames : as for `tabulate_sky`
     """
     position_m = np.broadcast_to(truth.states["follower"].position_m, (frames.size, 3))
     ahead = rotate_vectors(truth.poses.place(ROOT, "lidar")[1], np.array([0.0, 0.0, 1.0]))

@@ -66,8 +66,8 @@ class Timeline:
 
         Parameters
         ----------
-        path : of the output, .csv, .png, .pdf or .svg.
-        scheme : of a picture, `LIGHT` or `DARK`.
+        path : of the output, .csv, .png, .pdf or .svg
+        scheme : of a picture, `LIGHT` or `DARK`
 
         Returns
         -------
@@ -88,10 +88,10 @@ def timeline(
 
     Parameters
     ----------
-    scenario : what to fly, in open loop.
-    target : name of the target (None: the first).
-    every_s : time from row to row [s], rounded to whole frames; the last frame is always included (None: every frame).
-    casts : greatest number of frames at which rays are cast, spread evenly.
+    scenario : what to fly, in open loop
+    target : name of the target (None: the first)
+    every_s : time from row to row [s], rounded to whole frames; the last frame is always included (None: every frame)
+    casts : greatest number of frames at which rays are cast, spread evenly
 
     Returns
     -------
@@ -190,9 +190,7 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
 
     Parameters
     ----------
-    scenario : what is flown.
-    time_s : (time) times of the frames [s].
-    angles : of the PTU, one for each frame.
+    time_s : (time) times of the frames [s]
     """
     if scenario.ptu is None:
         return {}
@@ -228,10 +226,8 @@ def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -
 
     Parameters
     ----------
-    scenario : what is flown.
-    truth : batch over the frames.
-    number : index of the target.
-    casts : greatest number of frames at which rays are cast.
+    number : index of the target
+    casts : greatest number of frames at which rays are cast
     """
     time_s = truth.time_s
     lidars = [scenario.instrument.at(float(at)) for at in time_s]
@@ -272,11 +268,11 @@ def _interpolate_opportunities(
 
     Parameters
     ----------
-    made : opportunities at the frames of `cast`.
-    cast : indices of those frames.
-    time_s : (time) times of all frames [s].
-    box_pixels : (time) area of the target's bounds in the field [pixels].
-    white : (time) photons of a filled white pixel at the target's range.
+    made : opportunities at the frames of `cast`
+    cast : indices of those frames
+    time_s : (time) times of all frames [s]
+    box_pixels : (time) area of the target's bounds in the field [pixels]
+    white : (time) photons of a filled white pixel at the target's range
     """
     seen = {
         field: np.array([getattr(one, field) for one in made], dtype=float)
@@ -307,9 +303,9 @@ def in_field_fraction(scenario: Scenario, truth: Truth, number: int) -> np.ndarr
 
     Parameters
     ----------
-    scenario : what is flown.
-    truth : batch over epochs.
-    number : index of the target.
+    scenario : what is flown
+    truth : batch over epochs
+    number : index of the target
     """
     edge = np.array([scenario.instrument.at(float(at)).receiver.field_edge for at in truth.time_s])
     sides, inside = _clip_bounds(*_project_bounds(scenario, truth, number), edge)
@@ -323,9 +319,7 @@ def _project_bounds(scenario: Scenario, truth: Truth, number: int | None) -> tup
 
     Parameters
     ----------
-    scenario : what is flown.
-    truth : batch over epochs.
-    number : index of the target (None: all).
+    number : index of the target (None: all)
 
     Returns
     -------
@@ -356,8 +350,7 @@ def _is_near(surface: Surface, place: np.ndarray, turn: np.ndarray) -> np.ndarra
 
     Parameters
     ----------
-    surface : the surface.
-    place, turn : (time, 3) and (time, 3, 3) lidar_from_surface.
+    place, turn : (time, 3) and (time, 3, 3) lidar_from_surface
     """
     centre, radius_m = surface.sphere
     near: np.ndarray = np.linalg.norm(rotate_vectors(turn, centre) + place, axis=-1) < 2.0 * radius_m
@@ -369,8 +362,8 @@ def _clip_bounds(low: np.ndarray, high: np.ndarray, edge: np.ndarray) -> tuple[n
 
     Parameters
     ----------
-    low, high : (time, 2) bounds.
-    edge : (time, 2) half field.
+    low, high : (time, 2) bounds
+    edge : (time, 2) half field
     """
     with np.errstate(invalid="ignore"):
         sides = np.where(low <= high, high - low, 0.0)

@@ -38,13 +38,13 @@ def timeline_figure(
     Parameters
     ----------
     table : columns (time) by name, as `rso_lidar.timeline` makes them; without a Sun or a PTU their panels are left
-        out.
-    target : name of the target.
-    title : of the figure.
-    half_field_rad : half the side of the field of view [rad].
-    travel_rad : limits of pan and of tilt [rad], drawn where finite and near.
-    max_rate_rad_s : greatest rate of the PTU [rad/s], drawn where near.
-    shadow_s : spans [s] in which the Earth hides the Sun from the target; by default from `sunlit_fraction`.
+        out
+    target : name of the target
+    title : of the figure
+    half_field_rad : half the side of the field of view [rad]
+    travel_rad : limits of pan and of tilt [rad], drawn where finite and near
+    max_rate_rad_s : greatest rate of the PTU [rad/s], drawn where near
+    shadow_s : spans [s] in which the Earth hides the Sun from the target; by default from `sunlit_fraction`
     """
     time_s = table["time_s"]
     panels: list[Callable[[Axes], None]] = [
@@ -173,9 +173,8 @@ def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, flo
 
     Parameters
     ----------
-    axes : the panel.
-    table : columns by name.
-    travel_rad : limits of pan and of tilt [rad]; None without limits.
+    table : columns by name
+    travel_rad : limits of pan and of tilt [rad]; None without limits
     """
     for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
         axes.plot(table["time_s"], table[f"{word}_demand_rad"] / DEG, color=colour, lw=figures.WIDE_PT, alpha=0.3)
@@ -194,9 +193,8 @@ def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    table : columns by name.
-    max_rate_rad_s : limit of the rates [rad/s]; infinite without a limit.
+    table : columns by name
+    max_rate_rad_s : limit of the rates [rad/s]; infinite without a limit
     """
     for word, colour in (("pan", palette.BLUE), ("tilt", palette.GREEN)):
         axes.plot(
@@ -221,9 +219,8 @@ def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    table : columns by name.
-    half_field_rad : half of the field of view [rad].
+    table : columns by name
+    half_field_rad : half of the field of view [rad]
     """
     off_deg = table["off_boresight_rad"] / DEG
     axes.plot(table["time_s"], off_deg, color=palette.RED, lw=figures.LINE_PT, label="target's origin")
@@ -303,13 +300,7 @@ def _draw_detection(axes: Axes, table: Table) -> None:
 
 
 def _add_right_axis(axes: Axes, label: str, colour: str) -> Axes:
-    """Add a second axis at the right, with its own colour.
-
-    Parameters
-    ----------
-    axes : the panel.
-    label, colour : of the new axis.
-    """
+    """Add a second axis at the right, with its own colour."""
     twin = axes.twinx()
     figures.style_axes(twin, y=label)
     twin.grid(False)
@@ -322,10 +313,8 @@ def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    table : columns by name.
-    where, value : names of the columns that say where, and which value.
-    label : for the legend.
+    table : columns by name
+    where, value : names of the columns that say where, and which value
     """
     at = np.flatnonzero(table[where])
     if at.size:
@@ -333,14 +322,7 @@ def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
 
 
 def _draw_limit(axes: Axes, value: float, colour: str) -> bool:
-    """Draw a limit that is finite and near to what is shown; return whether it is.
-
-    Parameters
-    ----------
-    axes : the panel.
-    value : the limit.
-    colour : of the line.
-    """
+    """Draw a limit that is finite and near to what is shown; return whether it is."""
     low, high = axes.get_ylim()
     reach = 0.6 * (high - low)
     near = bool(np.isfinite(value) and low - reach <= value <= high + reach)

@@ -162,7 +162,7 @@ def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float, scheme: S
 
     Parameters
     ----------
-    draft : path to write_raster.
+    draft : path to write.
     pictures : consumed one at a time.
     rate_hz : pictures per second of playback; GIF rounds their duration to 10 ms.
     scheme : colours of the pages.
@@ -193,7 +193,7 @@ def _write_mp4(ffmpeg, draft: Path, pictures: Iterator[Image], rate_hz: float) -
     Parameters
     ----------
     ffmpeg : the module imageio_ffmpeg.
-    draft : path to write_raster.
+    draft : path to write.
     pictures : consumed one at a time.
     rate_hz : pictures per second of playback.
     """

@@ -57,7 +57,7 @@ def write_raster(
     ----------
     draw : the canvas.
     x, y : position [pixels].
-    text, size, colour, bold : what to write_raster, and how.
+    text, size, colour, bold : what to write, and how.
     anchor : Pillow's anchor of the position.
     """
     draw.text((x, y), text, fill=colour, font=load_font(size, bold), anchor=anchor)

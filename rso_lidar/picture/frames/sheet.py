@@ -28,7 +28,7 @@ FOOT = 30
 def contact_sheet(
     frames: Iterable[Frame], path: str | Path, columns: int = 4, rows: int = 4, scheme: Scheme = LIGHT
 ) -> Path:
-    """Draw a sheet of at most `columns` x `rows` frames, evenly chosen, and write_raster it as PNG.
+    """Draw a sheet of at most `columns` x `rows` frames, evenly chosen, and write it as PNG.
 
     A cell shows range and intensity of a square around the target's returns, or of the whole field without a target. A
     locator marks the square in the field. All cells share the scales below them. If the range changes much more over the

@@ -158,9 +158,7 @@ def _advise_on_gate(geometry: TargetGeometry, opens: np.ndarray, closes: np.ndar
 
     Parameters
     ----------
-    geometry : of the target.
-    opens, closes : (time) ranges at which the gate opens and closes [m].
-    keys : settings that place it.
+    opens, closes : (time) ranges at which the gate opens and closes [m]
     """
     out = (geometry.farthest_m < opens) | (geometry.nearest_m > closes)
     cut = (geometry.nearest_m < opens) | (geometry.farthest_m > closes)

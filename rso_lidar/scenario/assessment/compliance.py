@@ -26,9 +26,9 @@ def list_violations(constraints: Constraints, mission: Mission, preview: Preview
 
     Parameters
     ----------
-    constraints : the constraints to check.
-    mission : what is flown.
-    preview : its preview.
+    constraints : the constraints to check
+    mission : what is flown
+    preview : its preview
     """
     lines = _check_exclusions(constraints, mission, preview)
     lines += [line for target in mission.target for line in _check_keep_out(constraints, mission, preview, target.name)]
@@ -38,12 +38,7 @@ def list_violations(constraints: Constraints, mission: Mission, preview: Preview
 
 
 def _check_exclusions(constraints: Constraints, mission: Mission, preview: Preview) -> list[str]:
-    """List the violations of the exclusion angles.
-
-    Parameters
-    ----------
-    constraints, mission, preview : the limits, the mission, and its geometry.
-    """
+    """List the violations of the exclusion angles."""
     around = compute_sky_geometry(mission, preview)
     cure = "turn the boresight away, or start at another time"
     lines = []
@@ -76,10 +71,8 @@ def _locate(poses: PoseTree, apex: str, name: str, n_epochs: int) -> np.ndarray:
 
     Parameters
     ----------
-    poses : tree of poses, batched over epochs.
-    apex : name of the axes in which the position is given.
-    name : of the axes whose origin it is.
-    n_epochs : number of epochs.
+    apex : name of the axes in which the position is given
+    name : of the axes whose origin it is
     """
     place: np.ndarray = np.broadcast_to(poses.place(apex, name)[0], (n_epochs, 3))
     return place
@@ -90,8 +83,7 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
 
     Parameters
     ----------
-    constraints, mission, preview : the limits, the mission, and its geometry.
-    target : name of the body at the centre of the sphere.
+    target : name of the body at the centre of the sphere
     """
     radius_m = constraints.radius_m(target)
     if radius_m is None:
@@ -137,8 +129,7 @@ def _check_corridor(place: str, corridor: Corridor, mission: Mission, preview: P
 
     Parameters
     ----------
-    place : of the corridor in the scenario, for the message.
-    corridor, mission, preview : the limit, the mission, and its geometry.
+    place : of the corridor in the scenario, for the message
     """
     place_m = _locate(preview.truth.poses, corridor.apex, "follower", len(preview.time_s))
     applies = corridor.applies(place_m)

@@ -64,8 +64,8 @@ def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, pr
 
     Parameters
     ----------
-    mission, number : the mission, and the index of the target.
-    geometry, preview : of the target, and of the whole mission.
+    mission, number : the mission, and the index of the target
+    geometry, preview : of the target, and of the whole mission
     """
     target, surfaces = mission.target[number], mission.surfaces_of(number)
     surface = surfaces[0]
@@ -93,7 +93,7 @@ def _describe_motion(mission: Mission, number: int, preview: Preview) -> str:
 
     Parameters
     ----------
-    mission, number, preview : the mission, the index of the body, and the geometry of the mission.
+    mission, number, preview : the mission, the index of the body, and the geometry of the mission
     """
     body = mission.bodies[number]
     text = summarize_motion(body.motion, mission.time.start_utc)
@@ -126,8 +126,7 @@ def _format_ends(values: np.ndarray, unit: str, digits: int) -> str:
 
     Parameters
     ----------
-    values, unit : values (time), and their unit.
-    digits : decimal places.
+    values, unit : values (time), and their unit
     """
     first, last = (round(float(value), digits) + 0.0 for value in (values[0], values[-1]))  # no minus before a zero
     return f"{first:.{digits}f} -> {last:.{digits}f} {unit}"
@@ -228,14 +227,7 @@ def _describe_detection(mission: Mission) -> list[str]:
 
 
 def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[str]:
-    """Describe photons, detection and range noise of the median and the brightest pixel of a target.
-
-    Parameters
-    ----------
-    mission : what is flown.
-    number : of the target.
-    preview : the mission's preview.
-    """
+    """Describe photons, detection and range noise of the median and the brightest pixel of a target."""
     geometry = preview.targets[number]
     lines = [
         f"budget      {geometry.name}, of flashes cast onto it as it stands about these instants, median to brightest pixel:"
@@ -265,14 +257,7 @@ def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[st
 
 
 def _describe_finding(mission: Mission, preview: Preview, number: int, row: int) -> str:
-    """Describe with which probability a target is found about one epoch.
-
-    Parameters
-    ----------
-    mission, preview : what is flown, and its preview.
-    number : of the target.
-    row : of the preview's epochs.
-    """
+    """Describe with which probability a target is found about one epoch."""
     found = find_in_run(mission, preview, number, row, _PLACES)
     spread = f", {found.min():.2f} to {found.max():.2f}" if np.ptp(found) > 0.01 else ""
     places = f"{_PLACES} attitudes and places in the pixel grid{spread}"

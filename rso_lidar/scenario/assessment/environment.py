@@ -61,9 +61,9 @@ def advise_on_environment(mission: Mission, preview: Preview, constraints: Const
 
     Parameters
     ----------
-    mission : what is flown.
-    preview : its preview.
-    constraints : what is asked of the mission.
+    mission : what is flown
+    preview : its preview
+    constraints : what is asked of the mission
     """
     around, glare = compute_sky_geometry(mission, preview), mission.lidar.receiver.glare
     near = constraints is None or constraints.sun_exclusion_deg is None
@@ -80,9 +80,9 @@ def _advise_on_sun(preview: Preview, around: SkyGeometry, *, near: bool, simulat
 
     Parameters
     ----------
-    preview, around : geometry of the mission, and of the bodies around the lidar.
-    near : whether to warn of a Sun outside the field too.
-    simulated : whether frames show the Sun and its glare.
+    preview, around : geometry of the mission, and of the bodies around the lidar
+    near : whether to warn of a Sun outside the field too
+    simulated : whether frames show the Sun and its glare
     """
     if around.sun_m is None:
         return []
@@ -122,7 +122,7 @@ def _advise_on_moon(mission: Mission, preview: Preview, around: SkyGeometry) -> 
 
     Parameters
     ----------
-    mission, preview, around : the mission, its geometry, and the bodies around the lidar.
+    mission, preview, around : the mission, its geometry, and the bodies around the lidar
     """
     if around.moon_m is None or "follower" not in list_lunar_bodies(mission.bodies):
         return []
@@ -141,7 +141,7 @@ def _advise_on_line_of_sight(mission: Mission, preview: Preview, around: SkyGeom
 
     Parameters
     ----------
-    mission, preview, around : the mission, its geometry, and the bodies around the lidar.
+    mission, preview, around : the mission, its geometry, and the bodies around the lidar
     """
     lines = []
     for target in mission.target if around.earth else ():
@@ -174,8 +174,7 @@ def _format_course(angle: np.ndarray, time_s: np.ndarray, off: str = "") -> str:
 
     Parameters
     ----------
-    angle, time_s : angles (time) [rad] at some times (time) [s].
-    off : text after the first two.
+    angle, time_s : angles (time) [rad] at some times (time) [s]
     """
     worst = find_first_least(angle)
     return f"{_format_ends(angle)}{off}, least {angle[worst] / units.DEG:.2f}° at {time_s[worst]:g} s"
@@ -211,8 +210,7 @@ def _describe_passage(what: str, begins_s: float, ends_s: float) -> str:
 
     Parameters
     ----------
-    what : name of the shadow.
-    begins_s, ends_s : its ends [s since start_utc], infinite where they are outside the run.
+    begins_s, ends_s : its ends [s since start_utc], infinite where they are outside the run
     """
     if np.isinf(begins_s) and np.isinf(ends_s):
         return f"{what} all the time"

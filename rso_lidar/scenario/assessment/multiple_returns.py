@@ -65,10 +65,7 @@ def _describe_affected_parts(
 
     Parameters
     ----------
-    mission : what is flown.
-    preview : its preview.
-    number : of the target.
-    listed : least and greatest separation at which two returns are both listed [m].
+    listed : least and greatest separation at which two returns are both listed [m]
     """
     target = mission.target[number]
     if target.terrain is not None:
@@ -89,9 +86,9 @@ def measure_part_depths_m(mission: Mission, preview: Preview, number: int) -> Ma
 
     Parameters
     ----------
-    mission : what is flown.
-    preview : its preview.
-    number : of the target.
+    mission : what is flown
+    preview : its preview
+    number : of the target
     """
     rows = np.unique(np.linspace(0, len(preview.time_s) - 1, _MOST_EPOCHS).round().astype(int))
     near: dict[str, np.ndarray] = {}

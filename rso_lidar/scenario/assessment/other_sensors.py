@@ -25,7 +25,7 @@ def advise_on_sensors(mission: Mission, preview: Preview) -> list[str]:
 
     Parameters
     ----------
-    mission, preview : what is flown, and its preview.
+    mission, preview : what is flown, and its preview
     """
     if not mission.sensor:
         return []

@@ -21,8 +21,8 @@ def measure_smear(mission: Mission, preview: Preview) -> Smear:
 
     Parameters
     ----------
-    mission : whose frames have several pulses that are sent one after another.
-    preview : its geometry.
+    mission : whose frames have several pulses that are sent one after another
+    preview : its geometry
     """
     assert mission.exposure is not None
     poses = preview.truth.poses
@@ -54,7 +54,7 @@ def describe_exposure(mission: Mission, preview: Preview) -> list[str]:
 
     Parameters
     ----------
-    mission, preview : as for `measure_smear`.
+    mission, preview : as for `measure_smear`
     """
     pulses = mission.lidar.detector.traits.pulses
     if pulses == 1:
@@ -85,7 +85,7 @@ def advise_on_exposure(mission: Mission, preview: Preview) -> list[str]:
 
     Parameters
     ----------
-    mission, preview : as for `measure_smear`.
+    mission, preview : as for `measure_smear`
     """
     rate_hz, traits = mission.lidar.laser.pulse_rate_hz, mission.lidar.detector.traits
     if rate_hz is None:

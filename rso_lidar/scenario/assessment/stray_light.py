@@ -20,9 +20,9 @@ def advise_on_glare(mission: Mission, preview: Preview, around: SkyGeometry) -> 
 
     Parameters
     ----------
-    mission : what is flown.
-    preview : its preview.
-    around : Sun, Earth and Moon about the lidar.
+    mission : what is flown
+    preview : its preview
+    around : Sun, Earth and Moon about the lidar
     """
     if mission.lidar.receiver.glare is None:
         return []

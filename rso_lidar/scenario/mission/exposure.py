@@ -43,9 +43,9 @@ class Exposure:
 
     Parameters
     ----------
-    pulses : number of pulses of a frame, at least two.
-    length_s : time from the first to the last of them [s].
-    surfaces : surfaces of all targets.
+    pulses : number of pulses of a frame, at least two
+    length_s : time from the first to the last of them [s]
+    surfaces : surfaces of all targets
     """
 
     pulses: int
@@ -57,10 +57,10 @@ class Exposure:
 
         Parameters
         ----------
-        truth : in the middle of the exposure.
-        course, aim : where bodies and lidar are, the frame being their last.
-        row : number of the frame in the course.
-        lidar : with the settings in force.
+        truth : in the middle of the exposure
+        course, aim : where bodies and lidar are, the frame being their last
+        row : number of the frame in the course
+        lidar : with the settings in force
 
         Returns
         -------
@@ -77,7 +77,7 @@ class Exposure:
 
         Parameters
         ----------
-        count : number of epochs, at most that of pulses.
+        count : number of epochs, at most that of pulses
         """
         sent_s = np.linspace(-0.5, 0.5, self.pulses) * self.length_s
         of = assign_pulses(self.pulses, count)
@@ -92,8 +92,8 @@ class Exposure:
 
         Parameters
         ----------
-        smear : how far the scene moves during the exposure.
-        lidar : with the settings in force.
+        smear : how far the scene moves during the exposure
+        lidar : with the settings in force
         """
         wanted = self.count_wanted(smear, lidar)
         if wanted <= 1.0:
@@ -106,7 +106,7 @@ class Exposure:
 
         Parameters
         ----------
-        smear, lidar : as for `count_epochs`.
+        smear, lidar : as for `count_epochs`
         """
         pulse_m = lidar.laser.pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
         steps = (PIXELS, PULSE_LENGTHS * pulse_m, TURN_RAD)
@@ -117,8 +117,8 @@ class Exposure:
 
         Parameters
         ----------
-        poses : tree with the lidar in it, at these instants (time) or one.
-        lidar : gives the pixels and the field.
+        poses : tree with the lidar in it, at these instants (time) or one
+        lidar : gives the pixels and the field
 
         Returns
         -------
@@ -144,9 +144,9 @@ class Exposure:
 
         Parameters
         ----------
-        poses, lidar : as for `measure`.
-        name : of the surface's axes.
-        points : (point, 1, xyz) in them [m].
+        poses, lidar : as for `measure`
+        name : of the surface's axes
+        points : (point, 1, xyz) in them [m]
         """
         link = poses.link("lidar", name)
         at_m = link.translation_m + rotate_vectors(link.matrix, points)

@@ -85,10 +85,10 @@ class Mission(Part):
 
         Parameters
         ----------
-        path : of the file; a relative one is looked up in the working folder, then among the shipped data.
-        settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
+        path : of the file; a relative one is looked up in the working folder, then among the shipped data
+        settings : fields to change, such as ``"lidar.laser.energy_mj=20"``
         trust_code, trust_fmu : whether Python code (`dynamics`) and FMUs that the file names may run when it is flown.
-            Otherwise such a scenario can be read but not flown.
+            Otherwise such a scenario can be read but not flown
 
         Raises
         ------
@@ -115,12 +115,12 @@ class Mission(Part):
 
         Parameters
         ----------
-        text : the TOML.
-        folder : start of relative paths (None: the working folder).
-        where : name of the text in error messages.
-        settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
+        text : the TOML
+        folder : start of relative paths (None: the working folder)
+        where : name of the text in error messages
+        settings : fields to change, such as ``"lidar.laser.energy_mj=20"``
         trust_code : whether Python code that the text names as `dynamics` may run when the scenario is flown. Otherwise
-            such a scenario can be read but not flown. None for the text of a recording, whose code never runs.
+            such a scenario can be read but not flown. None for the text of a recording, whose code never runs
 
         Raises
         ------
@@ -139,10 +139,10 @@ class Mission(Part):
 
         Parameters
         ----------
-        tables : by key, as TOML gives them.
-        folder : start of relative paths (None: the working folder).
-        where : name of the scenario in error messages.
-        trust_code : as in `loads`.
+        tables : by key, as TOML gives them
+        folder : start of relative paths (None: the working folder)
+        where : name of the scenario in error messages
+        trust_code : as in `loads`
 
         Raises
         ------
@@ -181,7 +181,7 @@ class Mission(Part):
 
         Parameters
         ----------
-        seed : of all noise.
+        seed : of all noise
         """
         changed = self.replace(seed=seed)
         known = {name: self.__dict__[name] for name in _WITHOUT_NOISE if name in self.__dict__}
@@ -280,7 +280,7 @@ class Mission(Part):
 
         Parameters
         ----------
-        place : dotted key, such as ``follower.motion``; empty for the scenario as a whole.
+        place : dotted key, such as ``follower.motion``; empty for the scenario as a whole
         """
         return add_place(f"{self._where}: {place}" if place else self._where)
 
@@ -289,7 +289,7 @@ class Mission(Part):
 
         Parameters
         ----------
-        name : as the scenario states it.
+        name : as the scenario states it
 
         Returns
         -------
@@ -324,7 +324,7 @@ class Mission(Part):
 
         Parameters
         ----------
-        number : index of the target.
+        number : index of the target
         """
         return tuple(surface for surface in self.surfaces if surface.target == number)
 
@@ -333,7 +333,7 @@ class Mission(Part):
 
         Parameters
         ----------
-        number : index of the target.
+        number : index of the target
         """
         seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in self.target[number].joints)]
         surfaces = self.surfaces_of(number)
@@ -364,7 +364,7 @@ class Mission(Part):
 
         Parameters
         ----------
-        frames : indices of frames (time); by default all.
+        frames : indices of frames (time); by default all
         """
         numbers = np.arange(self.time.n_frames) if frames is None else frames
         return Epochs(self.time.start_utc, self.time.seconds(numbers) + 0.5 * self.lidar.exposure_s)
@@ -374,7 +374,7 @@ class Mission(Part):
 
         Parameters
         ----------
-        time_s : time [s since start_utc].
+        time_s : time [s since start_utc]
         """
         glare = self.lidar.receiver.glare
         if self.is_local or glare is None or "moon" not in glare.sources:
@@ -387,8 +387,8 @@ class Mission(Part):
 
         Parameters
         ----------
-        frame : index of the frame.
-        stage : number that separates the noise of detection and of pointing.
+        frame : index of the frame
+        stage : number that separates the noise of detection and of pointing
         """
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
 

@@ -14,7 +14,16 @@ from rso_lidar.sensors import Gnss, RelativeGnss, StarTracker
 
 
 def list_lunar_bodies(bodies: Sequence[Body]) -> list[str]:
-    """List the names of the bodies that orbit about the Moon."""
+    """List the names of the bodies that orbit about the Moon.
+
+    Parameters
+    ----------
+    bodies : all bodies of a scenario, with those that motions are relative to
+
+    Returns
+    -------
+    list of str
+    """
     by_name = {body.name: body for body in bodies}
     return [body.name for body in bodies if body.orbits and find_center_of_body(body, by_name) is not EARTH]
 
@@ -26,8 +35,8 @@ def check_lunar_orbits(
 
     Parameters
     ----------
-    bodies : targets, then the follower.
-    world, lidar, sensors, dispersion : tables of the mission.
+    bodies : targets, then the follower
+    world, lidar, sensors, dispersion : tables of the mission
 
     Raises
     ------

@@ -36,7 +36,17 @@ def find_named_files(part: Any, file: Callable[[str], Any]) -> Any:
 
 
 def list_dynamics(part: Any) -> list[str]:
-    """List the Python functions that a part and all parts in it name as `dynamics`."""
+    """List the Python functions that a part and all parts in it name as `dynamics`.
+
+    Parameters
+    ----------
+    part : of a scenario; an object of a user names none
+
+    Returns
+    -------
+    list of str
+        Such as ``file.py:name`` or ``package.module:name``.
+    """
     found: list[str] = []
     if not isinstance(part, Part):
         return found
@@ -62,14 +72,34 @@ def list_fmus(part: Any) -> list[str]:
 
 
 def list_named_code(scenario: Any) -> list[str]:
-    """List the Python functions and FMUs that the bodies and the PTU of a scenario name."""
+    """List the Python functions and FMUs that the bodies and the PTU of a scenario name.
+
+    Parameters
+    ----------
+    scenario : the scenario
+
+    Returns
+    -------
+    list of str
+        Functions as in `list_dynamics`, and files of FMUs.
+    """
     bodies = (*scenario.target, scenario.follower)
     parts = [part for body in bodies for part in (body.motion, body.attitude)]
     return [name for part in (*parts, scenario.ptu) for name in (*list_dynamics(part), *list_fmus(part))]
 
 
 def list_named_files(part: Any) -> list[str]:
-    """List the files that a part and all parts in it name, in the order of their fields."""
+    """List the files that a part and all parts in it name, in the order of their fields.
+
+    Parameters
+    ----------
+    part : such as a scenario, or an object of a user, which finds its files itself
+
+    Returns
+    -------
+    list of str
+        Names as the part gives them.
+    """
     found: list[str] = []
     find_named_files(part, lambda name: found.append(name) or name)  # type: ignore[func-returns-value]
     return found
@@ -80,8 +110,13 @@ def iterate_named_files(tables: Any, place: str = "") -> Iterator[tuple[str, str
 
     Parameters
     ----------
-    tables : tables or lists, as TOML gives them.
-    place : of the tables, as a dotted key.
+    tables : tables or lists, as TOML gives them
+    place : of the tables, as a dotted key
+
+    Yields
+    ------
+    tuple of str
+        Place such as ``target[0].motion.file``, and name as the text gives it.
     """
     for key, value in tables.items() if isinstance(tables, dict) else enumerate(tables):
         here = f"{place}[{key}]" if isinstance(key, int) else f"{place}.{key}".lstrip(".")

@@ -17,8 +17,8 @@ def check_sensors(sensors: Sequence[Any], targets: Sequence[Body], follower: Bod
 
     Parameters
     ----------
-    sensors : parts, and users' objects.
-    targets, follower : bodies of the mission.
+    sensors : parts, and users' objects
+    targets, follower : bodies of the mission
 
     Raises
     ------
@@ -51,8 +51,8 @@ def check_tracked_name(tracked: str | None, bodies: Sequence[Body]) -> None:
 
     Parameters
     ----------
-    tracked : name of a body, or of axes that it declares; None where the PTU tracks nothing.
-    bodies : targets, then the follower, which cannot be tracked.
+    tracked : name of a body, or of axes that it declares; None where the PTU tracks nothing
+    bodies : targets, then the follower, which cannot be tracked
 
     Raises
     ------

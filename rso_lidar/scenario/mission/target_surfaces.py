@@ -40,10 +40,10 @@ def build_surfaces(
 
     Parameters
     ----------
-    target : the target.
-    number : its index in the scenario.
-    file : finds a file that the scenario names.
-    wavelength_m : of the laser [m].
+    target : the target
+    number : its index in the scenario
+    file : finds a file that the scenario names
+    wavelength_m : of the laser [m]
     """
     whole = build_whole_surface(target, file, wavelength_m, number)
     hinged = [Hinged(target.joint_axes(joint), joint.parts, joint.position_m) for joint in target.joints]
@@ -60,10 +60,20 @@ def build_whole_surface(
 
     Parameters
     ----------
-    target : the target.
-    file : finds a mesh that the scenario names.
-    wavelength_m : of the laser, for the materials [m].
-    number : index of the target in the scenario, None for a surface without one.
+    target : the target
+    file : finds a mesh that the scenario names
+    wavelength_m : of the laser, for the materials [m]
+    number : index of the target in the scenario, None for a surface without one
+
+    Returns
+    -------
+    Surface
+        In the body axes of the target, from its centre of mass [m].
+
+    Raises
+    ------
+    MeshError
+        For a model or mesh that cannot be read, and materials of parts that it does not have.
     """
     entry: ModelEntry | None = None
     own: Mapping[str, Material] = {}
@@ -140,8 +150,7 @@ def _build(form: _SurfaceForm, material: Material | None, part_materials: tuple[
 
     Parameters
     ----------
-    form : of the surface.
-    material, part_materials : of all parts, and of single parts by name.
+    material, part_materials : of all parts, and of single parts by name
     """
     made = build_surface(
         form.name,
@@ -167,9 +176,9 @@ def place_mesh(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[fl
 
     Parameters
     ----------
-    target : the target.
-    mesh : its mesh.
-    entry : its model in the catalogue, None for a path or terrain.
+    target : the target
+    mesh : its mesh
+    entry : its model in the catalogue, None for a path or terrain
     """
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if target.center_of_mass_m is not None:
@@ -179,7 +188,12 @@ def place_mesh(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[fl
 
 
 def find_taxonomy(target: Target) -> Taxonomy | None:
-    """Return the taxonomy of a target from the scenario, or from the catalogue; None where neither gives it."""
+    """Return the taxonomy of a target from the scenario, or from the catalogue; None where neither gives it.
+
+    Parameters
+    ----------
+    target : of a scenario; terrain and fragments have one of their own
+    """
     if target.taxonomy is None and target.terrain is not None:
         return classify_terrain(target.terrain)
     if target.taxonomy is None and target.fragment is not None:
@@ -199,6 +213,10 @@ def find_symmetry(target: Target) -> Symmetry | None:
     """Return the symmetry of a target in its body axes, from the scenario or the catalogue; None where there is none.
 
     The catalogue's holds for hinges at zero. It does not count where the target has joints.
+
+    Parameters
+    ----------
+    target : of a scenario
     """
     entry = None if target.is_path else model(target.shape)
     found, center_of_mass_m = target.symmetry, target.center_of_mass_m or (0.0, 0.0, 0.0)

@@ -27,7 +27,7 @@ class FilePart(Part):
 
         Parameters
         ----------
-        path : of the file; a relative one is looked up in the working folder, then among the shipped data.
+        path : of the file; a relative one is looked up in the working folder, then among the shipped data
 
         Raises
         ------
@@ -44,9 +44,9 @@ class FilePart(Part):
 
         Parameters
         ----------
-        text : the TOML.
-        folder : start of relative paths (None: the working folder).
-        where : name of the text in error messages (None: the kind of the part).
+        text : the TOML
+        folder : start of relative paths (None: the working folder)
+        where : name of the text in error messages (None: the kind of the part)
 
         Raises
         ------
@@ -75,7 +75,21 @@ class FilePart(Part):
 
 
 def read_toml(path: Path) -> str:
-    """Read the text of a scenario file, which may be a shipped one, or raise `ScenarioError`."""
+    """Read the text of a TOML file.
+
+    Parameters
+    ----------
+    path : of the file; one that is not there is looked up among the shipped data
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ScenarioError
+        If it cannot be read, is too long, or is not UTF-8.
+    """
     return read_text(find(path) or path, MOST_TOML_BYTES, ScenarioError, "scenario file (.toml)")
 
 
@@ -86,11 +100,16 @@ def validate_toml(
 
     Parameters
     ----------
-    part : class of the part.
-    text : TOML.
-    where : start of error messages, such as the file's name.
-    settings : changes as ``place=value``.
-    table : name of the table that fills the part, where it is the only one of the text; empty for the whole text.
+    part : class of the part
+    text : TOML
+    where : start of error messages, such as the file's name
+    settings : changes as ``place=value``
+    table : name of the table that fills the part, where it is the only one of the text; empty for the whole text
+
+    Returns
+    -------
+    part
+        An instance of that class.
 
     Raises
     ------
@@ -112,14 +131,19 @@ def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str) -> An
 
     Parameters
     ----------
-    part : class of the part.
-    tree : tables by key, as TOML gives them.
-    where : start of error messages.
+    part : class of the part
+    tree : tables by key, as TOML gives them
+    where : start of error messages
+
+    Returns
+    -------
+    part
+        An instance of that class.
 
     Raises
     ------
     ScenarioError
-        For values that the part refuses.
+        For values that the part refuses; a `FieldError` with their places.
     """
     try:
         return part.model_validate(tree)
@@ -129,11 +153,18 @@ def validate_tables(part: type[AnyPart], tree: dict[str, Any], where: str) -> An
 
 
 def apply_setting(tree: dict[str, Any], setting: str) -> None:
-    """Set one field of a TOML tree: ``lidar.laser.energy_mj=20``, ``target.0.model=juno``, ``target.tdrs.model=juno``.
+    """Set one field of a TOML tree by a text of the form ``place=value``.
+
+    Parameters
+    ----------
+    tree : tables by key, changed in place
+    setting : such as ``lidar.laser.energy_mj=20``, ``target.0.model=juno`` or ``target.tdrs.model=juno``. The value is TOML;
+        a bare word is a text
 
     Raises
     ------
-    SettingError : for a setting that is not place=value, or leads nowhere.
+    SettingError
+        For a setting that is not ``place=value``, or leads nowhere.
     """
     place, equals, text = setting.partition("=")
     if not equals or not place.strip():
@@ -150,10 +181,10 @@ def set_field(tree: dict[str, Any], place: str, value: Any, where: str) -> None:
 
     Parameters
     ----------
-    tree : tables by key, changed in place.
-    place : dotted key, such as ``target.tdrs.model`` or ``target[0].model``.
-    value : as TOML gives it.
-    where : start of error messages.
+    tree : tables by key, changed in place
+    place : dotted key, such as ``target.tdrs.model`` or ``target[0].model``
+    value : as TOML gives it
+    where : start of error messages
 
     Raises
     ------
@@ -179,8 +210,13 @@ def get_field(tree: dict[str, Any], place: str, where: str) -> Any:
 
     Parameters
     ----------
-    tree : tables by key.
-    place, where : as in `set_field`.
+    tree : tables by key
+    place, where : as in `set_field`
+
+    Raises
+    ------
+    SettingError
+        For an entry that a list does not have.
     """
     here: Any = tree
     for step in _split_place(place):
@@ -200,8 +236,8 @@ def _descend_to(here: Any, step: str, where: str) -> Any:
 
     Parameters
     ----------
-    here, step : a table or list, and a key or entry of it.
-    where : start of error messages.
+    here, step : a table or list, and a key or entry of it
+    where : start of error messages
     """
     inner = here[_find_entry(here, step, where)] if isinstance(here, list) else here.setdefault(step, {})
     if not isinstance(inner, dict | list):
@@ -214,9 +250,7 @@ def _find_entry(entries: list[Any], step: str, where: str) -> int:
 
     Parameters
     ----------
-    entries : the list.
-    step : number or name of the entry.
-    where : start of error messages.
+    where : start of error messages
     """
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
     if step in names:

@@ -20,11 +20,11 @@ def collect_attitudes(mission: Mission, preview: Preview, number: int, row: int,
 
     Parameters
     ----------
-    mission : what is flown.
-    preview : its preview.
-    number : of the target.
-    row : of the preview's epochs.
-    most : number of attitudes at most.
+    mission : what is flown
+    preview : its preview
+    number : of the target
+    row : of the preview's epochs
+    most : number of attitudes at most
     """
     name = mission.target[number].name
     here = preview.truth.at(row)
@@ -60,10 +60,10 @@ def link_surfaces(
 
     Parameters
     ----------
-    mission : what is flown.
-    number : of the target.
-    there : the truth that gives the hinge angles.
-    place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3).
+    mission : what is flown
+    number : of the target
+    there : the truth that gives the hinge angles
+    place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3)
     """
     name = mission.target[number].name
     lidar_from_target = Link((place_m, turned), np.zeros(3), np.zeros(3))

@@ -75,7 +75,23 @@ class Preview:
 
 
 def preview_mission(mission: Mission, most_epochs: int = _MOST_EPOCHS) -> Preview:
-    """Compute the geometry of a mission at some of its frames, the first and the last among them."""
+    """Compute the geometry of a mission at some of its frames, the first and the last among them, without casting rays.
+
+    Parameters
+    ----------
+    mission : a scenario
+    most_epochs : greatest number of frames, spread evenly
+
+    Returns
+    -------
+    Preview
+        Truth and geometry of the targets (time), with the warnings that building the mission raised.
+
+    Raises
+    ------
+    ScenarioError
+        If bodies or files of the mission cannot be built.
+    """
     numbers = np.unique(np.linspace(0, mission.time.n_frames - 1, most_epochs).round().astype(int))
     epochs = mission.epochs(numbers)
     with collect_warnings() as lines:
@@ -122,11 +138,9 @@ def _trace_target(
 
     Parameters
     ----------
-    name : of the target.
-    surfaces : of the target: its body's, and one for each hinge.
-    poses : tree with the lidar and the surfaces in it.
-    half_field : (time, 2) tangents of the half field to the right and down.
-    n_epochs : number of epochs.
+    surfaces : of the target: its body's, and one for each hinge
+    poses : tree with the lidar and the surfaces in it
+    half_field : (time, 2) tangents of the half field to the right and down
     """
     seen, _ = poses.place("lidar", name)
     # The range rate from the follower: the PTU's rotation changes no distance.
@@ -151,14 +165,19 @@ def _trace_target(
 
 
 def place_hull(surfaces: Sequence[Surface], poses: PoseTree, axes: str, n_epochs: int) -> np.ndarray:
-    """Place the points of the convex hulls of surfaces in other axes, (point, time, xyz) [m].
+    """Place the points of the convex hulls of surfaces in other axes.
 
     Parameters
     ----------
-    surfaces : of a target: its body's, and one for each hinge.
-    poses : tree with the surfaces and the axes in it.
-    axes : name of the axes.
-    n_epochs : number of epochs.
+    surfaces : of a target: its body's, and one for each hinge
+    poses : tree with the surfaces and the axes in it, of one epoch or of `n_epochs`
+    axes : name of the axes
+    n_epochs : number of epochs
+
+    Returns
+    -------
+    numpy.ndarray
+        (point, time, xyz) in those axes [m].
     """
     hull: list[np.ndarray] = []
     for surface in surfaces:
@@ -168,7 +187,13 @@ def place_hull(surfaces: Sequence[Surface], poses: PoseTree, axes: str, n_epochs
 
 
 def is_in_field(place_m: np.ndarray, half_field: np.ndarray) -> np.ndarray:
-    """Return whether places (…, xyz) [m] in lidar axes are in the field, whose half has tangents (…, 2) right and down."""
+    """Return whether places are in the field of view (…).
+
+    Parameters
+    ----------
+    place_m : (…, xyz) in lidar axes [m]
+    half_field : (…, 2) tangents of the half field, right and down
+    """
     ahead = place_m[..., 2:] > 0.0
     tangent = np.abs(place_m[..., :2]) / np.where(ahead, place_m[..., 2:], 1.0)
     inside: np.ndarray = np.all(ahead & (tangent <= half_field), axis=-1)

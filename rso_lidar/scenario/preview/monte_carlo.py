@@ -31,10 +31,10 @@ def copy_pixels(
 
     Parameters
     ----------
-    casts : flashes; each one gives the same number of copies.
-    pixels : one pixel of each flash, None for a pixel without light.
-    n : total number of copies.
-    shift_m : (n) range shift of each copy [m], so that the copies cover all phases of the clock.
+    casts : flashes; each one gives the same number of copies
+    pixels : one pixel of each flash, None for a pixel without light
+    n : total number of copies
+    shift_m : (n) range shift of each copy [m], so that the copies cover all phases of the clock
     """
     merged = [_merge_returns(one.light, pixel) for one, pixel in zip(casts, pixels, strict=True)]
     of = np.arange(n) % len(casts)
@@ -74,10 +74,10 @@ def estimate_surroundings(
 
     Parameters
     ----------
-    lidar : the instrument that is in force.
-    casts : flashes; each one gives the same number of copies. At most `_MOST_LOADS` of them are simulated.
-    pixels : one pixel of each flash, None for a pixel without light.
-    n : total number of copies.
+    lidar : the instrument that is in force
+    casts : flashes; each one gives the same number of copies. At most `_MOST_LOADS` of them are simulated
+    pixels : one pixel of each flash, None for a pixel without light
+    n : total number of copies
     """
     few = np.unique(np.linspace(0, len(casts) - 1, _MOST_LOADS).round().astype(int))
     gains, together = [], []
@@ -102,10 +102,10 @@ def try_pixels(mission: Mission, casts: Sequence[TargetReturns], share: float, t
 
     Parameters
     ----------
-    mission : what is flown.
-    casts : flashes.
-    share : quantile of the pixel in the order by photons, from 0 (dimmest) to 1 (brightest).
-    time_s : time whose instrument settings apply [s since start_utc].
+    mission : what is flown
+    casts : flashes
+    share : quantile of the pixel in the order by photons, from 0 (dimmest) to 1 (brightest)
+    time_s : time whose instrument settings apply [s since start_utc]
     """
     lidar = mission.instrument.at(time_s)
     traits = lidar.detector.traits  # trials of many pulses or samples are slow

@@ -73,31 +73,23 @@ class TargetReturns:
         return float(self.hits.weight[on].sum())
 
 
-def cast_target(mission: Mission, truth: Truth, number: int, finest: int | None = None) -> TargetReturns:
-    """Cast one flash and collect its expected light, without pulse jitter, sunlight and detector.
-
-    Parameters
-    ----------
-    mission : what is flown.
-    truth : one epoch, with the lidar in it.
-    number : of the target.
-    finest : greatest number of rays along a pixel's side (None: what the receiver asks for).
-    """
-    return cast_surfaces(mission.instrument.at(truth.time_s), mission.surfaces, truth, number, finest)
-
-
 def cast_surfaces(
     lidar: Lidar, surfaces: Sequence[Surface], truth: Truth, number: int, finest: int | None = None
 ) -> TargetReturns:
-    """Cast one flash onto some surfaces, as `cast_target` does onto all of a mission.
+    """Cast one flash onto some surfaces, and collect its expected light without pulse jitter, sunlight and detector.
 
     Parameters
     ----------
-    lidar : the instrument that is in force.
-    surfaces : of the target, and of what may hide it.
-    truth : one epoch, with the lidar and the surfaces in it.
-    number : of the target.
-    finest : greatest number of rays along a pixel's side (None: what the receiver asks for).
+    lidar : the instrument that is in force
+    surfaces : of the target, and of what may hide it
+    truth : one epoch, with the lidar and the surfaces in it
+    number : of the target
+    finest : greatest number of rays along a pixel's side (None: what the receiver asks for)
+
+    Returns
+    -------
+    TargetReturns
+        Expected photons, and the pixels that receive light from the target.
     """
     receiver = _reduce_rays(lidar.receiver, finest)
     hits = sampling.cast_pixels(receiver, lidar.laser, surfaces, truth, 1)
@@ -131,15 +123,17 @@ def cast_attitudes(
 
     Parameters
     ----------
-    mission : what is flown.
-    preview : its preview.
-    number : of the target.
-    row : of the preview's epochs.
-    most : number of attitudes at most.
+    mission : what is flown
+    preview : its preview
+    number : of the target
+    row : of the preview's epochs
+    most : number of attitudes at most
     """
     truths = collect_attitudes(mission, preview, number, row, most)
     finest = limit_fineness(mission, truths[0], len(truths))
-    return [cast_target(mission, truth, number, finest) for truth in truths]
+    return [
+        cast_surfaces(mission.instrument.at(truth.time_s), mission.surfaces, truth, number, finest) for truth in truths
+    ]
 
 
 def limit_fineness(mission: Mission, truth: Truth, casts: int) -> int:
@@ -147,9 +141,9 @@ def limit_fineness(mission: Mission, truth: Truth, casts: int) -> int:
 
     Parameters
     ----------
-    mission : what is flown.
-    truth : one epoch.
-    casts : number of casts.
+    mission : what is flown
+    truth : one epoch
+    casts : number of casts
     """
     return math.isqrt(int(_MOST_RAYS / casts / max(_pixels_in_bounds(mission, truth), 1.0)))
 

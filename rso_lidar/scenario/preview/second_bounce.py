@@ -36,10 +36,10 @@ def estimate_second_bounce(mission: Mission, preview: Preview, number: int, row:
 
     Parameters
     ----------
-    mission : what is flown.
-    preview : its preview.
-    number : of the target.
-    row : of the preview's epochs.
+    mission : what is flown
+    preview : its preview
+    number : of the target
+    row : of the preview's epochs
 
     Returns
     -------
@@ -59,12 +59,6 @@ def _measure(mission: Mission, truth: Truth, number: int) -> tuple[float, float,
     """Measure the pixels that see a target directly, before the lens blurs them.
 
     Return photons of the first and of the second bounce, and the sum of photons times the range between the two [m].
-
-    Parameters
-    ----------
-    mission : what is flown.
-    truth : one epoch, with the lidar in it.
-    number : of the target.
     """
     lidar = mission.instrument.at(truth.time_s).replace(bounces=1)
     seen = cast_surfaces(lidar, mission.surfaces, truth, number, _FINEST)

@@ -167,8 +167,8 @@ def line_height_over_moon_m(mission: Mission, preview: Preview, target: str) -> 
 
     Parameters
     ----------
-    mission, preview : the mission and its geometry.
-    target : name of the target.
+    mission, preview : the mission and its geometry
+    target : name of the target
 
     Returns
     -------
@@ -186,8 +186,8 @@ def about_center(mission: Mission, preview: Preview, name: str) -> BodyState:
 
     Parameters
     ----------
-    mission, preview : the mission and its geometry.
-    name : of the body.
+    mission, preview : the mission and its geometry
+    name : of the body
     """
     return subtract_center(preview.states[name], Chief(mission.bodies, name).center_states(preview.epochs))
 

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rso_lidar import optics, units
+from rso_lidar import optics
 from rso_lidar.detector import at_least, detect, estimate_k_of_n, k_of_n, mark_reports, report_probability
 from rso_lidar.pose import Link
 from rso_lidar.records import Truth
@@ -30,7 +30,6 @@ from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scene import Surface
 
 _FLASHES = 8  # simulated for each of many attitudes and places, without a closed form; at least those of k of n
-FLASHES_ALONE = 256  # simulated for a single attitude and place: the standard error is at most 0.031
 _FIRST = 16  # of them after which no more are simulated if the target was found in all or in none
 _ENERGIES = 7  # nodes of the Gauss-Hermite rule over the energy of a pulse
 _SEED = 616  # random seed of the simulated flashes
@@ -43,11 +42,16 @@ def find_probability(
 
     Parameters
     ----------
-    lidar : the instrument that is in force.
-    seen : the light of one flash.
-    finding : when the target counts as found.
-    stream : number of the stream of random numbers, for simulated flashes.
-    tried : number of flashes that are simulated without a closed form; fewer if the target is found in all or in none.
+    lidar : the instrument that is in force
+    seen : the light of one flash
+    finding : when the target counts as found
+    stream : number of the stream of random numbers, for simulated flashes
+    tried : number of flashes that are simulated without a closed form; fewer if the target is found in all or in none
+
+    Returns
+    -------
+    float
+        Probability of k of n flashes; its standard error is at most 0.5 over the root of `tried` where it is simulated.
     """
     if seen.pixel.size < finding.pixels:
         return 0.0
@@ -73,9 +77,8 @@ def _solve_flash(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, pixels: in
 
     Parameters
     ----------
-    lidar, seen : the instrument, and the light of the flash.
-    mine : (return) whether it comes from the target.
-    pixels : least number.
+    lidar, seen : the instrument, and the light of the flash
+    mine : (return) whether it comes from the target
     """
     jitter = lidar.laser.energy_jitter_fraction / math.sqrt(lidar.detector.traits.pulses)
     factors, weights = np.ones(1), np.ones(1)
@@ -97,10 +100,10 @@ def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.r
 
     Parameters
     ----------
-    lidar : the instrument that is in force.
-    seen : the light of the flash.
-    mine : (return) whether it comes from the target.
-    rng : generator of the noise.
+    lidar : the instrument that is in force
+    seen : the light of the flash
+    mine : (return) whether it comes from the target
+    rng : generator of the noise
     """
     pulses = lidar.detector.traits.pulses
     fired, late_s, jitter = lidar.laser.fire_pulses(rng, pulses)
@@ -111,35 +114,6 @@ def count_reports(lidar: Lidar, seen: TargetReturns, mine: np.ndarray, rng: np.r
     _, light = optics.average_pulses([(seen.hits, light)], pulses, jitter)
     reading, _ = detect(light, lidar.detector, rng)
     return int(mark_reports(reading, light, mine).sum())
-
-
-def place_body(lidar: Lidar, range_m: float, phase: np.ndarray) -> np.ndarray:
-    """Return the place (xyz) [m] in lidar axes of a body at a range, beside the boresight by parts of a pixel.
-
-    Parameters
-    ----------
-    lidar : the instrument.
-    range_m : range.
-    phase : (right_down) place beside the boresight [pixels].
-    """
-    x, y = phase * lidar.receiver.pixel_tangent
-    place_m: np.ndarray = np.array([x, y, 1.0]) * (range_m / math.sqrt(1.0 + x * x + y * y))
-    return place_m
-
-
-def follow_gate(lidar: Lidar, range_m: float) -> Lidar:
-    """Return the instrument with a range in the middle of its gate; the same without a gate.
-
-    Parameters
-    ----------
-    lidar : the instrument.
-    range_m : range.
-    """
-    traits = lidar.detector.traits
-    if not traits.is_gated:
-        return lidar
-    opens_m = max(range_m - 0.5 * (traits.sees_to_m - traits.sees_from_m), 0.0)
-    return lidar.with_settings({"gate_delay_ns": opens_m / units.RANGE_PER_DELAY_M_S / units.NS})
 
 
 def find_aspects(
@@ -154,16 +128,17 @@ def find_aspects(
 
     Parameters
     ----------
-    lidar : the instrument that is in force.
-    surfaces : of the target, and of what may hide it.
-    number : of the target.
-    truths : attitudes and places.
-    finding : when the target counts as found.
-    finest : greatest number of rays along a pixel's side (None: the receiver's number).
+    lidar : the instrument that is in force
+    surfaces : of the target, and of what may hide it
+    number : of the target
+    truths : attitudes and places
+    finding : when the target counts as found
+    finest : greatest number of rays along a pixel's side (None: the receiver's number)
 
     Returns
     -------
-    (truth) probabilities, and photons of the target.
+    probability : (truth) that the target is found.
+    photons : (truth) expected from the target in all pixels.
     """
 
     def one(stream: int) -> tuple[float, float]:
@@ -184,24 +159,28 @@ def move_target(mission: Mission, number: int, there: Truth, place_m: np.ndarray
 
     Parameters
     ----------
-    mission : what is flown.
-    number : of the target.
-    there : the truth that gives the hinge angles.
-    place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3).
+    mission : what is flown
+    number : of the target
+    there : the truth that gives the hinge angles
+    place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3)
     """
     return build_truth(there.time_s, link_surfaces(mission, number, there, place_m, turned))
 
 
 def list_run_attitudes(preview: Preview, name: str, n: int) -> list[tuple[int, np.ndarray]]:
-    """List the attitudes that a target has to the line of sight in a run, as row of the preview and matrix (3, 3).
-
-    The matrices are lidar_from_target with the target turned onto the boresight.
+    """List the attitudes that a target has to the line of sight in a run.
 
     Parameters
     ----------
-    preview : of the mission.
-    name : of the target.
-    n : number of rows, spread evenly; a row may be listed several times.
+    preview : of the mission
+    name : of the target
+    n : number of rows of the preview, spread evenly; a row may be listed several times
+
+    Returns
+    -------
+    list of (int, numpy.ndarray)
+        Row of the preview, and lidar_from_target (3, 3) with the target turned onto the boresight; empty where the lidar is
+        always at the target's origin.
     """
     rows = len(preview.time_s)
     places, turns = preview.truth.poses.place("lidar", name)
@@ -221,10 +200,10 @@ def find_in_run(mission: Mission, preview: Preview, number: int, row: int, n: in
 
     Parameters
     ----------
-    mission, preview : what is flown, and its preview.
-    number : of the target.
-    row : of the preview's epochs.
-    n : number of attitudes and places.
+    mission, preview : what is flown, and its preview
+    number : of the target
+    row : of the preview's epochs
+    n : number of attitudes and places
     """
     attitudes = collect_attitudes(mission, preview, number, row, n)
     time_s = float(preview.time_s[row])

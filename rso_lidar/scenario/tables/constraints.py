@@ -74,7 +74,7 @@ class Corridor(Part):
 
         Parameters
         ----------
-        place_m : points (time, 3) in the axes of the apex [m].
+        place_m : points (time, 3) in the axes of the apex [m]
         """
         return angle_rad(place_m, np.array(self.axis))
 
@@ -83,7 +83,7 @@ class Corridor(Part):
 
         Parameters
         ----------
-        place_m : points (time, 3) in the axes of the apex [m].
+        place_m : points (time, 3) in the axes of the apex [m]
         """
         distance = np.sqrt(np.sum(place_m**2, axis=-1))
         there: np.ndarray = (distance >= self.from_m) & (distance <= (self.to_m or np.inf))
@@ -94,7 +94,7 @@ class Corridor(Part):
 
         Parameters
         ----------
-        place_m : points (time, 3) in the axes of the apex [m].
+        place_m : points (time, 3) in the axes of the apex [m]
         """
         distance = np.sqrt(np.sum(place_m**2, axis=-1))
         aside = distance * (self.half_angle_deg * units.DEG - self.angle_rad(place_m))
@@ -140,7 +140,7 @@ class Constraints(Part):
 
         Parameters
         ----------
-        target : name of the target.
+        target : name of the target
         """
         return self.keep_out_m.get(target) if isinstance(self.keep_out_m, dict) else self.keep_out_m
 
@@ -149,9 +149,9 @@ class Constraints(Part):
 
         Parameters
         ----------
-        targets : of the scenario.
-        local : whether the world has no Earth.
-        sun : whether the world has a Sun.
+        targets : of the scenario
+        local : whether the world has no Earth
+        sun : whether the world has a Sun
         """
         by_name = {target.name: target for target in targets}
         named = list(self.keep_out_m) if isinstance(self.keep_out_m, dict) else []

@@ -50,9 +50,9 @@ def apply_color_materials(surface: Surface, color_materials: Mapping[str, Materi
 
     Parameters
     ----------
-    surface : the surface.
-    color_materials : material by colour, such as ``#c0c0c0``.
-    wavelength_m : of the laser [m].
+    surface : the surface
+    color_materials : material by colour, such as ``#c0c0c0``
+    wavelength_m : of the laser [m]
     """
     with add_place("color_materials"):
         colour = format_colours(read_facet_colours(surface.mesh))[surface.mesh.source_facet]
@@ -72,10 +72,10 @@ def apply_facet_materials(
 
     Parameters
     ----------
-    surface : the surface.
-    facet_materials : which facet has which material.
-    file : finds a file that the scenario names.
-    wavelength_m : of the laser [m].
+    surface : the surface
+    facet_materials : which facet has which material
+    file : finds a file that the scenario names
+    wavelength_m : of the laser [m]
     """
     with add_place("facet_materials"):
         path = file(facet_materials.file)
@@ -91,10 +91,9 @@ def _assign_materials(
 
     Parameters
     ----------
-    surface : the surface.
-    words : (facet) word of each facet.
-    meant : material by word; facets with another word keep their material.
-    wavelength_m : of the laser [m].
+    words : (facet) word of each facet
+    meant : material by word; facets with another word keep their material
+    wavelength_m : of the laser [m]
     """
     number, materials = surface.finish.astype(np.int64), list(surface.materials)
     for word, material in meant.items():
@@ -108,8 +107,8 @@ def _find_material(word: str, facet_materials: FacetMaterials, path: Path) -> Ma
 
     Parameters
     ----------
-    word : name in the table of the scenario, or in the catalogue.
-    facet_materials, path : the table, and its file for the message.
+    word : name in the table of the scenario, or in the catalogue
+    facet_materials, path : the table, and its file for the message
     """
     if word in facet_materials.materials:
         return facet_materials.materials[word]

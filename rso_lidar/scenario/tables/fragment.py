@@ -50,8 +50,18 @@ class BuiltFragment(NamedTuple):
 
 @lru_cache(maxsize=16)
 def build_fragment(fragment: Fragment) -> BuiltFragment:
-    """Build a fragment; the last few are kept."""
-    from rso_lidar.shapes import breakup_fragment, hash_solid  # the builders take 0.2 s to import
+    """Build the mesh of a fragment, the same for the same part; the last few are kept.
+
+    Parameters
+    ----------
+    fragment : kind, seed and size
+
+    Returns
+    -------
+    BuiltFragment
+        Mesh [m] with one part, the catalogue's name of its material, and its taxonomy.
+    """
+    from rso_lidar.shapes import breakup_fragment, hash_solid  # they take 0.2 s to import
 
     model = breakup_fragment(fragment.kind, fragment.seed, fragment.characteristic_length_m)
     solid = model.parts[PART]
@@ -76,5 +86,10 @@ def name_fragment(fragment: Fragment) -> str:
 
 
 def name_fragments(kind: str) -> str:
-    """Return the name of all fragments of a kind in place of a model's."""
+    """Return the name of all fragments of a kind, which stands in place of a model's.
+
+    Parameters
+    ----------
+    kind : as in `Fragment`, such as ``plate``
+    """
     return f"fragment {kind}"

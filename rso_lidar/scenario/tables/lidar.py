@@ -136,8 +136,8 @@ class Lidar(Part):
 
         Parameters
         ----------
-        time_s : time [s since start_utc].
-        command : of a controller, or None.
+        time_s : time [s since start_utc]
+        command : of a controller, or None
 
         Raises
         ------
@@ -154,7 +154,7 @@ class Lidar(Part):
 
         Parameters
         ----------
-        settings : values by the names of a `Schedule`, in their units.
+        settings : values by the names of a `Schedule`, in their units
         """
         return _with_settings(self, tuple(settings.items()))
 
@@ -230,7 +230,7 @@ def check_instrument(lidar: Lidar) -> None:
 
     Parameters
     ----------
-    lidar : instrument with the paths of its files.
+    lidar : instrument with the paths of its files
 
     Raises
     ------

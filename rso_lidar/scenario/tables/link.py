@@ -43,7 +43,7 @@ class DataLink(Part):
 
         Parameters
         ----------
-        rng : generator of this link and this frame.
+        rng : generator of this link and this frame
 
         Returns
         -------

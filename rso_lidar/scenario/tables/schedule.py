@@ -68,7 +68,7 @@ class Schedule(Part):
 
         Parameters
         ----------
-        time_s : time [s since start_utc].
+        time_s : time [s since start_utc]
         """
         before = max(int(np.searchsorted(self.time_s, time_s, "right")) - 1, 0)
         after, share = before, 0.0

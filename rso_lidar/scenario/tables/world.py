@@ -49,7 +49,7 @@ class Time(Part):
 
         Parameters
         ----------
-        frames : indices of frames (time).
+        frames : indices of frames (time)
         """
         return np.asarray(frames, dtype=float) / self.frame_rate_hz
 
@@ -58,7 +58,7 @@ class Time(Part):
 
         Parameters
         ----------
-        frames : ascending indices, or a slice (None: all).
+        frames : ascending indices, or a slice (None: all)
 
         Raises
         ------
@@ -85,7 +85,25 @@ class Time(Part):
 
 
 def parse_frames(text: str | None) -> slice | None:
-    """Parse the choice of frames of the command line, ``A``, ``A:B`` or ``A:B:C``, as a slice; None for all."""
+    """Parse the choice of frames of the command line.
+
+    Parameters
+    ----------
+    text : ``A``, ``A:B`` or ``A:B:STEP`` (None: all frames)
+
+    Returns
+    -------
+    slice or None
+        Of numbers of frames, as `Time.choose_frames` takes it; None for all.
+
+    Raises
+    ------
+    ScenarioError
+        For another text.
+
+    >>> parse_frames("0:10:2"), parse_frames("7")
+    (slice(0, 10, 2), slice(7, 8, None))
+    """
     if text is None:
         return None
     try:

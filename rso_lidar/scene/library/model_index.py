@@ -19,7 +19,7 @@ from rso_lidar.records import OTHER, PART_CLASSES, Hinge, PartClass, Symmetry, T
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
 
-_WRITE_AGAIN = "write it again with `python -m rso_lidar.shapes.write`"
+_INSTALL_AGAIN = "install the package again (in a checkout: `make models`)"
 _OWN_CURE = "correct that line, or add the mesh again with `rso-lidar models add --overwrite`"
 
 
@@ -228,7 +228,7 @@ def read_models(folder: Path) -> dict[str, ModelEntry]:
     path = folder / "index.toml"
     entries = read_table(path).get("model", [])
     if not isinstance(entries, list) or not entries:
-        raise MeshError(f"{path}: lists no [[model]]: {_WRITE_AGAIN}")
+        raise MeshError(f"{path}: lists no [[model]]: {_INSTALL_AGAIN}")
     return {entry.name: entry for entry in (_entry(path, table) for table in entries)}
 
 
@@ -238,7 +238,7 @@ def read_materials(folder: Path) -> dict[str, dict[str, Any]]:
     tables = read_table(path)
     for name, table in tables.items():
         if not isinstance(table, dict) or "type" not in table:
-            raise MeshError(f"{path}: {name}: has no 'type': {_WRITE_AGAIN}")
+            raise MeshError(f"{path}: {name}: has no 'type': {_INSTALL_AGAIN}")
     return tables
 
 
@@ -252,9 +252,7 @@ def _shipped_materials() -> Mapping[str, dict[str, Any]]:
     return MappingProxyType(read_materials(shipped("models")))
 
 
-def read_table(
-    path: Path, cure: str = "install the package again or run `python -m rso_lidar.shapes.write`"
-) -> dict[str, Any]:
+def read_table(path: Path, cure: str = _INSTALL_AGAIN) -> dict[str, Any]:
     """Read a TOML file of a catalogue, or raise `MeshError` with the cure."""
     try:
         return parse_toml(read_text(path, MOST_TOML_BYTES, MeshError, "index (.toml)"), f"{path}", MeshError)
@@ -309,7 +307,7 @@ def guess_part_classes(parts: Iterable[str]) -> dict[str, PartClass]:
     return {part: known.get(part, OTHER) for part in parts}
 
 
-def _entry(path: Path, table: Any, cure: str = _WRITE_AGAIN, *, own: bool = False) -> ModelEntry:
+def _entry(path: Path, table: Any, cure: str = _INSTALL_AGAIN, *, own: bool = False) -> ModelEntry:
     """Check a table of the index and convert it to an entry.
 
     Parameters

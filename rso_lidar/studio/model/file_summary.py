@@ -23,7 +23,7 @@ def summarize_file(path: Path) -> str:
 
     Parameters
     ----------
-    path : of a file with one of the suffixes `KINDS`.
+    path : of a file with one of the suffixes `KINDS`
 
     Raises
     ------

@@ -21,7 +21,7 @@ def draw_orbit(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
 
     Parameters
     ----------
-    flight, row, scheme : what is drawn, at which row, and its colours.
+    flight, row, scheme : what is drawn, at which row, and its colours
     """
     scene, truth = SpaceScene("orbit", scheme), flight.truth(row)
     radius = EARTH_RADIUS_M * _MM
@@ -65,7 +65,7 @@ def draw_relative(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Sp
 
     Parameters
     ----------
-    flight, row, scheme : what is drawn, at which row, and its colours.
+    flight, row, scheme : what is drawn, at which row, and its colours
     """
     scene, path = SpaceScene("relative", scheme), flight.path_m
     corners = np.array([path.min(axis=0, initial=0.0), path.max(axis=0, initial=0.0)])
@@ -88,7 +88,7 @@ def draw_target(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Spac
 
     Parameters
     ----------
-    flight, row, scheme : what is drawn, at which row, and its colours.
+    flight, row, scheme : what is drawn, at which row, and its colours
     """
     scene = SpaceScene("target", scheme)
     pose, lidar = flight.matrix(row, flight.base), flight.matrix(row, "lidar")
@@ -108,7 +108,7 @@ def draw_lidar(flight: PreviewFlight, row: int, scheme: Scheme = LIGHT) -> Space
 
     Parameters
     ----------
-    flight, row, scheme : what is drawn, at which row, and its colours.
+    flight, row, scheme : what is drawn, at which row, and its colours
     """
     scene, lidar = SpaceScene("lidar", scheme), flight.matrix(row, "lidar")
     for name, length in (("follower", 1.2), ("ptu", 0.8), ("lidar", 0.6)):
@@ -147,8 +147,7 @@ def _add_targets(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.
 
     Parameters
     ----------
-    scene, flight, row : the scene, and what it shows.
-    origin : of the scene (xyz) [m] in the axes of the flight.
+    origin : of the scene (xyz) [m] in the axes of the flight
     """
     truth = flight.truth(row)
     for surface in flight.scenario.surfaces:
@@ -173,8 +172,7 @@ def _add_lidar(scene: SpaceScene, flight: PreviewFlight, row: int, origin: np.nd
 
     Parameters
     ----------
-    scene, flight, row : the scene, and what it shows.
-    origin : of the scene (xyz) [m] in the axes of the flight.
+    origin : of the scene (xyz) [m] in the axes of the flight
     """
     lidar, far = flight.moments[row].lidar, flight.range_m(row)
     far = far if np.isfinite(far) and far > 0.0 else 100.0

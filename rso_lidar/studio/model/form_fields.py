@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.mission_analysis import drop_units, find_unit, format_parameter
+from rso_lidar.mission_analysis import split_unit
 from rso_lidar.part import Part, Seam, describe_type, parse_toml, part_classes
 
 SCALARS = ("number", "whole", "flag", "text", "instant", "choice", "value")
@@ -54,8 +54,8 @@ class FieldForm:
 
         Parameters
         ----------
-        scenario : None where the text is not one.
-        place : of the field.
+        scenario : None where the text is not one
+        place : of the field
         """
         return show_value(find_value_in_force(scenario, place)) or self.default
 
@@ -74,9 +74,9 @@ def find_part(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | int
 
     Parameters
     ----------
-    cls : part of the whole text.
-    tables : of the text.
-    steps : keys and numbers of entries.
+    cls : part of the whole text
+    tables : of the text
+    steps : keys and numbers of entries
     """
     part: type[Part] | None = cls
     here: Any = tables
@@ -96,7 +96,7 @@ def find_field(cls: type[Part], tables: Mapping[str, Any], steps: tuple[str | in
 
     Parameters
     ----------
-    cls, tables, steps : as in `find_part`.
+    cls, tables, steps : as in `find_part`
     """
     names = [step for step in steps if isinstance(step, str)]
     parent = find_part(cls, tables, tuple(names[:-1])) if names[1:] else cls
@@ -108,9 +108,9 @@ def iterate_tables(cls: type[Part], tables: Mapping[str, Any], nested: str) -> I
 
     Parameters
     ----------
-    cls : part of the whole text.
-    tables : of the text.
-    nested : key of the table whose own tables are listed too.
+    cls : part of the whole text
+    tables : of the text
+    nested : key of the table whose own tables are listed too
     """
     for field in list_fields(cls):
         value = tables.get(field.key)
@@ -133,9 +133,9 @@ def make_entry(cls: type[Part], key: str, entries: Sequence[Any]) -> dict[str, A
 
     Parameters
     ----------
-    cls : the part that fills the entry.
-    key : of the list, with which names begin.
-    entries : of the list.
+    cls : the part that fills the entry
+    key : of the list, with which names begin
+    entries : of the list
     """
     table: dict[str, Any] = {"type": cls.model_fields["type"].default} if "type" in cls.model_fields else {}
     if "name" in cls.model_fields and cls.model_fields["name"].is_required():
@@ -149,8 +149,8 @@ def parse_value(kind: str, text: str) -> Any:
 
     Parameters
     ----------
-    kind : of the field, one of `SCALARS`.
-    text : as typed; not empty.
+    kind : of the field, one of `SCALARS`
+    text : as typed; not empty
 
     Raises
     ------
@@ -188,7 +188,7 @@ def show_value(value: Any) -> str:
         return "{ " + ", ".join(f"{keys[key]} = {_quote(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_quote(inner) for inner in value) + "]"
-    return format_parameter(value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def find_value_in_force(scenario: Any, place: str) -> Any:
@@ -196,8 +196,8 @@ def find_value_in_force(scenario: Any, place: str) -> Any:
 
     Parameters
     ----------
-    scenario : or None.
-    place : such as ``lidar.laser.energy_mj``.
+    scenario : or None
+    place : such as ``lidar.laser.energy_mj``
     """
     here = scenario
     for step in place.replace("[", ".").replace("]", "").split("."):
@@ -223,12 +223,12 @@ def _read_field(name: str, field: FieldInfo) -> FieldForm:
     default = None if field.is_required() else field.get_default(call_default_factory=True)
     said = field.description or ""
     numeric = kind in ("number", "whole", "value")
-    unit = find_unit(name, said) if numeric else ""
+    unit, meaning = split_unit(name, said) if numeric else ("", said)
     return FieldForm(
         key=name,
         kind=kind,
         unit="" if unit == "1" else unit,
-        meaning=(drop_units(said) if numeric else said).replace("`", ""),
+        meaning=meaning.replace("`", ""),
         bounds=describe_type(annotation, metadata).replace("`", "") if numeric and not classes else "",
         default="" if isinstance(default, BaseModel) or default in (None, (), {}) else show_value(default),
         required=field.is_required(),
@@ -253,12 +253,7 @@ def _find_kind(members: list[Any], classes: tuple[type[Part], ...]) -> str:
 
 
 def _unwrap(annotation: Any, metadata: list[Any]) -> tuple[Any, list[Any]]:
-    """Return an annotation without `Annotated`, and the metadata; of a seam, what a text may describe.
-
-    Parameters
-    ----------
-    annotation, metadata : of a field.
-    """
+    """Return an annotation without `Annotated`, and the metadata; of a seam, what a text may describe."""
     seams = [item for item in metadata if isinstance(item, Seam)]
     if seams:
         return _unwrap(seams[0].described, [])

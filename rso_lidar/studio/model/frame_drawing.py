@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.evaluation import compare_frames, find_frame, locate_centers
+from rso_lidar.evaluation import compare_frames
 from rso_lidar.export import Recording
 from rso_lidar.picture import Scheme, palette
+from rso_lidar.records import Frame
 from rso_lidar.studio.model.frame_image import choose_window, draw_difference, draw_image, mark_pixel
+from rso_lidar.track import locate_centroid
 
 
 @dataclass(frozen=True)
@@ -27,15 +31,17 @@ def draw_recorded_frame(
 
     Parameters
     ----------
-    k, recording : the frame.
-    other : a recording to compare with, or None.
-    marked : whether to mark the targets' origins and the centroid of the points.
-    scheme : `LIGHT` or `DARK`.
+    k, recording : the frame
+    other : a recording to compare with, or None
+    marked : whether to mark the targets' origins and the centroid of the points
+    scheme : `LIGHT` or `DARK`
     """
     try:
         frame = recording[k]
         lines = [f"Frame {frame.index}, {frame.time_s:,.3f} s, {int(frame.valid.sum()):,} returns."]
-        second, marks = find_frame(other, frame.index) if other is not None else None, ""
+        second, marks = None, ""
+        if other is not None and (rows := np.flatnonzero(other.frame_index[:] == frame.index)).size:
+            second = other[int(rows[0])]
         if second is not None:
             lines += compare_frames(frame, second).describe().splitlines()
             window = choose_window(frame, second)
@@ -57,3 +63,24 @@ def draw_recorded_frame(
         return DrawnFrame(images, marks, tuple(lines))
     except (RsoLidarError, OSError) as error:
         return DrawnFrame({}, "", (str(error),))
+
+
+def locate_centers(frame: Frame) -> dict[str, tuple[int, int]]:
+    """Return the pixel (row, col) of the true origin of each target, and of the centroid of the measured points.
+
+    What is outside the field is left out.
+    """
+    places_m = {f"truth of {one.name}": frame.truth.pose("lidar", one.name).translation for one in frame.source.targets}
+    sight = frame.line_of_sight
+    pixel_rad = float(np.linalg.norm(sight[0, 0] - sight[0, 1]))
+    fix = locate_centroid(frame.points_m, pixel_rad=pixel_rad)
+    if fix is not None:
+        places_m["centroid of the points"] = fix.position_m
+    found = {}
+    for name, place_m in places_m.items():
+        cosine = sight.reshape(-1, 3) @ (place_m / max(float(np.linalg.norm(place_m)), 1e-9))
+        nearest = int(cosine.argmax())
+        if cosine[nearest] > np.cos(pixel_rad):
+            row, col = divmod(nearest, sight.shape[1])
+            found[name] = (row, col)
+    return found

@@ -61,10 +61,10 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, bes
 
     Parameters
     ----------
-    frame : of a scenario or of a recording.
-    scheme : `LIGHT` or `DARK`.
-    whole : whether to show the whole field, instead of a square about the target.
-    beside : a frame to compare with; the part of the field and the colours span both, whichever is drawn.
+    frame : of a scenario or of a recording
+    scheme : `LIGHT` or `DARK`
+    whole : whether to show the whole field, instead of a square about the target
+    beside : a frame to compare with; the part of the field and the colours span both, whichever is drawn
     """
     spanned = (frame,) if beside is None else (frame, beside)
     window, scale = choose_window(*spanned, whole=whole), choose_scale(*spanned)
@@ -93,8 +93,8 @@ def draw_difference(one: Frame, other: Frame, scheme: Scheme = LIGHT) -> bytes:
 
     Parameters
     ----------
-    one, other : the frames; what is shown is the second minus the first.
-    scheme : `LIGHT` or `DARK`.
+    one, other : the frames; what is shown is the second minus the first
+    scheme : `LIGHT` or `DARK`
     """
     window, both = choose_window(one, other), one.valid & other.valid
     panels = []
@@ -138,9 +138,9 @@ def _draw_panels(panels: tuple[_Panel, ...], window: Window, across_m: float, sc
 
     Parameters
     ----------
-    panels, window : the panels, and the part of the field that they show.
-    across_m : width of a panel at the target, NaN for no scale bar.
-    scheme : `LIGHT` or `DARK`.
+    panels, window : the panels, and the part of the field that they show
+    across_m : width of a panel at the target, NaN for no scale bar
+    scheme : `LIGHT` or `DARK`
     """
     from PIL import Image, ImageDraw
 
@@ -173,8 +173,8 @@ def find_pixel(window: Window, x: float, y: float) -> tuple[int, int] | None:
 
     Parameters
     ----------
-    window : what the image shows.
-    x, y : point [pixels of the image], right and down.
+    window : what the image shows
+    x, y : point [pixels of the image], right and down
     """
     right, down, step = _box(window)
     for left in (_LEFT, _LEFT + _SIDE + _GAP):
@@ -189,8 +189,8 @@ def mark_pixel(window: Window, row: int, col: int) -> list[tuple[float, float, f
 
     Parameters
     ----------
-    window : what the image shows.
-    row, col : the pixel.
+    window : what the image shows
+    row, col : the pixel
     """
     if not (window.top <= row < window.bottom and window.left <= col < window.right):
         return []
@@ -204,8 +204,8 @@ def outline_pixel(window: Window, row: int, col: int) -> str:
 
     Parameters
     ----------
-    window : what the image shows.
-    row, col : the pixel.
+    window : what the image shows
+    row, col : the pixel
     """
     return "".join(
         f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="{palette.IMAGE_MARK}" stroke-width="3"/>'
@@ -218,8 +218,7 @@ def _draw_axes(draw: ImageDraw, left: int, window: Window, scheme: Scheme) -> No
 
     Parameters
     ----------
-    draw : of the image.
-    left, window, scheme : left edge of the panel [pixels], what it shows, and the colours.
+    left, window, scheme : left edge of the panel [pixels], what it shows, and the colours
     """
     right, down, step = _box(window)
     for k in sorted({0, window.width // 2, window.width - 1}):

@@ -16,8 +16,8 @@ def list_mesh_sizes(name: str, folder: Folder) -> list[tuple[str, str, float]]:
 
     Parameters
     ----------
-    name : of the mesh, as a target gives it.
-    folder : of the studio.
+    name : of the mesh, as a target gives it
+    folder : of the studio
 
     Raises
     ------
@@ -40,8 +40,8 @@ def list_mesh_targets(tables: Mapping[str, Any], name: str) -> dict[str, str]:
 
     Parameters
     ----------
-    tables : of the text, valid or not.
-    name : of the mesh.
+    tables : of the text, valid or not
+    name : of the mesh
     """
     entries = tables.get("target")
     entries = entries if isinstance(entries, list) else []

@@ -23,7 +23,7 @@ def draw_portrait(name: str) -> bytes:
 
     Parameters
     ----------
-    name : of the model.
+    name : of the model
     """
     from PIL import Image
 

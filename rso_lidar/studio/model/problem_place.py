@@ -15,8 +15,8 @@ def locate_problem(message: str, text: str) -> tuple[str, int | None]:
 
     Parameters
     ----------
-    message : of an error that `Scenario.loads` raises, without the title of the text.
-    text : TOML of the scenario.
+    message : of an error that `Scenario.loads` raises, without the title of the text
+    text : TOML of the scenario
     """
     if found := re.search(r"\(at line (\d+), column \d+\)", message):
         return "", int(found[1])
@@ -38,7 +38,7 @@ def is_at(place: str, field: str) -> bool:
 
     Parameters
     ----------
-    place, field : TOML keys.
+    place, field : TOML keys
     """
     return field in (place, re.sub(r"\[\d+\]$", "", place))
 

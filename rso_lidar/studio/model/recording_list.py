@@ -68,8 +68,8 @@ def open_recording(folder: Folder, name: str) -> tuple[Recording, bool]:
 
     Parameters
     ----------
-    folder : that holds it.
-    name : of the recording in it.
+    folder : that holds it
+    name : of the recording in it
 
     Raises
     ------

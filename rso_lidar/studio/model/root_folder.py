@@ -33,8 +33,8 @@ class Folder:
 
         Parameters
         ----------
-        name : relative path.
-        suffixes : allowed endings of the name.
+        name : relative path
+        suffixes : allowed endings of the name
 
         Raises
         ------

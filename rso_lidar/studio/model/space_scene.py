@@ -37,7 +37,7 @@ class SpaceScene:
 
         Parameters
         ----------
-        eye, at, up : position, point in the middle, and the upward direction.
+        eye, at, up : position, point in the middle, and the upward direction
         """
         camera = {"eye": eye, "at": at, "up": up}
         self.header["camera"] = {key: np.asarray(value, float).tolist() for key, value in camera.items()}
@@ -47,10 +47,10 @@ class SpaceScene:
 
         Parameters
         ----------
-        kind : "points", "lines" or "mesh".
-        positions : (…, xyz).
-        colour : one colour, or bytes (…, rgb) for each position.
-        **more : size of points [pixels], opacity, and whatever else the module of the browser knows.
+        kind : "points", "lines" or "mesh"
+        positions : (…, xyz)
+        colour : one colour, or bytes (…, rgb) for each position
+        **more : size of points [pixels], opacity, and whatever else the module of the browser knows
         """
         flat = np.ascontiguousarray(positions, dtype="<f4").reshape(-1, 3)
         item = {"kind": kind, "count": len(flat), **more}
@@ -69,7 +69,7 @@ class SpaceScene:
 
         Parameters
         ----------
-        points, colour, **more : as of `add`.
+        points, colour, **more : as of `add`
         """
         self.add("lines", np.stack([points[:-1], points[1:]], axis=1), colour, **more)
 
@@ -82,9 +82,9 @@ class SpaceScene:
 
         Parameters
         ----------
-        matrix : (4, 4) pose in the scene's axes.
-        length : of an axis.
-        name : of the axes; "rtn" axes are labelled R, T, N.
+        matrix : (4, 4) pose in the scene's axes
+        length : of an axis
+        name : of the axes; "rtn" axes are labelled R, T, N
         """
         letters = ("R radial", "T along-track", "N cross-track") if name == "rtn" else [f"{name} {k}" for k in "xyz"]
         for k, colour in enumerate((self.scheme.lines[5], self.scheme.lines[2], self.scheme.lines[0])):
@@ -104,10 +104,10 @@ def draw_cloud(frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes
 
     Parameters
     ----------
-    frame : of a scenario or of a recording.
-    scheme : `LIGHT` or `DARK`.
-    colour : "range", "intensity", "part" or "probability" of detection, which needs the kept "prediction".
-    axes : "lidar", or those of a body such as a target.
+    frame : of a scenario or of a recording
+    scheme : `LIGHT` or `DARK`
+    colour : "range", "intensity", "part" or "probability" of detection, which needs the kept "prediction"
+    axes : "lidar", or those of a body such as a target
     """
     scene, valid = SpaceScene(f"cloud {axes}", scheme), frame.valid
     points = frame.points_m[valid]

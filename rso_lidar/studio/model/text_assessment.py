@@ -53,9 +53,9 @@ def assess(text: str, folder: Folder, title: str) -> Assessment:
 
     Parameters
     ----------
-    text : TOML of a scenario.
-    folder : of the studio.
-    title : of the text, which begins its messages.
+    text : TOML of a scenario
+    folder : of the studio
+    title : of the text, which begins its messages
     """
     refusal = ""
     try:
@@ -86,8 +86,8 @@ def check_study(path: Path, folder: Folder) -> None:
 
     Parameters
     ----------
-    path : of the study, in the folder.
-    folder : of the studio.
+    path : of the study, in the folder
+    folder : of the studio
 
     Raises
     ------
@@ -118,8 +118,8 @@ def load_flyable(path: Path, folder: Folder, title: str) -> Scenario:
 
     Parameters
     ----------
-    path : of the file.
-    folder, title : as in `assess`.
+    path : of the file
+    folder, title : as in `assess`
 
     Raises
     ------
@@ -164,8 +164,8 @@ def list_warnings(made: Assessment, folder: Folder, title: str) -> list[str]:
 
     Parameters
     ----------
-    made : assessment of the text, with a scenario and without a refusal.
-    folder, title : as in `assess`.
+    made : assessment of the text, with a scenario and without a refusal
+    folder, title : as in `assess`
     """
     with collect_warnings() as lines:
         try:
@@ -180,9 +180,9 @@ def estimate_run(scenario: Scenario, frames: str, rate_hz: float) -> str:
 
     Parameters
     ----------
-    scenario : that is flown.
-    frames : which of its frames, as `rso-lidar run` takes them; empty for all.
-    rate_hz : frames per second of earlier runs.
+    scenario : that is flown
+    frames : which of its frames, as `rso-lidar run` takes them; empty for all
+    rate_hz : frames per second of earlier runs
 
     Raises
     ------
@@ -200,9 +200,9 @@ def check_file(name: str, folder: Folder, where: str) -> Path:
 
     Parameters
     ----------
-    name : as the text gives it.
-    folder : of the studio.
-    where : start of the message.
+    name : as the text gives it
+    folder : of the studio
+    where : start of the message
 
     Raises
     ------

@@ -18,9 +18,9 @@ def set_value(text: str, place: str, value: Any) -> str:
 
     Parameters
     ----------
-    text : the TOML text.
-    place : dotted key, such as ``target[0].motion.file``; an index one past the end appends an entry.
-    value : numbers, texts, instants, lists and tables.
+    text : the TOML text
+    place : dotted key, such as ``target[0].motion.file``; an index one past the end appends an entry
+    value : numbers, texts, instants, lists and tables
 
     Returns
     -------
@@ -43,7 +43,7 @@ def remove_value(text: str, place: str) -> str:
 
     Parameters
     ----------
-    text, place : as for `set_value`.
+    text, place : as for `set_value`
 
     Returns
     -------
@@ -62,7 +62,7 @@ def _edit(text: str, place: str, value: Any) -> str:
 
     Parameters
     ----------
-    text, place, value : as for `set_value`.
+    text, place, value : as for `set_value`
     """
     import tomlkit
     from tomlkit.exceptions import TOMLKitError
@@ -99,8 +99,7 @@ def _apply(tables: Any, steps: _Steps, value: Any) -> None:
 
     Parameters
     ----------
-    tables : changed in place.
-    steps, value : the place and its new value.
+    tables : changed in place
     """
     for step in steps[:-1]:
         tables = tables.setdefault(step, {}) if isinstance(step, str) else tables[step]
@@ -117,9 +116,7 @@ def _make_item(here: Any, steps: _Steps, value: Any) -> Any:
 
     Parameters
     ----------
-    here : table or list that is to hold it.
-    steps : its place.
-    value : numbers, texts, instants, lists and tables.
+    here : table or list that is to hold it
     """
     import tomlkit
 

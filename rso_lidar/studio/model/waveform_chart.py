@@ -20,10 +20,10 @@ def make_waveform_chart(
     Parameters
     ----------
     curves : parts of the waveform by name, each (n, 2): time since emission [ns] and counts; of names that begin with
-        "light", photoelectrons per step.
-    instants_ns : instants to be marked, by name [ns since emission]: truth, reported, trigger.
-    note : title, which says why there are no curves.
-    scheme : `LIGHT` or `DARK`.
+        "light", photoelectrons per step
+    instants_ns : instants to be marked, by name [ns since emission]: truth, reported, trigger
+    note : title, which says why there are no curves
+    scheme : `LIGHT` or `DARK`
     """
     words = {"color": scheme.quiet}
     title = {"text": note, "textStyle": {**words, "fontSize": 12, "fontWeight": "normal"}}

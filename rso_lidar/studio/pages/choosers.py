@@ -39,8 +39,8 @@ def find_chooser(cls: type[Part], key: str) -> Chooser | None:
 
     Parameters
     ----------
-    cls : the part.
-    key : name of the field.
+    cls : the part
+    key : name of the field
     """
     return _CHOOSERS.get((cls, key))
 
@@ -60,9 +60,8 @@ def _set(tab: BrowserTab, changes: Mapping[str, Any], dialog: ui.dialog) -> None
 
     Parameters
     ----------
-    tab : whose document it changes.
-    changes : values by their places; None removes one.
-    dialog : which is closed if that is possible.
+    changes : values by their places; None removes one
+    dialog : which is closed if that is possible
     """
     with tell_errors():
         for place, value in changes.items():
@@ -76,9 +75,9 @@ def _draw_table(columns: Mapping[str, str], rows: list[dict[str, Any]], choose: 
 
     Parameters
     ----------
-    columns : titles by their keys, of which one is `name`.
-    rows : values by the keys of the columns.
-    choose : called with the name of the chosen row.
+    columns : titles by their keys, of which one is `name`
+    rows : values by the keys of the columns
+    choose : called with the name of the chosen row
     """
     return ui.table(
         columns=[{"name": k, "field": k, "label": v, "align": "left", "sortable": True} for k, v in columns.items()],
@@ -119,7 +118,7 @@ def _choose_model(tab: BrowserTab, place: str) -> None:
 def _choose_material(tab: BrowserTab, place: str) -> None:
     columns = {"name": "Name", "kind": "BRDF", "nm1064": "1064 nm", "nm1570": "1570 nm", "what": "What"}
     rows = [
-        {"name": one.name, "kind": one.kind, "nm1064": one.reflectance[0], "nm1570": one.reflectance[1],
+        {"name": one.name, "kind": one.kind, "nm1064": one.reflectance[1064.0], "nm1570": one.reflectance[1570.0],
          "what": one.what}
         for one in list_materials()
     ]  # fmt: skip
@@ -180,9 +179,9 @@ async def choose_unit(tab: BrowserTab, place: str, name: str = "") -> None:
 
     Parameters
     ----------
-    tab : whose document it changes.
-    place : of the target; empty for the one that has the mesh, or else the first.
-    name : of the mesh file; empty for the one that the target has.
+    tab : whose document it changes
+    place : of the target; empty for the one that has the mesh, or else the first
+    name : of the mesh file; empty for the one that the target has
     """
     name = name or str(tab.document.get(f"{place}.model") or "")
     with tell_errors():

@@ -28,9 +28,9 @@ class TableForm:
 
         Parameters
         ----------
-        tab : whose document it edits.
-        cls, place : the part that fills the table, and its place.
-        skip : whether the inner table at a place has a form of its own elsewhere.
+        tab : whose document it edits
+        cls, place : the part that fills the table, and its place
+        skip : whether the inner table at a place has a form of its own elsewhere
         """
         self._tab, self._skip = tab, skip
         self._inputs: dict[str, tuple[FieldForm, Any]] = {}
@@ -112,8 +112,7 @@ class TableForm:
 
         Parameters
         ----------
-        field, place, one : the field, its place, and its input.
-        *_ : what the event brings.
+        *_ : what the event brings
         """
         document, typed = self._tab.document, one.value
         text = typed.strip() if isinstance(typed, str) else typed
@@ -129,13 +128,7 @@ class TableForm:
                 ui.notify(str(error), type="negative", multi_line=True)
 
     def _draw_table(self, field: FieldForm, place: str, depth: int) -> None:
-        """Draw an inner table: closed where it is not set, with its type to choose where there are several.
-
-        Parameters
-        ----------
-        field, place : the table, and its place.
-        depth : levels above it in this form.
-        """
+        """Draw an inner table: closed where it is not set, with its type to choose where there are several."""
         value = self._tab.document.get(place)
         head = field.key + (f": {value['type']}" if isinstance(value, Mapping) and "type" in value else "")
         state = "" if value is not None else " (required)" if field.required else " (default)"
@@ -153,8 +146,7 @@ class TableForm:
 
         Parameters
         ----------
-        field, place, value : the table, its place, and what the text has there.
-        depth : levels above it in this form.
+        field, place, value : the table, its place, and what the text has there
         """
         chosen = field.choose(value)
         with ui.row(wrap=False).classes("w-full items-center gap-1"):
@@ -176,8 +168,7 @@ class TableForm:
 
         Parameters
         ----------
-        field, place, entries : the list, its place, and what the text has there.
-        depth : levels above it in this form.
+        field, place, entries : the list, its place, and what the text has there
         """
         for number, entry in enumerate(entries):
             chosen, here = field.choose(entry), f"{place}[{number}]"
@@ -194,8 +185,8 @@ def draw_type(tab: BrowserTab, field: FieldForm, place: str, value: Any) -> None
 
     Parameters
     ----------
-    tab : whose document it changes.
-    field, place, value : the table, its place, and what the text has there.
+    tab : whose document it changes
+    field, place, value : the table, its place, and what the text has there
     """
     names = {name: f"{name}: {what}"[:90] for name, what in field.choices.items()}
     tag = value.get("type", field.usual) if isinstance(value, Mapping) else None
@@ -210,8 +201,8 @@ def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:
 
     Parameters
     ----------
-    tab : whose document it changes.
-    field, place : the list, and its place.
+    tab : whose document it changes
+    field, place : the list, and its place
     """
     if len(field.classes) == 1:
         draw_button(f"Add {field.key}", partial(_add_entry, tab, field, place, field.classes[0]), f"add-{place}")
@@ -222,14 +213,7 @@ def draw_add(tab: BrowserTab, field: FieldForm, place: str) -> None:
 
 
 def _add_entry(tab: BrowserTab, field: FieldForm, place: str, cls: type[Part]) -> None:
-    """Add an entry with a free name, and its type where it has one; the check says what else it needs.
-
-    Parameters
-    ----------
-    tab : whose document it changes.
-    field, place : the list, and its place.
-    cls : the part that fills the entry.
-    """
+    """Add an entry with a free name, and its type where it has one; the check says what else it needs."""
     change_document(tab, "add_entry", place, form_fields.make_entry(cls, field.key, tab.document.get(place) or []))
 
 
@@ -238,10 +222,10 @@ def change_document(tab: BrowserTab, action: str, place: str, *value: Any) -> No
 
     Parameters
     ----------
-    tab : whose document is changed.
-    action : name of a method of `Document`.
-    place : of the change.
-    *value : further arguments.
+    tab : whose document is changed
+    action : name of a method of `Document`
+    place : of the change
+    *value : further arguments
     """
     with tell_errors():
         getattr(tab.document, action)(place, *value)

@@ -79,6 +79,6 @@ class Guide:
         if name in workspace.folder.list_files((".toml",)):
             document = workspace.open_document(name)
         else:
-            document = workspace.new_document(find_examples()[_EXAMPLE].read_text(encoding="utf-8"))
+            document = workspace.new_document(find_examples()[_EXAMPLE].text)
             workspace.save_as(document, name)
         self._tab.show(document)

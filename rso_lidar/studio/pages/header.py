@@ -9,7 +9,7 @@ from typing import Any
 from nicegui import run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.scenario import SHORTEST_EXAMPLE, find_companions, find_examples, summarize_example
+from rso_lidar.scenario import SHORTEST_EXAMPLE, find_examples
 from rso_lidar.studio.document import EditConflictError, list_documents
 from rso_lidar.studio.model.file_summary import KINDS, MESHES
 from rso_lidar.studio.pages.choosers import choose_unit
@@ -86,21 +86,21 @@ def draw_menu(tab: BrowserTab) -> None:
 def _open_templates(tab: BrowserTab) -> None:
     """Open the dialog with the examples, which a new scenario begins with."""
 
-    def take(text: str, path: Path | None) -> None:
-        needed = [one.name for one in find_companions(text, path.parent)] if path else []
-        absent = [name for name in needed if not (tab.workspace.folder.path / name).exists()]
+    def take(text: str, companions: list[Path]) -> None:
+        absent = [
+            name for name in (path.name for path in companions) if not (tab.workspace.folder.path / name).exists()
+        ]
         tab.show(tab.workspace.new_document(text))
         dialog.close()
         if absent:
             words = f"the example needs {', '.join(absent)}: `rso-lidar new` writes it with its files"
             ui.notify(words, type="warning")
 
-    texts = {name: (path.read_text(encoding="utf-8"), path) for name, path in find_examples().items()}
-    rows = [(name, summarize_example(text), partial(take, text, path)) for name, (text, path) in texts.items()]
+    rows = [(one.name, one.summary, partial(take, one.text, one.companions)) for one in find_examples().values()]
     empty = (
         "empty",
         "The keys that a scenario must have, and a plate 300 m away.",
-        partial(take, SHORTEST_EXAMPLE, None),
+        partial(take, SHORTEST_EXAMPLE, []),
     )
     with open_dialog("New scenario from an example", "w-[720px]") as dialog:
         draw_list([empty, *rows], "template")

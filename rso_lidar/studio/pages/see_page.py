@@ -13,12 +13,13 @@ import fastapi
 from nicegui import events, run, ui
 
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.mission_analysis import SCENARIO_FIGURES, draw_figure, report_pixel
+from rso_lidar.mission_analysis import report_pixel
 from rso_lidar.picture import DARK, LIGHT
 from rso_lidar.records import Frame
 from rso_lidar.studio.model.flight import PreviewFlight
 from rso_lidar.studio.model.flight_scenes import VIEWS
 from rso_lidar.studio.model.frame_image import choose_window, draw_image, find_pixel, outline_pixel
+from rso_lidar.studio.model.scenario_figures import SCENARIO_FIGURES, draw_figure
 from rso_lidar.studio.model.space_scene import draw_cloud
 from rso_lidar.studio.model.text_assessment import describe
 from rso_lidar.studio.model.waveform_chart import make_waveform_chart
@@ -261,12 +262,7 @@ class SeePage:
         return made
 
     def _put(self, name: str, content: bytes, kind: str) -> str:
-        """Keep what the browser is to fetch, and return its address.
-
-        Parameters
-        ----------
-        name, content, kind : name, bytes and media type.
-        """
+        """Keep what the browser is to fetch, and return its address."""
         self.version += 1
         self.shelf[name] = (content, kind)
         return f"/studio/see/{self.key}/{name}?v={self.version}"
@@ -303,7 +299,7 @@ class SeePage:
 
         Parameters
         ----------
-        flight, row, frame : the flight, and the frame of a row.
+        flight, row, frame : the flight, and the frame of a row
         """
         png = await self._work(lambda: draw_image(frame, self.scheme, whole=self.whole))
         self.image.set_source(self._put("image", png, "image/png"))

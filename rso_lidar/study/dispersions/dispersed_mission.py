@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -52,6 +52,7 @@ class DispersedMission:
     omits : what the runs leave out, in sentences
     sources : names of the sources of errors, of which `tubes` has the shares
     pointing : by what the lidar was pointed, "target", "navigation" or "plan"
+    kept : file in which the finished runs are kept, None without one
     """
 
     title: str
@@ -63,6 +64,7 @@ class DispersedMission:
     omits: tuple[str, ...] = ()
     sources: tuple[str, ...] = SOURCES
     pointing: str = "target"
+    kept: Path | None = None
 
     @property
     def n_runs(self) -> int:
@@ -119,12 +121,7 @@ class DispersedMission:
         return "\n".join([*lines, *(f"  {line}" for line in self.omits)])
 
     def _describe_filter(self, last: dict[str, float]) -> list[str]:
-        """Describe what the filters know at the end, and whether they know how well.
-
-        Parameters
-        ----------
-        last : tubes at the end
-        """
+        """Describe what the filters know at the end, and whether they know how well."""
         lines = ["  error of the filter     runs    linear      stated by the filters"]
         for axis in _AXES:
             runs, linear, stated = (last[f"{axis}_{word}_m"] for word in KNOWLEDGE)
@@ -221,9 +218,9 @@ def disperse(
     target : name of the target (None: the body that the follower approaches, else the first target)
     workers : number of processes (None: this one alone)
     executor : in the manner of `concurrent.futures`, which flies blocks of runs in place of `workers`: a pool of threads or
-        processes, or ``client.get_executor()`` of dask. It changes no result.
+        processes, or ``client.get_executor()`` of dask. It changes no result
     working : file in which finished runs are kept; an interrupted study, or one of fewer runs, continues from it. Its name
-        is extended by eight hex digits that identify_runs the scenario.
+        is extended by eight hex digits that identify the scenario
     on_runs : called with the number of finished runs and that of all, at the start and after each block
 
     Returns
@@ -259,7 +256,7 @@ def disperse(
             write_blocks(kept, blocks)
         tell(min(BLOCK * sum(one in blocks for one in wanted), runs), runs)
     joined = {name: np.concatenate([blocks[begin][name] for begin in wanted])[:runs] for name in blocks[wanted[0]]}
-    return _join(made, joined)
+    return replace(_join(made, joined), kept=kept)
 
 
 def _find_target(scenario: Scenario, target: str | None) -> str:
@@ -277,14 +274,7 @@ def _find_target(scenario: Scenario, target: str | None) -> str:
 
 
 def _fly_blocks(made: MissionDisperser, begins: list[int], workers: int | None) -> Iterator[tuple[int, Block]]:
-    """Fly blocks of runs, and yield each with its first run when it is finished.
-
-    Parameters
-    ----------
-    made : of the scenario
-    begins : first runs of the blocks
-    workers : number of processes
-    """
+    """Fly blocks of runs, and yield each with its first run when it is finished."""
     if workers is None or workers < 2 or len(begins) < 2:
         yield from ((begin, made.fly(range(begin, begin + BLOCK))) for begin in begins)
         return
@@ -317,13 +307,7 @@ def _fly_block(made: MissionDisperser, begin: int) -> tuple[int, Block]:
 
 
 def _join(made: MissionDisperser, block: Block) -> DispersedMission:
-    """Return the result of all runs.
-
-    Parameters
-    ----------
-    made : of the scenario
-    block : columns of all runs
-    """
+    """Return the result of all runs."""
     position = made.nominal_m + block.pop("deviation_m")
     missed = block.pop("missed")
     error, stated, nees = (block.pop(name, None) for name in ("knowledge_error_m", "filter_sigma_m", "nees"))

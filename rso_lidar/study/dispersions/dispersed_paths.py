@@ -144,10 +144,8 @@ class Disperser:
 
         Parameters
         ----------
-        node : of the update
         state : (6, run) true deviations from the body approached, inertial axes
         bank : the filters; None without
-        drawn : numbers that are left
         """
         errors = self.flight.navigation
         if not isinstance(errors, NavigationErrors):
@@ -234,9 +232,7 @@ def _push_truth(push: _Push, still: np.ndarray, stage: int) -> np.ndarray:
 
     Parameters
     ----------
-    push : the error
     still : (3, run) zeros
-    stage : of the integrator
     """
     return np.hstack([np.broadcast_to(push(stage), still.shape), still])
 

@@ -79,10 +79,7 @@ def _draw_knowledge(axes: Axes, time: np.ndarray, tubes: Table, axis: str) -> No
 
     Parameters
     ----------
-    axes : the plot
     time : (time,) in the unit of the plot
-    tubes : columns over time
-    axis : name of the axis
     """
     if "nees" not in tubes:
         return
@@ -99,9 +96,7 @@ def _draw_filter(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
 
     Parameters
     ----------
-    axes : the plot
     time : (time,) in the unit of the plot
-    tubes : columns over time
     word : unit of time
     """
     for (axis, name), colour in zip(_NAMES.items(), (palette.BLUE, palette.ORANGE, palette.GREEN), strict=True):
@@ -117,9 +112,7 @@ def _draw_nees(axes: Axes, time: np.ndarray, tubes: Table, word: str) -> None:
 
     Parameters
     ----------
-    axes : the plot
     time : (time,) in the unit of the plot
-    tubes : columns over time
     word : unit of time
     """
     axes.axhline(_STATES, color=palette.INK, lw=figures.THIN_PT, ls=(0, (4, 3)))
@@ -140,8 +133,6 @@ def _draw_nearest(axes: Axes, table: Table, keep_out_m: float, hard_body_radius_
 
     Parameters
     ----------
-    axes : the plot
-    table : columns over runs
     keep_out_m, hard_body_radius_m : marked where they are above 0 [m]
     """
     nearest = np.sort(table["nearest_m"])

@@ -19,7 +19,7 @@ _MOST_BYTES = 2**36  # of all finished runs, which the study holds in memory: 5 
 
 
 def identify_runs(scenario: Scenario, target: str) -> str:
-    """Return eight hex digits that identify_runs the runs of a scenario: SHA-256 of it, of the target and of the version.
+    """Return eight hex digits that identify the runs of a scenario: SHA-256 of it, of the target and of the version.
 
     Covariances that element sets state are part of it, because the file of the sets may change.
 

@@ -164,10 +164,7 @@ def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _Sou
 
     Parameters
     ----------
-    flight : the flight
-    bank : the filter along the flight without errors
     node : where it measures
-    columns : of the sources of error
     """
     filters = flight.filter
     assert filters is not None
@@ -184,14 +181,7 @@ def _observe(flight: DispersedFlight, bank: FilterBank, node: int, columns: _Sou
 
 
 def _find_known(flight: DispersedFlight, node: int, columns: _SourceColumns) -> np.ndarray:
-    """Return the deviation (6, column) that guidance knows, inertial axes.
-
-    Parameters
-    ----------
-    flight : the flight
-    node : of the update
-    columns : of the sources of error
-    """
+    """Return the deviation (6, column) that guidance knows, inertial axes."""
     errors = flight.flight.navigation
     if not isinstance(errors, NavigationErrors):
         return columns.estimate[:ORBIT_STATES]
@@ -206,10 +196,8 @@ def _carry(flight: DispersedFlight, bank: FilterBank | None, node: int, columns:
 
     Parameters
     ----------
-    flight : the flight
     bank : the filter along the flight without errors; None if there is none
     node : where they are
-    columns : of the sources of error
     """
     leg, start = flight.find_leg(node), flight.root.shape[1]
     columns.craft[:] = flight.transition[node] @ columns.craft
@@ -234,8 +222,6 @@ def _find_burn_root(flight: DispersedFlight, node: int, change: np.ndarray) -> n
 
     Parameters
     ----------
-    flight : the flight
-    node : of the burn
     change : (3, column) what guidance adds [m/s]
     """
     planned = flight.burns[node]

@@ -131,7 +131,6 @@ class MissionDisperser:
         ----------
         runs : (run) numbers of the runs, from 0
         position_m : (run, time, 3) where they are
-        paths : the flights, with what their filters know
         """
         navigation = self.disperser.flight.navigation
         if self.pointing == "plan":

@@ -299,7 +299,7 @@ class Study(FilePart):
 
         Parameters
         ----------
-        trust_code, trust_fmu : whether Python code and FMUs that the scenario names may run.
+        trust_code, trust_fmu : whether Python code and FMUs that the scenario names may run
 
         Returns
         -------
@@ -318,7 +318,7 @@ class Study(FilePart):
 
         Parameters
         ----------
-        scenario : in which the target is.
+        scenario : in which the target is
         """
         names = [one.name for one in scenario.target]
         if not names:
@@ -333,7 +333,7 @@ class Study(FilePart):
 
         Parameters
         ----------
-        scenario : with the number of its frames.
+        scenario : with the number of its frames
         """
         return choose_frames(scenario, self.frames)
 
@@ -343,8 +343,8 @@ def choose_frames(scenario: Scenario, frames: Any) -> np.ndarray:
 
     Parameters
     ----------
-    scenario : with the number of its frames.
-    frames : as `check_frames` lets it pass.
+    scenario : with the number of its frames
+    frames : as `check_frames` lets it pass
     """
     if isinstance(frames, str):
         frames = slice(*(int(word) if word else None for word in frames.split(":")))

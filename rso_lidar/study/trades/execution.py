@@ -7,11 +7,11 @@ import hashlib
 import importlib.metadata
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, ClassVar, Self
 
 import numpy as np
 
@@ -19,11 +19,12 @@ from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.files import advise_on_write, hold_lock
 from rso_lidar.picture import LIGHT, Scheme
 from rso_lidar.processes import Processes
-from rso_lidar.scenario import Scenario
+from rso_lidar.scenario import Scenario, iterate_texts
 from rso_lidar.scene import own_models
 from rso_lidar.study.trades.definition import Axis, Study, write_toml_value
 from rso_lidar.study.trades.plan import Row, TradePlan, make_trade_plan
-from rso_lidar.study.trades.report import save_trade
+from rso_lidar.study.trades.ranking import summarize_trade
+from rso_lidar.study.trades.report import TRADE_SUFFIXES, save_trade
 from rso_lidar.study.trades.results import TradeTable
 
 
@@ -33,24 +34,10 @@ def identify(plan: TradePlan, base: Scenario) -> str:
     Files and models of the user's own library that points name are included with their content.
     """
     version = importlib.metadata.version("rso-lidar"), base.source.versions["arithmetic"]
-    named = [
-        _hash_content(word, plan.folder) for word in sorted(set(_iterate_texts([list(point) for point in plan.points])))
-    ]
+    named = [_hash_content(word, plan.folder) for word in sorted(set(iterate_texts(plan.points)))]
     asked = plan.study.model_dump_json(exclude={"min_detection_fraction"})  # it ranks rows, and changes none
     parts = (asked, plan.text, base.source.scenario, *named, *version)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
-
-
-def _iterate_texts(value: Any) -> Iterator[str]:
-    """Yield all texts in a value of an axis, including those in its lists and tables."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, Mapping):
-        for inner in value.values():
-            yield from _iterate_texts(inner)
-    elif isinstance(value, list | tuple):
-        for inner in value:
-            yield from _iterate_texts(inner)
 
 
 def _hash_content(word: str, folder: Path) -> str:
@@ -132,9 +119,9 @@ def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None)
 
     Parameters
     ----------
-    plan : the plan. A row depends on the plan and on its number only.
-    known : finished rows by number.
-    workers : number of processes (None: this process alone).
+    plan : the plan. A row depends on the plan and on its number only
+    known : finished rows by number
+    workers : number of processes (None: this process alone)
     """
     left = [number for number in range(plan.study.n_rows) if number not in known]
     if workers is None or workers < 2 or len(left) < 2:
@@ -145,15 +132,17 @@ def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None)
 
 
 class Trade(TradeTable):
-    """A finished trade study, which writes its table and its report."""
+    """A finished trade study, which writes its table and its report; `SUFFIXES` are those of the files that it writes."""
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = TRADE_SUFFIXES
 
     def save(self, path: str | Path, scheme: Scheme = LIGHT) -> Path:
         """Write the table or the report.
 
         Parameters
         ----------
-        path : of the output, .csv, .parquet or .html.
-        scheme : of a report, `LIGHT` or `DARK`.
+        path : of the output, .csv, .parquet or .html
+        scheme : of a report, `LIGHT` or `DARK`
 
         Returns
         -------
@@ -165,6 +154,104 @@ class Trade(TradeTable):
             For another suffix, or a path that cannot be written.
         """
         return save_trade(self, Path(path), scheme)
+
+    def describe(self) -> str:
+        """Describe in a few lines the number of runs, and the best point by each figure of merit."""
+        return "\n".join(summarize_trade(self))
+
+
+class TradeRun:
+    """A trade study to be run, or continued after an interruption, row by row; a context that holds its file of rows.
+
+    The study is checked when this is built. `kept` is the path of the file, None where rows are not kept. It remains when
+    the context ends.
+    """
+
+    def __init__(
+        self,
+        study: Study | str | Path,
+        *,
+        workers: int | None = None,
+        working: str | Path | None = None,
+        trust_code: bool = False,
+        trust_fmu: bool = False,
+    ) -> None:
+        """Check a study.
+
+        Parameters
+        ----------
+        study, workers, working, trust_code, trust_fmu : as for `trade`
+
+        Raises
+        ------
+        ScenarioError
+            For a study that is not valid, and where no point is a valid scenario.
+        """
+        if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
+            raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
+        study = study if isinstance(study, Study) else Study.load(study)
+        threads = 1 if workers is not None and workers > 1 else None
+        self._plan, self._base = make_trade_plan(study, threads, trust_code=trust_code, trust_fmu=trust_fmu)
+        self._workers, self._context = workers, ExitStack()
+        self.kept: Path | None = None
+        self._file: RowFile | None = None
+        self._known: dict[int, Row] = {}
+        if working is not None:
+            place = Path(working)
+            self.kept = place.with_name(f"{place.name}.tmp-{identify(self._plan, self._base)}")
+            self._file = RowFile(self.kept, study.n_rows)
+            self._known = self._file.known
+
+    def __enter__(self) -> Self:
+        if self._file is not None:
+            self._context.enter_context(self._file.opened())
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._context.close()
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows of the study."""
+        return self._plan.study.n_rows
+
+    @property
+    def n_done(self) -> int:
+        """Number of rows that are finished."""
+        return len(self._known)
+
+    def list_other_files(self) -> list[str]:
+        """List the names of files of rows that another study, scenario or version has left for the same table."""
+        if self.kept is None:
+            return []
+        start = self.kept.name.rpartition("-")[0]
+        beside = sorted(self.kept.parent.iterdir())
+        return [one.name for one in beside if one.name.startswith(f"{start}-") and one.name != self.kept.name]
+
+    def finish(self, on_row: Callable[[int, int], None] | None = None) -> Trade:
+        """Run the rows that are not finished.
+
+        Parameters
+        ----------
+        on_row : called with the number of finished rows and that of all rows, after each row
+
+        Returns
+        -------
+        Trade
+            The table.
+
+        Raises
+        ------
+        RunError
+            For a file of rows that cannot be written.
+        """
+        for row in run_rows(self._plan, self._known, self._workers):
+            if self._file is not None:
+                self._file.add(row)
+            self._known[row["row"]] = row
+            if on_row is not None:
+                on_row(self.n_done, self.n_rows)
+        return _tabulate_rows(self._plan, self._base, self._known)
 
 
 def trade(
@@ -180,13 +267,13 @@ def trade(
 
     Parameters
     ----------
-    study : the study, or its TOML file.
+    study : the study, or its TOML file
     workers : number of processes that run points in parallel, instead of threads. The result does not depend on it. A
-        script that uses workers keeps its own code under ``if __name__ == "__main__":``.
+        script that uses workers keeps its own code under ``if __name__ == "__main__":``
     working : file in which finished rows are saved. An interrupted study continues from it. Its name is extended by eight
-        hex digits that identify the study, so that another study does not use it. It remains until you delete it.
-    on_row : called with the number of finished rows and that of all rows, at the start and after each row.
-    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that the scenario names may run.
+        hex digits that identify the study, so that another study does not use it. It remains until you delete it
+    on_row : called with the number of finished rows and that of all rows, at the start and after each row
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, that the scenario names may run
 
     Returns
     -------
@@ -200,46 +287,14 @@ def trade(
     RunError
         For a file of rows that cannot be written.
     """
-    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
-        raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
-    asked = study if isinstance(study, Study) else Study.load(study)
-    threads = 1 if workers is not None and workers > 1 else None
-    plan, base = make_trade_plan(asked, threads, trust_code=trust_code, trust_fmu=trust_fmu)
-    tell = on_row or (lambda done, count: None)
-    known: dict[int, Row] = {}
-    if working is None:
-        tell(0, asked.n_rows)
-        for row in run_rows(plan, known, workers):
-            known[row["row"]] = row
-            tell(len(known), asked.n_rows)
-        return tabulate_rows(plan, base, known)
-    with RowFile(place_row_file(Path(working), plan, base), asked.n_rows).opened() as rows:
-        tell(len(rows.known), asked.n_rows)
-        for row in run_rows(plan, rows.known, workers):
-            rows.add(row)
-            tell(len(rows.known), asked.n_rows)
-        return tabulate_rows(plan, base, rows.known)
+    with TradeRun(study, workers=workers, working=working, trust_code=trust_code, trust_fmu=trust_fmu) as run:
+        if on_row is not None:
+            on_row(run.n_done, run.n_rows)
+        return run.finish(on_row)
 
 
-def place_row_file(place: Path, plan: TradePlan, base: Scenario) -> Path:
-    """Return the path of the file of rows for a table that is written to `place`.
-
-    Parameters
-    ----------
-    place : path of the table.
-    plan, base : plan and scenario of the study.
-    """
-    return place.with_name(f"{place.name}.tmp-{identify(plan, base)}")
-
-
-def tabulate_rows(plan: TradePlan, base: Scenario, known: dict[int, Row]) -> Trade:
-    """Build the table of all rows, in their order.
-
-    Parameters
-    ----------
-    plan, base : plan and scenario of the study.
-    known : finished rows by number.
-    """
+def _tabulate_rows(plan: TradePlan, base: Scenario, known: dict[int, Row]) -> Trade:
+    """Build the table of all rows, in their order, from the finished rows by number."""
     study = plan.study
     rows = [known[number] for number in range(study.n_rows)]
     table = {"row": np.array([row["row"] for row in rows]), "seed": np.array([row["seed"] for row in rows])}
@@ -262,9 +317,8 @@ def _tabulate_field(axis: Axis, values: list[Any], column: int) -> np.ndarray:
 
     Parameters
     ----------
-    axis : the axis of the field.
-    values : (row) values of the axis.
-    column : index of the field in the axis.
+    values : (row) values of the axis
+    column : index of the field in the axis
     """
     linked = len(axis.field) > 1
     own = [value[column] if linked and isinstance(value, list) else value for value in values]

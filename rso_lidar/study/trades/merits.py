@@ -15,7 +15,7 @@ from rso_lidar import units
 from rso_lidar.evaluation import tracking
 from rso_lidar.mission_analysis import fly_open_loop, in_field_fraction
 from rso_lidar.records import Frame, compute_viewing_geometry
-from rso_lidar.scenario import Scenario, cast_target, find_probability
+from rso_lidar.scenario import Scenario, cast_surfaces, find_probability
 from rso_lidar.simulation import simulate
 from rso_lidar.study.trades.run_sums import RunSums
 
@@ -33,9 +33,9 @@ class CountedFrames(Sequence[Frame]):
 
         Parameters
         ----------
-        scenario, numbers : the scenario, and the indices of its frames.
-        threads : of the simulation.
-        add : called with each frame, such as `RunSums.add`.
+        scenario, numbers : the scenario, and the indices of its frames
+        threads : of the simulation
+        add : called with each frame, such as `RunSums.add`
         """
         self._fly = partial(simulate, scenario, threads=threads)
         self._numbers, self._add = numbers.tolist(), add
@@ -133,8 +133,8 @@ def _found_probability(run: Run) -> float:
     found = []
     for row in range(len(run.frames)):
         there = truth.at(row)
-        seen = cast_target(run.scenario, there, run.number)
         lidar = run.scenario.instrument.at(float(there.time_s))
+        seen = cast_surfaces(lidar, run.scenario.surfaces, there, run.number)
         found.append(find_probability(lidar, seen, run.scenario.finding, stream=int(run.frames[row])))
     return float(np.mean(found))
 
@@ -246,12 +246,12 @@ def evaluate(
 
     Parameters
     ----------
-    scenario : what to fly, in open loop.
-    names : keys of `MERITS`.
-    number : index of the evaluated target.
-    frames : indices of the simulated frames.
-    folder : folder of the mesh files that the scenario names.
-    threads : number of threads (None: one for each core); the result does not depend on it.
+    scenario : what to fly, in open loop
+    names : keys of `MERITS`
+    number : index of the evaluated target
+    frames : indices of the simulated frames
+    folder : folder of the mesh files that the scenario names
+    threads : number of threads (None: one for each core); the result does not depend on it
     """
     needs = {MERITS[name].needs for name in names}
     sums = RunSums(number, bounding_diagonal_m(scenario, number), scenario.finding.pixels)

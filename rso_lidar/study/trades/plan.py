@@ -74,9 +74,9 @@ def make_trade_plan(
 
     Parameters
     ----------
-    study : the study.
-    threads : of a single computation (None: one per core).
-    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names.
+    study : the study
+    threads : of a single computation (None: one per core)
+    trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names
     """
     base, path = study.base(trust_code=trust_code, trust_fmu=trust_fmu), study.scenario_file()
     text, points = read_toml(path), tuple(list_points(study))
@@ -101,8 +101,8 @@ def _check_field(plan: TradePlan, place: str, field: str, text: str) -> None:
 
     Parameters
     ----------
-    plan, place : the plan, and the place of the axis in the study for the message.
-    field, text : key of the scenario, and its value as TOML.
+    plan, place : the plan, and the place of the axis in the study for the message
+    field, text : key of the scenario, and its value as TOML
     """
     changed = (*plan.study.set, f"{field}={text}")
     try:

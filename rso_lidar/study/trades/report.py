@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, suppress_warnings
-from rso_lidar.export import check_parquet, write_parquet
+from rso_lidar.export import write_parquet
 from rso_lidar.files import write_atomically, write_columns
 from rso_lidar.picture import LIGHT, Scheme, embed_figure, frame_figure, parts_in_order, write_page, write_table
 from rso_lidar.records import Frame
@@ -45,9 +45,9 @@ def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
 
     Parameters
     ----------
-    trade : what is written.
-    place : path of the file, ending in .csv, .parquet or .html.
-    scheme : colours of the report, `LIGHT` or `DARK`.
+    trade : what is written
+    place : path of the file, ending in .csv, .parquet or .html
+    scheme : colours of the report, `LIGHT` or `DARK`
     """
     suffix = place.suffix.lower()
     if suffix == ".csv":
@@ -65,13 +65,6 @@ def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
     raise ScenarioError(
         f"{place}: a trade is not written as '{place.suffix}'{guess} (known: {', '.join(TRADE_SUFFIXES)})"
     )
-
-
-def check_trade_formats(places: Sequence[Path]) -> None:
-    """Raise an error for paths whose format requires a library that is not installed."""
-    for place in places:
-        if place.suffix.lower() == ".parquet":
-            check_parquet(place)
 
 
 def write_report(trade: TradeTable, scheme: Scheme = LIGHT) -> str:
@@ -196,14 +189,7 @@ def _explain_ranking(trade: TradeTable) -> list[str]:
 
 
 def _describe_lead(trade: TradeTable, name: str, points: np.ndarray) -> str:
-    """Describe the figure of merit by which points are the best, and the number of equal ones.
-
-    Parameters
-    ----------
-    trade : the trade study.
-    name : of the figure of merit.
-    points : ranking of the points.
-    """
+    """Describe the figure of merit by which points are the best, and the number of equal ones."""
     means = trade.of_points(name)[0][points]
     alike = int(np.sum(means == means[0])) - 1
     return escape(name_merit(MERITS[name])) + (f" ({alike:,} more are as good)" if alike else "")
@@ -356,9 +342,7 @@ def _write_command(trade: TradeTable, row: int, frame: int) -> str:
 
     Parameters
     ----------
-    trade : the trade study.
-    row : number of the row.
-    frame : index of the frame.
+    frame : index of the frame
     """
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
     settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)

@@ -42,7 +42,7 @@ class TradeTable:
 
         Parameters
         ----------
-        name : of the figure of merit.
+        name : of the figure of merit
         """
         known: np.ndarray = np.isfinite(self.of_points(name)[0])
         return np.logical_and(known, self.detected) if MERITS[name].of_detected else known
@@ -52,7 +52,7 @@ class TradeTable:
 
         Parameters
         ----------
-        name : of the figure of merit.
+        name : of the figure of merit
         """
         values = self.table[name].reshape(-1, self.study.seeds)
         known = np.isfinite(values)

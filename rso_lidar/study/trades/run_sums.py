@@ -43,10 +43,10 @@ def sum_frame(frame: Frame, number: int, size_m: float, least_pixels: int) -> Fr
 
     Parameters
     ----------
-    frame : the frame, with its labels.
-    number : index of the target.
-    size_m : size of the target [m]. A range error larger than that means that the pixel reported noise.
-    least_pixels : least number of pixels that report the target for it to be found in the frame.
+    frame : the frame, with its labels
+    number : index of the target
+    size_m : size of the target [m]. A range error larger than that means that the pixel reported noise
+    least_pixels : least number of pixels that report the target for it to be found in the frame
     """
     labels = frame.labels
     on_target = (labels.filled_fraction > 0.0) & (labels.target == number)
@@ -76,7 +76,7 @@ class RunSums:
 
         Parameters
         ----------
-        number, size_m, least_pixels : as for `sum_frame`.
+        number, size_m, least_pixels : as for `sum_frame`
         """
         self._of = (number, size_m, least_pixels)
         self.frames = self.pixels = self.found = self.false = self.hits = 0.0
@@ -110,8 +110,8 @@ def combine_sums(parts: Sequence[FrameSums], weights: np.ndarray) -> Iterator[Ru
 
     Parameters
     ----------
-    parts : sums of frames, or of groups of frames.
-    weights : (replicate, part) how often each part counts.
+    parts : sums of frames, or of groups of frames
+    weights : (replicate, part) how often each part counts
     """
     low = min(one.first for one in parts)
     high = max(one.first + len(one.counts) for one in parts)

@@ -68,9 +68,9 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
 
     Parameters
     ----------
-    merit : the figure of merit.
-    along : the axes.
-    better : ``more`` or ``less``.
+    merit : the figure of merit
+    along : the axes
+    better : ``more`` or ``less``
     """
     columns = _columns(len(along))
     rows = math.ceil(len(along) / columns)
@@ -96,10 +96,7 @@ def _draw_effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray
 
     Parameters
     ----------
-    axes : the panel.
-    axis : quantity along x.
-    merit : quantity along y.
-    points : (point, 2) medians at the levels of the axis; empty for none.
+    points : (point, 2) medians at the levels of the axis; empty for none
     """
     known, held = merit.ranked, np.isfinite(merit.values) & ~merit.ranked
     levels, which = axis.levels()
@@ -144,14 +141,7 @@ def _bin_values(axis: Quantity, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scale_axis(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:
-    """Scale an axis, with its values as ticks where they are few.
-
-    Parameters
-    ----------
-    axes : the panel.
-    axis : the quantity along it.
-    levels : its distinct values.
-    """
+    """Scale an axis, with its values as ticks where they are few."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     if not axis.numeric:
@@ -189,9 +179,9 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
 
     Parameters
     ----------
-    merit : the figure of merit.
-    along : the axes.
-    better : ``more`` or ``less``.
+    merit : the figure of merit
+    along : the axes
+    better : ``more`` or ``less``
     """
     import matplotlib
     from matplotlib.colors import LogNorm, Normalize
@@ -243,8 +233,7 @@ def _mean_over(merit: Quantity, one: Quantity, other: Quantity) -> np.ndarray:
 
     Parameters
     ----------
-    merit : the figure of merit.
-    one, other : two axes.
+    one, other : two axes
     """
     (rows, row), (cols, col) = one.levels(), other.levels()
     known = merit.ranked
@@ -260,9 +249,7 @@ def _mark_cells(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
 
     Parameters
     ----------
-    axes : the panel.
-    table : (row, col) values.
-    norm, colours : colour scale of the cells.
+    table : (row, col) values
     """
     for (row, col), value in np.ndenumerate(table):
         if np.isfinite(value):
@@ -277,10 +264,10 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
 
     Parameters
     ----------
-    merits : the figures of merit.
-    better : of each, ``more`` or ``less``.
-    by : the axis that gives the colours.
-    best : (row) the rows marked as best.
+    merits : the figures of merit
+    better : of each, ``more`` or ``less``
+    by : the axis that gives the colours
+    best : (row) the rows marked as best
     """
     if len(merits) < 2 or not np.isfinite(merits[0].values).any():
         return None

@@ -29,8 +29,8 @@ class ComputedFigures:
 
         Parameters
         ----------
-        scenario, number : the scenario, and the index of its target.
-        threads : of a simulation.
+        scenario, number : the scenario, and the index of its target
+        threads : of a simulation
         """
         self.scenario, self.number, self._threads = scenario, number, threads
         self._budgets: dict[Any, Budget] = {}
@@ -50,8 +50,8 @@ class ComputedFigures:
 
         Parameters
         ----------
-        requirement : on a quantity without noise that needs no frames.
-        numbers : indices of the frames of a figure of merit (None: all).
+        requirement : on a quantity without noise that needs no frames
+        numbers : indices of the frames of a figure of merit (None: all)
 
         Raises
         ------

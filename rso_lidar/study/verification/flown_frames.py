@@ -33,8 +33,8 @@ class FlownFrames(ABC):
 
         Parameters
         ----------
-        scenario, target : the scenario, and the name of its target (None: the first).
-        ready : called after each frame.
+        scenario, target : the scenario, and the name of its target (None: the first)
+        ready : called after each frame
         """
         self.scenario, self.number = scenario, find_target(scenario, target)
         self._ready = ready
@@ -52,7 +52,7 @@ class FlownFrames(ABC):
 
         Parameters
         ----------
-        run, numbers : number of the run, and indices of the frames.
+        run, numbers : number of the run, and indices of the frames
         """
 
     @abstractmethod
@@ -61,8 +61,8 @@ class FlownFrames(ABC):
 
         Parameters
         ----------
-        run, numbers : number of the run, and indices of the frames.
-        poses : whether ICP runs.
+        run, numbers : number of the run, and indices of the frames
+        poses : whether ICP runs
         """
 
     @property
@@ -80,7 +80,7 @@ class FlownFrames(ABC):
 
         Parameters
         ----------
-        requirements : those that need frames.
+        requirements : those that need frames
         """
         for one in requirements:
             if follows_frames(one):
@@ -94,7 +94,7 @@ class FlownFrames(ABC):
 
         Parameters
         ----------
-        numbers : indices of the frames.
+        numbers : indices of the frames
         """
         for run in range(self.n_runs):
             missing = np.array([k for k in numbers.tolist() if (run, k) not in self._sums], dtype=int)
@@ -108,8 +108,8 @@ class FlownFrames(ABC):
 
         Parameters
         ----------
-        numbers : indices of the frames that the tracker sees.
-        poses : whether ICP runs.
+        numbers : indices of the frames that the tracker sees
+        poses : whether ICP runs
         """
         key = numbers.tobytes(), poses
         if key not in self._tracks:
@@ -117,12 +117,7 @@ class FlownFrames(ABC):
         return self._tracks[key]
 
     def _keep(self, run: int, frame: Frame) -> None:
-        """Keep the sums of a frame.
-
-        Parameters
-        ----------
-        run, frame : number of the run, and the frame.
-        """
+        """Keep the sums of a frame."""
         self._sums[run, frame.index] = sum_frame(frame, self.number, self._size_m, self.scenario.finding.pixels)
         self._ready()
 
@@ -137,9 +132,9 @@ class SimulatedFrames(FlownFrames):
 
         Parameters
         ----------
-        scenario, target, ready : as for `FlownFrames`.
-        seeds : number of runs.
-        threads : of the simulation.
+        scenario, target, ready : as for `FlownFrames`
+        seeds : number of runs
+        threads : of the simulation
         """
         super().__init__(scenario, target, ready)
         self._seeds, self._threads = seeds, threads
@@ -183,9 +178,9 @@ class RecordedFrames(FlownFrames):
 
         Parameters
         ----------
-        frames : a recording, or frames of one scenario in the order of time.
-        target, ready : as for `FlownFrames`.
-        folder : folder of the mesh files that the scenario names.
+        frames : a recording, or frames of one scenario in the order of time
+        target, ready : as for `FlownFrames`
+        folder : folder of the mesh files that the scenario names
         """
         if not len(frames):
             raise RecordingError("requirements: the recording has no frames; record some")
@@ -230,12 +225,7 @@ class RecordedFrames(FlownFrames):
         return tracking(some, name, folder=self._folder, poses=poses, each=self._passing(run, some)).table
 
     def _passing(self, run: int, frames: Iterable[Frame]) -> Iterable[Frame]:
-        """Yield frames and keep the sums of each.
-
-        Parameters
-        ----------
-        run, frames : number of the run, and its frames.
-        """
+        """Yield frames and keep the sums of each."""
         for frame in frames:
             self._keep(run, frame)
             yield frame
@@ -269,7 +259,7 @@ def find_target(scenario: Scenario, target: str | None) -> int:
 
     Parameters
     ----------
-    scenario, target : the scenario, and the name of a target (None: the first).
+    scenario, target : the scenario, and the name of a target (None: the first)
 
     Raises
     ------
@@ -293,9 +283,9 @@ def _choose_between(
 
     Parameters
     ----------
-    requirement : with `between_m`.
-    numbers, range_m : (frame) indices and true ranges [m].
-    error : raised where no frame is.
+    requirement : with `between_m`
+    numbers, range_m : (frame) indices and true ranges [m]
+    error : raised where no frame is
     """
     assert requirement.between_m is not None
     low, high = requirement.between_m

@@ -9,12 +9,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from rso_lidar.files import check_writable, write_text
 from rso_lidar.study.verification.requirements_file import Requirement
 
-VERIFICATION_SUFFIXES = (".csv", ".json")
 Verdict = Literal["met", "not met", "not shown"]
 _COLUMNS = (
     "id", "quantity", "unit", "at_least", "at_most", "value", "confidence", "low", "high", "margin", "verdict", "sample",
@@ -51,8 +50,8 @@ def judge(requirement: Requirement, low: float, high: float) -> Verdict:
 
     Parameters
     ----------
-    requirement : the requirement.
-    low, high : lower and upper confidence bound of the value, or the value twice; NaN for none.
+    requirement : the requirement
+    low, high : lower and upper confidence bound of the value, or the value twice; NaN for none
     """
     if math.isnan(low) or math.isnan(high):
         return "not shown"
@@ -67,8 +66,10 @@ class VerificationMatrix:
     """Results of all requirements of a file on one subject: a scenario, a study or a recording.
 
     `name` is the title of the requirements, `subject` describes what was evaluated, and `versions` are those of the
-    libraries by name.
+    libraries by name. `SUFFIXES` are those of the files that `save` writes.
     """
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".csv", ".json")
 
     name: str
     subject: str
@@ -85,7 +86,7 @@ class VerificationMatrix:
 
         Parameters
         ----------
-        verdict : ``met``, ``not met`` or ``not shown``.
+        verdict : ``met``, ``not met`` or ``not shown``
         """
         return sum(one.verdict == verdict for one in self.results)
 
@@ -129,8 +130,8 @@ class VerificationMatrix:
 
         Parameters
         ----------
-        path : of the output, .csv or .json.
-        overwrite : whether an existing file may be replaced.
+        path : of the output, .csv or .json
+        overwrite : whether an existing file may be replaced
 
         Returns
         -------
@@ -141,7 +142,7 @@ class VerificationMatrix:
         RecordingError
             For another suffix, or a path that cannot be written.
         """
-        place = check_writable(path, VERIFICATION_SUFFIXES, overwrite=overwrite)
+        place = check_writable(path, self.SUFFIXES, overwrite=overwrite)
         text = self.json_text() if place.suffix.lower() == ".json" else self.csv_text()
         return write_text(place, text, overwrite=overwrite)
 
@@ -186,7 +187,7 @@ def _describe_bounds(one: RequirementResult, unit: str) -> str:
 
     Parameters
     ----------
-    one, unit : the result, and its unit with a space before it.
+    one, unit : the result, and its unit with a space before it
     """
     asked = one.requirement
     if asked.confidence is None:

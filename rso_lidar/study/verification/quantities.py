@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from rso_lidar.errors import did_you_mean
-from rso_lidar.mission_analysis import BUDGET_COLUMNS
+from rso_lidar.mission_analysis import Budget
 from rso_lidar.study.trades.merits import MERITS
 
 Kind = Literal["merit", "budget", "reach", "finding", "timeline", "tracking", "parameter"]
@@ -54,7 +54,7 @@ def find_quantity(name: str) -> BoundedQuantity:
     Parameters
     ----------
     name : a figure of merit; ``budget.``, ``timeline.`` or ``tracking.`` and a column of that table;
-        ``finding.max_range_m``; or the path of a parameter.
+        ``finding.max_range_m``; or the path of a parameter
 
     Raises
     ------
@@ -74,8 +74,8 @@ def find_quantity(name: str) -> BoundedQuantity:
     if name == REACH:
         return BoundedQuantity(name, "reach", "m", False)
     if study == "budget":
-        if column not in BUDGET_COLUMNS or column == "range_m":
-            known = tuple(one for one in (*BUDGET_COLUMNS, "max_range_m") if one != "range_m")
+        if column not in Budget.COLUMNS or column == "range_m":
+            known = tuple(one for one in (*Budget.COLUMNS, "max_range_m") if one != "range_m")
             raise ValueError(
                 f"a budget has no column '{column}'{did_you_mean(column, known)} (known: {', '.join(known)})"
             )

@@ -165,7 +165,7 @@ class Requirement(Part):
 
         Parameters
         ----------
-        low, high : lower and upper confidence bound of the value, or the value twice.
+        low, high : lower and upper confidence bound of the value, or the value twice
         """
         least, most = self.limits
         return min(low - least, most - high)
@@ -175,7 +175,7 @@ class Requirement(Part):
 
         Parameters
         ----------
-        scenario : with the number of its frames.
+        scenario : with the number of its frames
         """
         return choose_frames(scenario, self.frames)
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from rso_lidar.mission_analysis import (
     SYSML_MISSION,
     ParameterTable,
-    find_notation,
+    declare_attribute,
     quote_name,
     write_comment,
-    write_value,
 )
 from rso_lidar.study.verification.matrix import describe_conditions
 from rso_lidar.study.verification.requirements_file import Requirement, Requirements
@@ -24,8 +23,13 @@ def write_requirements(asked: Requirements, parameters: ParameterTable) -> list[
 
     Parameters
     ----------
-    asked : the requirements.
-    parameters : of the mission.
+    asked : the requirements
+    parameters : of the mission
+
+    Returns
+    -------
+    list of str
+        Lines for `ParameterTable.save` and `ParameterTable.sysml_text`.
 
     Raises
     ------
@@ -44,7 +48,7 @@ def _write_requirement(one: Requirement, parameters: ParameterTable) -> list[str
 
     Parameters
     ----------
-    one, parameters : the requirement, and the parameters of the mission.
+    one, parameters : the requirement, and the parameters of the mission
     """
     if one.what.kind == "parameter":
         unit = parameters.find(one.quantity).unit
@@ -54,13 +58,12 @@ def _write_requirement(one: Requirement, parameters: ParameterTable) -> list[str
         unit, value = one.what.unit, "quantity"
         conditions = describe_conditions(one)
         meaning = f"{one.quantity}{f', {conditions}' if conditions else ''}. Unit: {unit}."
-        declared = [f"attribute quantity : {find_notation(unit).type} {{ {write_comment(meaning)} }}"]
-    notation = find_notation(unit)
+        declared = [f"{declare_attribute('quantity', unit)} {{ {write_comment(meaning)} }}"]
     limits, checks = [], []
     least, most = one.limits
     for name, limit, sign in (("at_least", least, ">="), ("at_most", most, "<=")):
         if abs(limit) != float("inf"):
-            limits.append(f"attribute {name} : {notation.type} = {write_value(float(limit), notation.unit)};")
+            limits.append(f"{declare_attribute(name, unit, float(limit))};")
             checks.append(f"{value} {sign} {name}")
     if one.confidence is not None:
         limits.append(f"attribute confidence : Real = {one.confidence!r};")

@@ -53,14 +53,14 @@ def verify(
 
     Parameters
     ----------
-    requirements : the requirements, or their TOML file.
-    subject : a scenario, a study (which is run), a finished study, or a recording.
-    folder : folder of the mesh files that a recording names (None: the working folder).
-    threads : of a simulation (None: one for each core); the result does not depend on it.
-    workers : processes of a study.
-    on_step : called with the number of finished frames or runs and that of all, at the start and after each.
+    requirements : the requirements, or their TOML file
+    subject : a scenario, a study (which is run), a finished study, or a recording
+    folder : folder of the mesh files that a recording names (None: the working folder)
+    threads : of a simulation (None: one for each core); the result does not depend on it
+    workers : processes of a study
+    on_step : called with the number of finished frames or runs and that of all, at the start and after each
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario of a study names. A
-        scenario has its own trust.
+        scenario has its own trust
 
     Returns
     -------
@@ -100,9 +100,8 @@ def _verify_frames(
 
     Parameters
     ----------
-    asked : the requirements.
-    make : makes the frames from a function that they call after each frame.
-    tell : called with finished frames and all.
+    make : makes the frames from a function that they call after each frame
+    tell : called with finished frames and all
     """
     done = [0, 0]
 
@@ -140,19 +139,13 @@ def _name_place(asked: Requirements, number: int) -> str:
 
     Parameters
     ----------
-    asked, number : the requirements, and the index of one.
+    asked, number : the requirements, and the index of one
     """
     return f"{asked.where}: requirement[{number}] ({asked.requirement[number].id})"
 
 
 def _verify_one(one: Requirement, flown: FlownFrames, figures: ComputedFigures) -> RequirementResult:
-    """Verify one requirement.
-
-    Parameters
-    ----------
-    one : the requirement.
-    flown, figures : frames and computed figures of the scenario.
-    """
+    """Verify one requirement."""
     evidence = _find_evidence(one, flown, figures)
     margin = one.margin(evidence.low, evidence.high)
     verdict = judge(one, evidence.low, evidence.high)
@@ -174,7 +167,7 @@ def _find_evidence(one: Requirement, flown: FlownFrames, figures: ComputedFigure
 
     Parameters
     ----------
-    one, flown, figures : as for `_verify_one`.
+    one, flown, figures : as for `_verify_one`
     """
     if not one.needs_frames:
         chosen = one.frames is not None or one.between_m is not None
@@ -204,12 +197,7 @@ def _find_evidence(one: Requirement, flown: FlownFrames, figures: ComputedFigure
 
 
 def _column(one: Requirement, table: dict[str, np.ndarray]) -> np.ndarray:
-    """Return the column of the tracker's table that a requirement names; NaN where ICP found no pose in any frame.
-
-    Parameters
-    ----------
-    one, table : the requirement, and the table.
-    """
+    """Return the column of the tracker's table that a requirement names; NaN where ICP found no pose in any frame."""
     column = one.what.column
     if column in table:
         return table[column].astype(float)
@@ -246,11 +234,9 @@ def _verify_study(
 
     Parameters
     ----------
-    asked : the requirements.
-    study : the study, finished or not.
-    workers, threads : processes of the study, and threads of a single computation.
-    tell : called with finished runs and all.
-    trust_code, trust_fmu : as in `verify`.
+    workers, threads : processes of the study, and threads of a single computation
+    tell : called with finished runs and all
+    trust_code, trust_fmu : as in `verify`
     """
     definition = study.study if isinstance(study, Trade) else study
     needed = tuple(dict.fromkeys(one.quantity for one in asked.requirement if one.what.kind == "merit"))
@@ -291,13 +277,7 @@ def _check_for_study(one: Requirement, study: Study | Trade) -> None:
 
 
 def _verify_points(one: Requirement, made: Trade, threads: int | None) -> RequirementResult:
-    """Verify a requirement at each point of a study, and return the result of the worst point.
-
-    Parameters
-    ----------
-    one, made : the requirement, and the finished study.
-    threads : of a single computation.
-    """
+    """Verify a requirement at each point of a study, and return the result of the worst point."""
     seeds, n_points = made.study.seeds, len(made.plan.points)
     points, unit = [], one.what.unit
     for point in range(n_points):
@@ -339,8 +319,7 @@ def _bound_point(one: Requirement, values: np.ndarray, n_points: int) -> _Bounde
 
     Parameters
     ----------
-    one, values : the requirement, and the values of its quantity, one for each seed.
-    n_points : number of points of the study.
+    one, values : the requirement, and the values of its quantity, one for each seed
     """
     mean = float(np.mean(values)) if np.isfinite(values).all() else math.nan
     sample = f"{len(values)} run{'s' * (len(values) != 1)}"

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.evaluation import choose_viewer
 from rso_lidar.evaluation.recorded_runs import display as module
-from rso_lidar.evaluation.recorded_runs.display import load_true_shapes
+from rso_lidar.evaluation.recorded_runs.display import choose_viewer, load_true_shapes
 
 HINGED = (
     'motion = { type = "fixed", position_m = [500, 0, 0] }\n'

@@ -1,11 +1,10 @@
-"""Frames of two seeds differ by the noise of both; the true origin of a target is where its pixels are."""
+"""Frames of two seeds differ by the noise of both."""
 
 import numpy as np
 import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RecordingError
-from rso_lidar.evaluation import locate_centers
 
 APPROACH = rl.Scenario.load("examples/tdrs_approach.toml")
 
@@ -46,12 +45,3 @@ def test_frames_without_returns_in_common_have_no_statistics(frames):
     found = rl.study.compare_frames(frames[0], next(iter(rl.simulate(empty, frames=[0]))))
     assert found.both == 0 or np.isfinite(found.mean_range_m)
     assert found.both > 0 or (np.isnan(found.mean_range_m) and len(found.describe().splitlines()) == 1)
-
-
-def test_the_true_origin_lies_among_the_pixels_of_the_target(frames):
-    centers = locate_centers(frames[0])
-    rows, cols = np.nonzero(frames[0].labels.target >= 0)
-    row, col = centers["truth of tdrs"]
-    assert rows.min() <= row <= rows.max()
-    assert cols.min() <= col <= cols.max()
-    assert "centroid of the points" in centers

@@ -5,23 +5,38 @@ import itertools
 import numpy as np
 import pytest
 
-from rso_lidar.mission_analysis.budgets.budget_figure import Line, budget_figure
+from rso_lidar.mission_analysis import BudgetCurve
+from rso_lidar.mission_analysis.budgets.budget_figure import budget_figure
 
 RANGE_M = np.geomspace(100.0, 5000.0, 31)
 
 
-def line(name, max_range_m=2000.0, photons=1e9, armed=False):
-    light = photons / RANGE_M**2
-    return Line(
-        name,
-        RANGE_M,
-        light,
-        (RANGE_M < max_range_m) * 1.0,
-        0.05 + 1 / np.sqrt(light + 1),
-        1e8 / RANGE_M**2,
-        max_range_m,
-        armed,
+def curve(range_m, photons, max_range_m, *, seen=None, precision_m=None, pixels=None, armed=False, fills=True):
+    none = np.zeros(len(range_m))
+    return BudgetCurve(
+        material="a",
+        tilt_deg=0.0,
+        divergence_deg=1.0,
+        range_m=range_m,
+        photons=photons,
+        fill_fraction=none,
+        detection_probability=(range_m < max_range_m) * 1.0 if seen is None else seen,
+        range_precision_m=0.05 + 1 / np.sqrt(photons + 1) if precision_m is None else precision_m,
+        snr=none,
+        saturated=none > 0.0,
+        false_alarm_probability=none,
+        pixel_m=none,
+        pixels_on_target=1e8 / range_m**2 if pixels is None else pixels,
+        pixels_across=none,
+        target_fills_pixel=none == 0.0,
+        max_range_m=max_range_m,
+        armed_limits=armed,
+        fill_limits=not fills,
     )
+
+
+def line(max_range_m=2000.0, photons=1e9, **more):
+    return curve(RANGE_M, photons / RANGE_M**2, max_range_m, **more)
 
 
 def drawn(figure):
@@ -32,7 +47,9 @@ def drawn(figure):
 
 
 def test_curves_marks_and_names():
-    figure = budget_figure([line("near", 700.0), line("far", 5000.0, armed=True)], "Budget", "note", 0.95, ("armed",))
+    figure = budget_figure(
+        [line(700.0), line(5000.0, armed=True)], ["near", "far"], "Budget", "note", 0.95, small_print=("armed",)
+    )
     assert drawn(figure) == ([2, 2, 2, 2], [2, 2, 0, 2])
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == ["near: 700 m", "far: 5 km (end of the armed window)"]
@@ -40,23 +57,22 @@ def test_curves_marks_and_names():
 
 
 def test_a_curve_that_is_never_seen_is_drawn_without_a_mark():
-    figure = budget_figure([line("dark", float("nan"), photons=0.0), line("outside", 9000.0)], "Budget", "", 0.5)
+    figure = budget_figure([line(float("nan"), photons=0.0), line(9000.0)], ["dark", "outside"], "Budget", "", 0.5)
     assert drawn(figure)[1] == [0, 0, 0, 0]
     assert figure.legends[0].get_texts()[0].get_text() == "dark: never"
     figure.canvas.draw()
 
 
 def test_nothing_to_see_is_drawn_all_the_same():
-    figure = budget_figure([line("dark", float("nan"), photons=0.0)], "Budget", "", 0.5)
+    figure = budget_figure([line(float("nan"), photons=0.0)], ["dark"], "Budget", "", 0.5)
     figure.canvas.draw()
     assert drawn(figure) == ([1, 1, 1, 1], [0, 0, 0, 0])
 
 
 @pytest.mark.parametrize("count", [1, 5, 12])
 def test_names_stand_below_the_plots_and_above_the_small_print(count):
-    figure = budget_figure(
-        [line(f"curve {k}", 500.0 + 100 * k) for k in range(count)], "Budget", "note", 0.9, ("a", "b")
-    )
+    lines, names = [line(500.0 + 100 * k) for k in range(count)], [f"curve {k}" for k in range(count)]
+    figure = budget_figure(lines, names, "Budget", "note", 0.9, small_print=("a", "b"))
     figure.canvas.draw()
     box = figure.legends[0].get_window_extent()
     lowest = min(axes.get_tightbbox().y0 for axes in figure.axes)
@@ -71,8 +87,8 @@ def test_names_stand_below_the_plots_and_above_the_small_print(count):
 @pytest.mark.parametrize(("near_m", "far_m"), [(900.0, 1000.0), (1.0, 1e5), (2000.0, 9000.0), (0.5, 0.50001)])
 def test_every_axis_carries_three_numbers_at_least(near_m, far_m):
     range_m = np.geomspace(near_m, far_m, 9)
-    curve = Line("a", range_m, 1e9 / range_m**2, np.ones(9), np.full(9, 0.05), 1e4 / range_m**2, np.nan, False)
-    figure = budget_figure([curve], "Budget", "note", 0.9)
+    values = {"seen": np.ones(9), "precision_m": np.full(9, 0.05), "pixels": 1e4 / range_m**2}
+    figure = budget_figure([curve(range_m, 1e9 / range_m**2, np.nan, **values)], ["a"], "Budget", "note", 0.9)
     figure.canvas.draw()
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
@@ -89,9 +105,7 @@ def test_every_axis_carries_three_numbers_at_least(near_m, far_m):
 
 def test_beyond_what_the_target_fills_a_curve_is_faint():
     """The full line ends at 700 m, and a faint one goes on; without a target the line goes on."""
-    whole = line("a", 700.0)
-    limited = Line(**{**vars(whole), "fill_limits": True, "filled_to_m": 700.0})
-    figure = budget_figure([limited], "Budget", "note", 0.9)
+    figure = budget_figure([line(700.0, fills=False)], ["a"], "Budget", "note", 0.9, filled_to_m=700.0)
     full = [
         one for one in figure.axes[0].get_lines() if one.get_alpha() is None and len(one.get_xdata()) == len(RANGE_M)
     ]
@@ -100,4 +114,6 @@ def test_beyond_what_the_target_fills_a_curve_is_faint():
     ]
     assert [one.get_alpha() for one in figure.axes[0].get_lines()].count(0.3) == 1
     assert figure.legends[0].get_texts()[0].get_text() == "a: 700 m (fills a pixel no farther)"
-    assert 0.3 not in [one.get_alpha() for one in budget_figure([whole], "Budget", "", 0.9).axes[0].get_lines()]
+    assert 0.3 not in [
+        one.get_alpha() for one in budget_figure([line(700.0)], ["a"], "Budget", "", 0.9).axes[0].get_lines()
+    ]

@@ -8,9 +8,10 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.mission_analysis import find_range
-from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch
+from rso_lidar.mission_analysis.budgets.attitude_search import AttitudeSearch, follow_gate
 from rso_lidar.mission_analysis.budgets.body import choose_body
-from rso_lidar.scenario import Finding, follow_gate, list_facing_attitudes, spread_attitudes
+from rso_lidar.mission_analysis.budgets.facing_attitudes import list_facing_attitudes
+from rso_lidar.scenario import Finding, spread_attitudes
 from rso_lidar.units import RANGE_PER_DELAY_M_S
 
 RECEIVER = {"fov_deg": 0.625, "n_rows": 32, "n_cols": 32, "rays_per_pixel": 100}  # a fixed grid is coarse, and fast

@@ -9,7 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.mission_analysis import BUDGET_COLUMNS
+from rso_lidar.mission_analysis import Budget
 
 FAST = rl.Lidar(preset="gsfl_1064", detector=rl.Empirical())  # its detection costs nothing
 
@@ -178,8 +178,8 @@ def test_csv_holds_what_the_curves_hold(tmp_path):
     made = rl.budget(FAST, tilt_deg=[0, 30], range_m=[100.0, 200.0, 400.0])
     rows = list(csv.DictReader(io.StringIO(made.save(tmp_path / "a.csv").read_text(encoding="utf-8"))))
     assert len(rows) == 6
-    assert list(rows[0]) == ["material", "tilt_deg", "divergence_deg", *BUDGET_COLUMNS]
-    for name in BUDGET_COLUMNS:
+    assert list(rows[0]) == ["material", "tilt_deg", "divergence_deg", *Budget.COLUMNS]
+    for name in Budget.COLUMNS:
         kept = np.concatenate([getattr(curve, name) for curve in made.curves]).astype(float)
         assert [float(row[name]) for row in rows] == pytest.approx(kept, rel=1e-6)
     with pytest.raises(RsoLidarError, match=r"a\.csv: exists already"):

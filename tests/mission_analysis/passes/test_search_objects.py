@@ -8,8 +8,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import CatalogError, ScenarioError
-from rso_lidar.mission_analysis import load_follower
-from rso_lidar.mission_analysis.passes.search_objects import collect_objects, is_catalog_file
+from rso_lidar.mission_analysis.passes.search_objects import collect_objects, is_catalog_file, load_follower
 from rso_lidar.orbit import Epochs, Kepler, NamedTrajectory, write_oem
 from rso_lidar.shipped import shipped
 from rso_lidar.study import encounters, scenario_text

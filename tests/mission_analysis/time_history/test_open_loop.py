@@ -5,8 +5,13 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import motion
-from rso_lidar.mission_analysis import find_umbras, fly_open_loop, sample_between_impulses, tabulate_run
-from rso_lidar.mission_analysis.time_history.open_loop import find_mission_plan
+from rso_lidar.mission_analysis import fly_open_loop
+from rso_lidar.mission_analysis.time_history.open_loop import (
+    find_mission_plan,
+    find_umbras,
+    sample_between_impulses,
+    tabulate_run,
+)
 from rso_lidar.orbit import write_oem
 from rso_lidar.scenario import preview_mission
 from rso_lidar.scenario.assessment.environment import describe_environment

@@ -67,7 +67,7 @@ def test_entry_that_lacks_keys_names_them(tmp_path):
         field.name: "?" for field in dataclasses.fields(ModelEntry) if field.name not in ("path", "sha256", "axes")
     }
     (tmp_path / "index.toml").write_text(tomli_w.dumps({"model": [entry | {"name": "probe"}]}))
-    with pytest.raises(MeshError, match=r"model 'probe': lacks axes, sha256: write it again"):
+    with pytest.raises(MeshError, match=r"model 'probe': lacks axes, sha256: install the package again"):
         read_models(tmp_path)
 
 

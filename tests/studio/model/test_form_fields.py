@@ -104,7 +104,7 @@ def test_units_stand_apart_from_meanings():
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_values_of_examples_come_back_as_they_were(name):
-    tables = parse_toml(EXAMPLES[name].read_text(encoding="utf-8"), name, ScenarioError)
+    tables = parse_toml(EXAMPLES[name].text, name, ScenarioError)
     count = 0
     for steps, value in walk(tables):
         cls = find_part(Scenario, tables, steps[:-1]) if steps[1:] else Scenario
@@ -118,8 +118,8 @@ def test_values_of_examples_come_back_as_they_were(name):
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_places_of_examples_have_the_part_that_the_scenario_has(name):
-    tables = parse_toml(EXAMPLES[name].read_text(encoding="utf-8"), name, ScenarioError)
-    scenario = Scenario.load(EXAMPLES[name])
+    tables = parse_toml(EXAMPLES[name].text, name, ScenarioError)
+    scenario = Scenario.load(EXAMPLES[name].path)
     wrong, count = [], 0
     for steps, value in walk(tables):
         if isinstance(value, dict):

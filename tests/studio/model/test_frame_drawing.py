@@ -1,10 +1,11 @@
-"""A frame drawn beside that of another recording: both by the colours that span them, whichever comes first."""
+"""A frame drawn beside that of another recording, by the colours that span both, and its targets marked where they are."""
 
+import numpy as np
 import pytest
 
 import rso_lidar as rl
 from rso_lidar.picture import LIGHT
-from rso_lidar.studio.model.frame_drawing import draw_recorded_frame
+from rso_lidar.studio.model.frame_drawing import draw_recorded_frame, locate_centers
 from rso_lidar.studio.model.frame_image import draw_image
 
 BENCH = rl.Scenario.load("examples/bench_plate.toml")
@@ -37,3 +38,13 @@ def test_a_frame_that_the_other_has_not_is_drawn_alone(recordings):
     drawn = draw_recorded_frame(0, full, later, False, LIGHT)
     assert drawn.images == {"A": draw_image(full[0])}
     assert drawn.lines[1:] == ("later.h5 has no frame 0.",)
+
+
+def test_the_true_origin_lies_among_the_pixels_of_the_target():
+    (frame,) = rl.simulate(rl.Scenario.load("examples/tdrs_approach.toml"), frames=[539])
+    centers = locate_centers(frame)
+    rows, cols = np.nonzero(frame.labels.target >= 0)
+    row, col = centers["truth of tdrs"]
+    assert rows.min() <= row <= rows.max()
+    assert cols.min() <= col <= cols.max()
+    assert "centroid of the points" in centers

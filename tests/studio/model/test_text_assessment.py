@@ -8,7 +8,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError, collect_warnings
-from rso_lidar.scenario import SHORTEST_EXAMPLE, find_companions, find_examples
+from rso_lidar.scenario import SHORTEST_EXAMPLE, find_examples
 from rso_lidar.shipped import shipped
 from rso_lidar.studio.model.root_folder import Folder
 from rso_lidar.studio.model.text_assessment import (
@@ -22,7 +22,7 @@ from rso_lidar.studio.model.text_assessment import (
 from tests.scene.meshes.test_mesh import BOX, binary_stl
 
 EXAMPLES = find_examples()
-APPROACH = EXAMPLES["tdrs_approach"].read_text(encoding="utf-8")
+APPROACH = EXAMPLES["tdrs_approach"].text
 OBJECT = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 
@@ -38,8 +38,8 @@ def folder(tmp_path):
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_shipped_examples_are_ready_or_refused_for_their_code(folder, name):
-    text = EXAMPLES[name].read_text(encoding="utf-8")
-    companions = find_companions(text, EXAMPLES[name].parent)
+    text = EXAMPLES[name].text
+    companions = EXAMPLES[name].companions
     for path in companions:
         shutil.copyfile(path, folder.path / path.name)
     found = assess(text, folder, f"{name}.toml")

@@ -17,7 +17,7 @@ from rso_lidar.studio.model.text_assessment import assess, list_warnings
 from rso_lidar.studio.state import Workspace
 from tests.scene.meshes.test_mesh import BOX, binary_stl
 
-APPROACH = find_examples()["tdrs_approach"].read_text(encoding="utf-8")
+APPROACH = find_examples()["tdrs_approach"].text
 OMM = """OBJECT_NAME = TDRS
 NORAD_CAT_ID = 100019548
 EPOCH = 2024-09-17T03:12:45.123456

@@ -16,9 +16,9 @@ from rso_lidar.orbit import Catalog, ElementSet
 from rso_lidar.orbit.collision.foster import disc_probability
 from rso_lidar.processes import open_dask_client
 from rso_lidar.scenario import preview_mission
-from rso_lidar.study import identify_runs
 from rso_lidar.study.dispersions import dispersed_mission
 from rso_lidar.study.dispersions.dispersed_mission import nees_bounds
+from rso_lidar.study.dispersions.kept_runs import identify_runs
 from rso_lidar.study.dispersions.target_errors import resolve_element_sets
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

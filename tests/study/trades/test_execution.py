@@ -13,9 +13,16 @@ import rso_lidar as rl
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.mission_analysis.budgets.pixel_light import compute_photons
 from rso_lidar.scenario import Scenario
-from rso_lidar.study import RowFile, Study, make_trade_plan, run_rows, summarize_trade, trade
-from rso_lidar.study.trades.execution import identify
-from rso_lidar.study.trades.ranking import choose_pictured, find_pareto_front, rank_points, shorten_places
+from rso_lidar.study import Study, trade
+from rso_lidar.study.trades.execution import RowFile, identify, run_rows
+from rso_lidar.study.trades.plan import make_trade_plan
+from rso_lidar.study.trades.ranking import (
+    choose_pictured,
+    find_pareto_front,
+    rank_points,
+    shorten_places,
+    summarize_trade,
+)
 from rso_lidar.study.trades.report import write_report
 from tests.study.trades.trade_for_tests import STUDY, folder_with
 

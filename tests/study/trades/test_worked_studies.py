@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
 from rso_lidar.scene import models
-from rso_lidar.study import Study, make_trade_plan
+from rso_lidar.study import Study
+from rso_lidar.study.trades.plan import make_trade_plan
 
 STUDIES = Path(__file__).resolve().parents[3] / "examples" / "studies"
 

@@ -1,0 +1,54 @@
+"""Bodies and lines of sight for a globe, as a CZML document."""
+
+from __future__ import annotations
+
+import datetime
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import orbit
+from rso_lidar.export import CzmlBeam, CzmlBody, build_packets
+from rso_lidar.orbit import itrs_from_gcrs
+from rso_lidar.pose import ROOT, quaternion_xyzw
+from rso_lidar.records import Truth
+
+
+def build_globe(title: str, start_utc: datetime.datetime, targets: list[str], place: Truth) -> list[dict[str, Any]]:
+    """Build a CZML document: bodies with their orientation, lines of sight to targets, and the lidar's boresight.
+
+    Parameters
+    ----------
+    title : name of the document
+    start_utc : start of the run
+    targets : names of the targets
+    place : truth of the run at its epochs (time), with the lidar; not of a local world
+
+    Returns
+    -------
+    list of dict
+        The packets, as `export.write_czml` writes them.
+    """
+    time_s = place.time_s
+    fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
+    bodies = []
+    for name, state in place.states.items():
+        turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (time_s.size, 3, 3))
+        itrs_from_body = np.einsum("kij,kjl->kil", fixed, turned)
+        bodies.append(CzmlBody(name, state.position_m, _to_quaternion(itrs_from_body)))
+    beams = []
+    if targets:
+        nearest = np.min([np.linalg.norm(place.pose("lidar", name).translation, axis=-1) for name in targets], axis=0)
+        ahead = np.zeros((time_s.size, 3))
+        ahead[:, 2] = nearest
+        beams.append(CzmlBeam("boresight", "follower", place.pose(ROOT, "lidar").apply(ahead)))
+    ends = orbit.Epochs(start_utc, np.array([0.0, time_s[-1]]))
+    start, end = ends.skyfield_time().utc_iso(places=6)
+    lines = [("follower", name) for name in targets]
+    return build_packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
+
+
+def _to_quaternion(matrix: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    return quaternion_xyzw(Rotation.from_matrix(matrix))

@@ -1,0 +1,208 @@
+"""The true motion of a scenario in a file: a table, a picture, an ephemeris, an attitude history or a globe."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import orbit, picture
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.export import choose_samples, write_czml
+from rso_lidar.files import check_writable, write_columns
+from rso_lidar.mission_analysis.time_history.globe import build_globe
+from rso_lidar.mission_analysis.time_history.open_loop import (
+    find_mission_plan,
+    find_umbras,
+    fly_open_loop,
+    sample_between_impulses,
+    tabulate_run,
+)
+from rso_lidar.motion import list_commands, write_aem
+from rso_lidar.orbit import write_oem
+from rso_lidar.picture import FIGURE_SUFFIXES, LIGHT, Scheme, angles_figure, inertial_figure, ptu_figure
+from rso_lidar.pose import ROOT
+from rso_lidar.records import Truth
+from rso_lidar.scenario import Scenario
+
+_FIGURES = ("relative", "orbit", "angles", "ptu")
+_SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
+_STEPPED = ("angles", "ptu")  # figures that show where the PTU really points
+
+
+def save_truth(
+    scenario: Scenario,
+    path: str | Path,
+    *,
+    figure: str | None = None,
+    body: str | None = None,
+    every_s: float | None = None,
+    scheme: Scheme = LIGHT,
+    overwrite: bool = False,
+) -> Path:
+    """Write or draw the true motion of an open-loop run without rendering frames: all poses, and where the PTU points.
+
+    Parameters
+    ----------
+    scenario : what is flown
+    path : of the output: a picture (.png, .pdf, .svg), a table (.csv), an orbit (.oem), an attitude (.aem) or a globe
+        (.czml)
+
+    Other Parameters
+    ----------------
+    figure : of a picture, ``relative``, ``orbit``, ``angles`` or ``ptu`` (None: ``relative``)
+    body : body of an .oem or .aem (None: the follower), or target of a picture (None: the first)
+    every_s : time from row to row, in whole frames [s] (None: every frame). The last frame is written too
+    scheme : of a picture, `LIGHT` or `DARK`
+    overwrite : whether an existing file may be replaced
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    RecordingError
+        For another suffix, or a path that cannot be written.
+    ScenarioError
+        For a figure, a body or an interval that the scenario does not have, and for a globe or an ephemeris of a local
+        world.
+    """
+    output = check_writable(path, _SUFFIXES, overwrite=overwrite)
+    suffix = output.suffix.lower()
+    kind = _choose_kind(figure, suffix)
+    frames = np.arange(0, scenario.time.n_frames, _compute_stride(every_s, scenario))
+    frames = np.union1d(frames, scenario.time.n_frames - 1)  # the last frame too, so that a table covers the whole run
+    if suffix in FIGURE_SUFFIXES:
+        return picture.save_figure(_draw_figure(scenario, kind, body, frames), output, scheme=scheme)
+    if suffix == ".csv":
+        write_columns(output, tabulate_run(scenario, *fly_open_loop(scenario, frames)))
+        return output
+    if scenario.is_local:
+        raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
+    if suffix == ".czml":
+        place, _ = fly_open_loop(scenario, frames[choose_samples(frames.size)])
+        targets = [target.name for target in scenario.target]
+        write_czml(output, build_globe(scenario.name, scenario.time.start_utc, targets, place))
+    else:
+        _write_ephemeris(scenario, output, suffix, body, frames)
+    return output
+
+
+def _choose_kind(figure: str | None, suffix: str) -> str:
+    if figure is None:
+        return _FIGURES[0]
+    if suffix not in FIGURE_SUFFIXES:
+        raise ScenarioError(f"figure {figure}: is for pictures; end the output with .png, or leave figure out")
+    if figure not in _FIGURES:
+        guess = did_you_mean(figure, _FIGURES)
+        raise ScenarioError(f"figure {figure}: no such picture{guess} (known: {', '.join(_FIGURES)})")
+    return figure
+
+
+def _compute_stride(every_s: float | None, scenario: Scenario) -> int:
+    """Compute the number of frames between two rows."""
+    if every_s is None:
+        return 1
+    if not 0.0 < every_s < np.inf:
+        raise ScenarioError(f"every {every_s:g}: needs seconds above 0")
+    step_s = 1.0 / scenario.time.frame_rate_hz
+    if every_s < step_s * (1.0 - 1e-9):
+        raise ScenarioError(
+            f"every {every_s:g}: frames are {step_s:g} s apart; give at least that, or --set time.frame_rate_hz"
+        )
+    return round(every_s / step_s)
+
+
+def _check_name(name: str, known: list[str]) -> str:
+    if name not in known:
+        raise ScenarioError(
+            f"body {name}: no body has that name{did_you_mean(name, known)} (known: {', '.join(known)})"
+        )
+    return name
+
+
+def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray) -> Any:
+    """Draw one of the figures.
+
+    Parameters
+    ----------
+    frames : numbers of the frames (time)
+    """
+    if kind == "ptu" and scenario.ptu is None:
+        raise ScenarioError("figure ptu: the scenario has no PTU; add [ptu], or draw another figure")
+    if not scenario.target and kind != "orbit":
+        raise ScenarioError(f"figure {kind}: the scenario has no target; add a [[target]]")
+    targets = [target.name for target in scenario.target]
+    target = _check_name(body, targets) if body else next(iter(targets), None)
+    place, angles = fly_open_loop(scenario, frames, drive=kind in _STEPPED)
+    if kind == "orbit":
+        return inertial_figure(place, scenario.name, shadows_s=find_umbras(scenario))
+    if kind == "ptu":
+        assert scenario.ptu is not None
+        response = scenario.ptu.response
+        return ptu_figure(
+            (place.time_s, angles),
+            scenario.name,
+            travel_rad=response.travel_rad,
+            max_rate_rad_s=getattr(response, "max_rate_rad_s", None),
+        )
+    if kind == "angles":
+        edges = scenario.instrument.at(0.0).receiver.field_edge
+        half = float(np.arctan(np.min(edges)))
+        shadow = find_umbras(scenario).get(target or "")
+        return angles_figure(place, target, scenario.name, half_field_rad=half, shadow_s=shadow)
+    return draw_trajectory(scenario, place, target)
+
+
+def _write_ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
+    """Write the motion of a body as OEM, or its attitude as AEM.
+
+    Parameters
+    ----------
+    suffix : ``.oem`` or ``.aem``
+    body : name of the body or axes (None: the follower)
+    frames : numbers of the frames (time)
+    """
+    from scipy.spatial.transform import Rotation
+
+    wanted = body or "follower"
+    place, _ = fly_open_loop(scenario, frames, drive=suffix == ".aem" and wanted in ("ptu", "lidar"))
+    name = _check_name(wanted, list(place.states if suffix == ".oem" else place.poses))
+    if suffix == ".oem":
+        at, states, breaks_s = sample_between_impulses(scenario, name, place.time_s)
+        write_oem(output, name, name, at, states, breaks_s=breaks_s, overwrite=True)
+        return
+    epochs = orbit.Epochs(scenario.time.start_utc, place.time_s)
+    turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (place.time_s.size, 3, 3))
+    write_aem(output, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)
+
+
+def draw_trajectory(scenario: Scenario, flown: Truth, target: str | None = None) -> Any:
+    """Draw the relative trajectory, with the impulses, the keep-out sphere and the delta-v of the follower's plan.
+
+    Parameters
+    ----------
+    scenario : to be drawn
+    flown : its truth at the instants drawn (time)
+    target : name of the target that it is relative to (None: the first)
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
+    """
+    plan = find_mission_plan(scenario, target) if scenario.target else None
+    if plan is None:
+        return picture.orbit_figure(flown, target, title=scenario.name)
+    commands = list_commands(scenario.bodies[-1], scenario.bodies, *scenario.span)
+    return picture.orbit_figure(
+        flown,
+        target,
+        impulses=[(one.time_s, one.delta_v_m_s) for one in commands],
+        keep_out_m=getattr(scenario.bodies[-1].motion, "keep_out_m", 0.0) or None,
+        delta_v_m_s=plan.delta_v_m_s,
+        title=scenario.name,
+    )
