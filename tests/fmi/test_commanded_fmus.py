@@ -300,7 +300,7 @@ def test_a_command_beyond_the_numbers_of_the_fmu_is_refused(craft):
 def test_wrong_commands(by_fmu, craft):
     simulation = rl.Simulation(by_fmu, threads=1)
     for inputs, error in (
-        ({"follower": [1.0]}, r"craft\.fmu are \[1\.0\]: give 3 finite numbers"),
+        ({"follower": [1.0]}, r"craft\.fmu are \[1\.0\]; give 3 finite numbers"),
         ({"follower": [1.0, math.nan, 0.0]}, "give 3 finite numbers"),
         ({"stage": [1.0]}, "'stage', which has no state-space model or FMU with inputs"),
     ):

@@ -9,8 +9,7 @@ import numpy as np
 import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.errors import has_warnings_enabled, suppress_warnings
-from rso_lidar.motion import Chief
-from rso_lidar.motion import body_truth as assembly
+from rso_lidar.motion import Chief, truth
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 CHIEF = rl.Kepler(
@@ -27,7 +26,7 @@ CHIEF = rl.Kepler(
 def counted(monkeypatch, bodies):
     """Return the truth of bodies at three epochs, and how often a truth was worked out for it."""
     calls = []
-    whole = assembly
+    whole = truth
 
     def counting(*given, **more):
         calls.append(given)

@@ -43,7 +43,7 @@ def test_a_relative_motion_is_refused_with_the_way_through(name):
     with pytest.raises(ScenarioError) as caught:
         ASK[name](HILL)
     assert str(caught.value) == (
-        f"{name.strip()}: Hill is relative to 'chief' and has no states alone: give "
+        f"{name.strip()}: Hill is relative to 'chief' and has no states alone; give "
         "types.SimpleNamespace(states=lambda at: rl.truth(scenario, at).states['follower'])"
     )
 
@@ -63,7 +63,7 @@ def test_the_way_through_gives_the_states_of_the_follower():
 def test_an_element_set_alone_is_no_trajectory():
     (elements,) = Catalog.from_text("\n".join(TERRASAR))
     with pytest.raises(
-        ScenarioError, match=r"^observer: ElementSet has no method states: .* SetSequence\(\(elements,\)\)$"
+        ScenarioError, match=r"^observer: ElementSet has no method states; .* SetSequence\(\(elements,\)\)$"
     ):
         find_access(elements, LOW, SPAN)
     for other in (None, "tdrs", [elements, "tdrs"]):

@@ -168,7 +168,7 @@ def test_segments_and_objects(tmp_path):
     rotation, _ = flown(AttitudeTable(file=path, object="SAT"), [60.0, 300.0])
     np.testing.assert_allclose(np.degrees(rotation.magnitude()), [90.0, 0.0], atol=1e-12)
     with pytest.raises(
-        PropagationError, match=r"2 of 3 epochs, first at time_s = 100: it spans .*12:00:00.*12:06:00"
+        PropagationError, match=r"2 of 3 epochs, first at time_s = 100; it spans .*12:00:00.*12:06:00"
     ) as error:
         flown(AttitudeTable(file=path, object="SAT"), [0.0, 100.0, 400.0])
     assert error.value.bad.tolist() == [False, True, True]
@@ -221,7 +221,7 @@ def test_xml(tmp_path):
         (HEAD + segment(["2024-09-17T12:00:00 0 0 0 1 0", *rows(QUARTER, 1)]), "line 16: has 6 words"),
         (HEAD + segment(rows([(0, 0, 0, 1), (0, 0, 1, 1)])), "line 17: the quaternion's norm is 1.41421, not 1"),
         (HEAD + segment(rows([(0, 0, 0, 1), (0, 0, "one", 1)])), "line 17: the quaternion 'one' is not a number"),
-        (HEAD + segment(rows(QUARTER)[::-1]), "line 17: its epoch is before that of the row before: sort"),
+        (HEAD + segment(rows(QUARTER)[::-1]), "line 17: its epoch is before that of the row before; sort"),
         (HEAD + segment(rows(QUARTER)) + segment(rows(QUARTER)), "overlaps the segment of"),
         ("CCSDS_OEM_VERS = 2.0\n", "begins with 'CCSDS_OEM_VERS = 2.0'"),
         ("time_s,qx,qy,qz\n0,0,0,0\n1,0,0,0\n", "column qw is missing"),

@@ -86,13 +86,13 @@ def test_terms_of_velocity_may_be_left_out_but_not_a_part_of_them():
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("CCSDS_CDM_VERS = 1.0", "CCSDS_OEM_VERS = 2.0", "CDM: line 1: begins with 'CCSDS_OEM_VERS = 2.0': a CDM"),
+        ("CCSDS_CDM_VERS = 1.0", "CCSDS_OEM_VERS = 2.0", "CDM: line 1: begins with 'CCSDS_OEM_VERS = 2.0'; a CDM"),
         ("CCSDS_CDM_VERS = 1.0", "CCSDS_CDM_VERS = 7.0", "CDM: CCSDS_CDM_VERS 7.0 is not supported"),
         ("TCA = ", "TCB = ", "CDM: the message lacks TCA"),
         ("TCA = 2024-09-17", "TCA = 2024-19-17", "CDM: line 6: epoch '2024-19-17"),
         ("OBJECT = OBJECT2", "OBJECT = OBJECT3", "CDM: line .*: OBJECT OBJECT3; a message has OBJECT1 and then"),
         ("REF_FRAME = GCRF", "REF_FRAME = MOON_ME", "CDM: line 18: reference frame MOON_ME is not supported"),
-        ("CR_R = 1.000000e+02 [m**2]", "CR_R = 1e2 [km**2]", r"CDM: line 25: CR_R in km\*\*2: write it in m\*\*2"),
+        ("CR_R = 1.000000e+02 [m**2]", "CR_R = 1e2 [km**2]", r"CDM: line 25: CR_R in km\*\*2; write it in m\*\*2"),
         ("CR_R = 1.000000e+02", "CR_R = many", "CDM: line 25: CR_R 'many' is not a number"),
         ("X = 7078.137000000", "X = 7.078", "CDM: OBJECT1: its position is 7 km from the Earth's centre"),
         (
@@ -101,9 +101,9 @@ def test_terms_of_velocity_may_be_left_out_but_not_a_part_of_them():
             "CDM: line 8: MISS_DISTANCE is given twice",
         ),
         ("MISS_DISTANCE = 120", "as far as 120", "CDM: line 7: 'as far as 120 .m.' is not KEYWORD = value"),
-        ("RELATIVE_SPEED = 25 [m/s]", "COLLISION_PROBABILITY = 1.5", "CDM: line 8: COLLISION_PROBABILITY is 1.5: give"),
+        ("RELATIVE_SPEED = 25 [m/s]", "COLLISION_PROBABILITY = 1.5", "CDM: line 8: COLLISION_PROBABILITY is 1.5; give"),
         ("CATALOG_NAME = SATCAT", "ORBIT_CENTER = MOON", "CDM: line 12: ORBIT_CENTER MOON; only EARTH"),
-        ("HBR = 6 [m]", "HBR = -6 [m]", "CDM: line 9: HBR is -6: give"),
+        ("HBR = 6 [m]", "HBR = -6 [m]", "CDM: line 9: HBR is -6; give"),
     ],
 )
 def test_a_wrong_line_is_named(old, new, said):

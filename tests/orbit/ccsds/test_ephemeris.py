@@ -109,7 +109,7 @@ def test_every_use_of_rows_far_apart_warns_and_of_no_orbit_is_refused(tmp_path):
     epochs = Epochs(START, np.linspace(0.0, 7200.0, 97))
     sparse = Ephemeris(file=written(tmp_path, 600.0))
     says = (
-        r"interpolation is off by some 7 m between the row of .* and the next, 600 s later: take a finer table, or 'num"
+        r"interpolation is off by some 7 m between the row of .* and the next, 600 s later; take a finer table, or 'num"
     )
     with (
         suppress_warnings(),
@@ -123,7 +123,7 @@ def test_every_use_of_rows_far_apart_warns_and_of_no_orbit_is_refused(tmp_path):
     assert len(caught) == 1
     hourly = Ephemeris(file=written(tmp_path, 3600.0, 36_000.0))
     for use in (hourly.states, lambda epochs: find_ground_track(hourly, epochs), hourly.breaks_s):
-        with pytest.raises(ScenarioError, match=r"3600 s later: take a finer table, or 'numerical'"):
+        with pytest.raises(ScenarioError, match=r"3600 s later; take a finer table, or 'numerical'"):
             use(epochs)
 
 
@@ -132,7 +132,7 @@ def test_a_degree_of_one_with_velocities_is_the_cubic_through_two_rows(tmp_path)
     text = Path(path).read_text().replace("INTERPOLATION_DEGREE = 7", "INTERPOLATION_DEGREE = 1")
     epochs = Epochs(START, np.linspace(0.0, 7200.0, 997))
     motion = Ephemeris(file=saved(tmp_path, text, "one.oem"))
-    says = r"off by some 0\.38 m .*: set `degree` to 7, for an error of"
+    says = r"off by some 0\.38 m .*; set `degree` to 7, for an error of"
     with pytest.warns(RsoLidarWarning, match=says):
         off_m = np.linalg.norm(motion.states(epochs).position_m - LOW.states(epochs).position_m, axis=1)
     assert off_m.max() == pytest.approx(0.38, abs=0.005)  # r n^4 h^4 / 384: 6.77e6 m (1.131e-3 60)^4 / 384
@@ -315,7 +315,7 @@ def test_xml_rows_are_read_by_name(tmp_path):
         [
             (
                 [row(minute, *place, *push) for minute in range(3)],
-                "line 2: the stateVector lacks X_DOT, Y_DOT, Z_DOT: give",
+                "line 2: the stateVector lacks X_DOT, Y_DOT, Z_DOT; give",
             ),
             ([row(minute, *speed) for minute in range(3)], "the stateVector lacks X, Y, Z; give all"),
             ([whole[0], [*row(1, *place, *speed), ("X", 7100)], whole[2]], "line 3: X is given twice; remove one"),
@@ -331,7 +331,7 @@ def test_xml_rows_are_read_by_name(tmp_path):
 @pytest.mark.parametrize("word", ["²", "٣", "7_0", "-1", "9" * 5000])
 def test_a_degree_is_written_in_ascii_digits(tmp_path, word):
     text = HEAD + segment(straight(range(5)), extra=f"INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = {word}\n")
-    with pytest.raises(ScenarioError, match=r"INTERPOLATION_DEGREE .*: write 1 to 31"):
+    with pytest.raises(ScenarioError, match=r"INTERPOLATION_DEGREE .*; write 1 to 31"):
         Ephemeris(file=saved(tmp_path, text)).states(Epochs(START, np.array([0.0])))
 
 
@@ -365,7 +365,7 @@ def test_a_number_is_written_in_ascii_digits(tmp_path, word):
         (HEAD + segment(straight([0, 2, 1])), "line 13: its epoch is before that of the row before; sort the rows"),
         (
             HEAD + segment([*straight([0, 1]), straight([1], 1.001)[0], *straight([2])]),
-            "line 13: its epoch occurs twice, in the row before, too: .* begin a new segment there",
+            "line 13: its epoch occurs twice, in the row before, too; .* begin a new segment there",
         ),
         (
             HEAD + segment(straight(range(6))) + segment(straight(range(4, 9))),

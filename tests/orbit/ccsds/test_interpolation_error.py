@@ -109,7 +109,7 @@ def test_rows_printed_to_a_metre_are_not_warned_of():
 def test_what_is_no_orbit_is_refused(step_s, with_velocity):
     with pytest.raises(ScenarioError, match=r"some.oem: line 4: (interpolation is off|no orbit can)") as error:
         check_row_spacing([make_arc(orbit(), step_s, 5 * step_s, with_velocity)], None, None)
-    assert "\n" not in str(error.value) and f"{step_s:g} s later: take a finer table" in str(error.value)
+    assert "\n" not in str(error.value) and f"{step_s:g} s later; take a finer table" in str(error.value)
 
 
 def test_the_edges_that_useable_times_cut_off_are_not_judged():

@@ -111,7 +111,7 @@ def test_blocks_comments_and_covariance():
         (
             "<oem version='2.0'><body><segment><data><stateVector><X units='m'>1</X></stateVector></data>"
             "</segment></body></oem>",
-            "X in m: write km",
+            "X in m; write km",
         ),
     ],
 )
@@ -163,5 +163,5 @@ def test_elements_of_a_row_that_are_not_read_may_have_any_unit_and_value():
     assert message.segments[0].rows == [(1, ["2026-05-01", "0.5", "0.5", "0.5", "0.5"])]
     push = "<X_DDOT units='m/s**2'>NaN</X_DDOT></stateVector>"
     assert len(read_message(write_rows("oem", STATE + push), "OEM", "a.xml").segments[0].rows[0][1]) == 7
-    with pytest.raises(ScenarioError, match=r"a.xml: line 1: Q1 in deg: leave the unit out"):
+    with pytest.raises(ScenarioError, match=r"a.xml: line 1: Q1 in deg; leave the unit out"):
         read_message(write_rows("aem", row.replace("<Q1>", "<Q1 units='deg'>")), "AEM", "a.xml")

@@ -89,7 +89,7 @@ def test_maneuvers_are_named_as_not_flown(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("CCSDS_OPM_VERS = 3.0", "CCSDS_OEM_VERS = 2.0", "line 1: begins with 'CCSDS_OEM_VERS = 2.0': an OPM begins"),
+        ("CCSDS_OPM_VERS = 3.0", "CCSDS_OEM_VERS = 2.0", "line 1: begins with 'CCSDS_OEM_VERS = 2.0'; an OPM begins"),
         (
             "CCSDS_OPM_VERS = 3.0",
             "CCSDS_OPM_VERS = 9.0",
@@ -99,7 +99,7 @@ def test_maneuvers_are_named_as_not_flown(tmp_path):
         ("REF_FRAME = GCRF", "REF_FRAME = MOON_ME", "line 8: reference frame MOON_ME is not supported"),
         ("TIME_SYSTEM = UTC", "TIME_SYSTEM = TDB", "line 9: TIME_SYSTEM TDB is not supported"),
         ("EPOCH = 2022-12-18", "EPOCH = 2022-13-18", "line 10: epoch '2022-13-18"),
-        ("X = 6503.514000", "X = 6503514 [m]", "line 11: X in m: write it in km"),
+        ("X = 6503.514000", "X = 6503514 [m]", "line 11: X in m; write it in km"),
         ("X = 6503.514000", "X = NaN", "line 11: X is NaN; give a finite number"),
         ("X = 6503.514000", "X = 6503\nX = 6504", "line 12: X is given twice; remove one"),
         ("X = 6503.514000", "X = 1.0", "its state is no orbit: .*inside"),

@@ -138,7 +138,7 @@ def test_what_no_tle_can_hold():
 )
 def test_what_a_tle_would_lose_is_not_written(change):
     (only,) = parse_lines(LINES, "file")
-    with pytest.raises(CatalogError, match=r"^NORAD 31698: its numbers do not fit the columns of a TLE: write \.json$"):
+    with pytest.raises(CatalogError, match=r"^NORAD 31698: its numbers do not fit the columns of a TLE; write \.json$"):
         format_tle(ElementSet(**{**only.__dict__, "line1": "", "line2": "", **change}))
 
 

@@ -124,7 +124,7 @@ def test_ways_about_a_normal():
 
 def test_half_a_revolution_needs_a_plane():
     end = -1.5 * START
-    with pytest.raises(ScenarioError, match="180 degrees apart and span no plane: give a normal"):
+    with pytest.raises(ScenarioError, match="180 degrees apart and span no plane; give a normal"):
         solve_lambert(START, end, 4000.0)
     orbit = solve_lambert(START, end, 4000.0, normal=(0.0, -1.0, 1.0))
     assert np.linalg.norm(landed(START, orbit, 4000.0)[0] - end) < 2e-6

@@ -51,7 +51,7 @@ def test_without_a_corridor_the_distance_is_that_from_the_sphere():
 def test_the_worst_of_some_positions_is_named():
     points = np.stack([place(40.0, 5.0), place(40.0, 50.0), place(90.0, 180.0), place(60.0, 60.0)])
     with pytest.raises(
-        ScenarioError, match=r"^keep_out_m: at 7\.0 s the path is 60 m from the body .* its corridor: go"
+        ScenarioError, match=r"^keep_out_m: at 7\.0 s the path is 60 m from the body .* its corridor; go"
     ):
         SPHERE.check_positions(np.array([4.0, 5.0, 6.0, 7.0]), points)
     SPHERE.check_positions(np.array([4.0]), points[:1])
@@ -77,7 +77,7 @@ def fly_past():
 @pytest.mark.parametrize(
     ("sphere", "at"),
     [
-        (KeepOutSphere(100.0), "400.0 s the path is 30 m from the body (0, 0, 30 m in rtn), inside the sphere of 100 m:"),
+        (KeepOutSphere(100.0), "400.0 s the path is 30 m from the body (0, 0, 30 m in rtn), inside the sphere of 100 m;"),
         # behind the apex the depth is the lesser of d and 100 m - d: deepest at 50 m, 40 m past the body
         (
             KeepOutSphere(100.0, (0.0, -1.0, 0.0), 20.0),

@@ -216,7 +216,7 @@ def test_a_description_has_the_legs_and_the_maneuvers():
 
 def test_a_corridor_leads_through_the_keep_out_sphere():
     legs = (HOP | {"to_m": (0.0, -300.0, 0.0)}, LINE)
-    with pytest.raises(ScenarioError, match=r"^legs\[1\]: keep_out_m: at [\d.]+ s the path is .* sphere of 200 m: go"):
+    with pytest.raises(ScenarioError, match=r"^legs\[1\]: keep_out_m: at [\d.]+ s the path is .* sphere of 200 m; go"):
         plan(*legs, keep_out_m=200.0)
     through = plan(*legs, keep_out_m=200.0, corridor_axis=(0.0, -1.0, 0.0), corridor_half_angle_deg=5.0)
     assert through.nearest_m == pytest.approx(50.0)
