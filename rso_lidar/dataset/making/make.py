@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from rso_lidar.dataset.drawing.plan import DatasetPlan, make_plan
 from rso_lidar.dataset.drawing.sample import draw_sample, list_ends
 from rso_lidar.dataset.making.dask_engine import make_shards_by_dask
 from rso_lidar.dataset.making.folder_setup import begin_folder, remove_drafts
-from rso_lidar.dataset.making.process_pool import make_shards
+from rso_lidar.dataset.making.shard_making import make_shard
 from rso_lidar.dataset.reading.random_access import Dataset
 from rso_lidar.dataset.shards.manifest import ShardRecord, append_record, read_manifest
 from rso_lidar.dataset.specification.spec import DatasetSpec
 from rso_lidar.errors import DatasetError, suppress_warnings
 from rso_lidar.files import convert_path, hold_lock
+from rso_lidar.processes import Processes
 
 _TRIED = 40  # samples that are drawn before the first shard, so that a wrong law is found at once
 
@@ -96,7 +98,7 @@ def _make_shards(
     tell = on_shard or (lambda done, count: None)
     tell(len(chosen) - len(left), len(chosen))
     if scheduler is None:
-        records = make_shards(plan, place, left, workers)
+        records = _make_by_processes(plan, place, left, workers)
     else:
         records = make_shards_by_dask(plan, place, left, workers, scheduler)
     for done, record in enumerate(records, len(chosen) - len(left) + 1):
@@ -170,3 +172,20 @@ def check_samples(plan: DatasetPlan) -> None:
                 draw_sample(plan, index)
             for forced in list_ends(plan.spec, k):
                 draw_sample(plan, int(mine[0]), forced)
+
+
+def _make_by_processes(plan: DatasetPlan, folder: Path, numbers: Sequence[int], workers: int) -> Iterator[ShardRecord]:
+    """Make shards by worker processes, and yield the record of each when it is finished, in any order.
+
+    Parameters
+    ----------
+    numbers : of the shards
+    workers : number of processes; 1 is this process
+    """
+    count = min(workers, len(numbers))
+    if count < 2:
+        for number in numbers:
+            yield make_shard(plan, folder, plan.shard(number))
+        return
+    with Processes(count, partial(make_shard, plan, folder)) as processes:
+        yield from processes.map_unordered(map(plan.shard, numbers))
