@@ -122,10 +122,6 @@ def _parse_numbers(words: Sequence[str]) -> list[int]:
 def _check_known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
     """Check that catalogue numbers are in a file, and not in bad records only.
 
-    Parameters
-    ----------
-    whole, file : the catalogue, and its file for the message
-
     Raises
     ------
     CatalogError
@@ -199,12 +195,7 @@ def _describe_jumps(sets: Sequence[ElementSet]) -> list[str]:
 
 
 def _summarise(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
-    """Summarise a file and the selection from it in one line.
-
-    Parameters
-    ----------
-    file, whole, chosen : the file, its catalogue, and the selected sets
-    """
+    """Summarise a file and the selection from it in one line."""
     left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them requested)"
     return (
         f"{file.name}: {format_count(len(whole), 'good element set')}{left}, {format_count(count, 'object')}; "

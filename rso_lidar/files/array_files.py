@@ -89,7 +89,6 @@ def _read_stream(stream: IO[bytes], place: str, error: type[RsoLidarError], most
     Parameters
     ----------
     stream : at byte 0 of the array's header
-    place : for messages
     error : class of the error for an array that is too large or of other types
     most_bytes : largest size of the array [byte]
     """
@@ -125,7 +124,6 @@ def _make_error(path: Path, kind: str, problem: BaseException, error: type[RsoLi
     ----------
     path, kind : the file, and what it should be, `NPY` or `NPZ`
     problem : what `numpy` or `zipfile` raised
-    error : class of the error
     """
     if isinstance(problem, OSError) and problem.strerror:
         return error(explain_unreadable(path, problem))

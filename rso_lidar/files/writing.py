@@ -110,7 +110,6 @@ def _name_output(error: RsoLidarError, draft: Path | None, place: Path) -> RsoLi
     ----------
     error : as it was raised within `write_atomically`
     draft : path of the temporary file; None if there is none yet
-    place : of the output
     """
     message = str(error)
     if draft is None or draft.name not in message:

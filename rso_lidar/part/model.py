@@ -194,12 +194,7 @@ class Seam:
         return value
 
     def _serialize(self, value: Any, serialize: Callable[[Any], Any], info: core_schema.SerializationInfo) -> Any:
-        """Dump a part as its table; put a Python object into the context, and dump the table that represents it.
-
-        Parameters
-        ----------
-        value, serialize, info : the value, pydantic's serializer of the parts, and its context
-        """
+        """Dump a part as its table; put a Python object into the context, and dump the table that represents it."""
         if self._is_described(value):
             return serialize(value)
         if isinstance(info.context, _Objects):

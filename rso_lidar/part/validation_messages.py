@@ -64,7 +64,6 @@ def _place(
     ----------
     loc : pydantic's path: keys, places in lists, and the tags of unions
     part : class that was validated
-    raw : the values given for its fields
 
     Returns
     -------
@@ -145,7 +144,6 @@ def _what(problem: Any, owner: type[BaseModel] | None, others: Iterable[type[Bas
 
     Parameters
     ----------
-    problem : one error of pydantic
     owner : part class that holds its last key
     others : part classes that are allowed in its stead
     """

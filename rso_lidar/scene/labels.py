@@ -91,7 +91,6 @@ def _write_labels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple
 
     Parameters
     ----------
-    labels : arrays of the labels by name, filled for empty sky
     hits, photons : what was hit, and the light that came back
 
     Returns
@@ -134,9 +133,7 @@ def label_pixels(
 
     Parameters
     ----------
-    returns : the returns, by pixel
     n_clusters : number of clusters
-    struck : what was hit
     written : the labels, to which is written
 
     Returns

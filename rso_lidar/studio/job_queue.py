@@ -256,12 +256,7 @@ class JobQueue:
         self._end(job, "done" if code == 0 else "stopped" if job.is_stopping else "failed", line)
 
     def _end(self, job: Job, state: str, message: str) -> None:
-        """Note that a job has ended.
-
-        Parameters
-        ----------
-        job, state, message : the job, how it ended, and a line about it
-        """
+        """Note that a job has ended."""
         with self._lock:
             job.state, job.message = state, message or state
         if not self._is_closing:

@@ -27,10 +27,7 @@ def measure_part_visibility(
 
     Parameters
     ----------
-    frame : frame whose poses are used
-    scenario : of the frame
     target : number of the target, or None where the frame has none
-    part_classes : names of the common part classes, in the order in which they are numbered
 
     Returns
     -------

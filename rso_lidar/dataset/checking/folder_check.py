@@ -129,7 +129,6 @@ def load_plan(
 
     Parameters
     ----------
-    dataset : the dataset
     files : folder in which relative paths start (None: the dataset's). Without it, files other than meshes are not
         compared with their hash
     trust_code, trust_fmu : whether Python code and FMUs that its scenario names may run
@@ -197,7 +196,6 @@ def _make_again(dataset: Dataset, plan: DatasetPlan, count: int, rng: np.random.
 
     Parameters
     ----------
-    dataset, plan : the dataset
     count : number of samples
     rng : random generator that chooses the samples
     """
@@ -228,8 +226,6 @@ def _compare(split: Split, row: int, frame: LabelledFrame, drawn: list[float], n
     Parameters
     ----------
     split, row : where the frame is
-    frame : made again
-    drawn, names : drawn numbers, and their names
     """
     stored = split[row]
     made = {name: getattr(frame, name) for name in specs(LabelledFrame)}

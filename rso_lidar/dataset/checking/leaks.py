@@ -26,7 +26,6 @@ def find_leaks(columns: Mapping[str, np.ndarray], group: np.ndarray, names: Sequ
     ----------
     columns : numbers (sample) by name, NaN where there is none
     group : (sample) index of the group, such as the class
-    names : of the groups
 
     Returns
     -------

@@ -45,9 +45,7 @@ class CocoWriter:
 
         Parameters
         ----------
-        stream : of the list
         kind : 0 for images, 1 for annotations
-        entry : to write
         """
         stream.write(f"{',' if self._counts[kind] else ''}\n{json.dumps(entry)}")
         self._counts[kind] += 1
@@ -59,8 +57,6 @@ def open_coco(place: Path, info: Mapping[str, Any], categories: Sequence[str]) -
 
     Parameters
     ----------
-    place : of the file, in a folder of temporary files
-    info : about the data set
     categories : names of the classes; their numbers in the file start at 1, because many readers take 0 for background
     """
     listed = [{"id": number, "name": name, "supercategory": "target"} for number, name in enumerate(categories, 1)]

@@ -102,7 +102,6 @@ def _choose_splits(data: Dataset, splits: Sequence[str]) -> list[str]:
 
     Parameters
     ----------
-    data : the dataset
     splits : names; all if empty
     """
     chosen = list(dict.fromkeys(splits or data.splits))

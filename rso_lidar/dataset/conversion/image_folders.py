@@ -30,13 +30,6 @@ def write_image_folders(folder: Path, data: Dataset, splits: Sequence[str], info
     A grey level of a range image is a step of range, the same in all images of the folder. Grey level 0 is no return, or a
     range beyond 65,535 steps.
 
-    Parameters
-    ----------
-    folder : to write into
-    data : the dataset
-    splits : names of the splits to write
-    info : about the dataset, for the annotation files
-
     Returns
     -------
     float
@@ -70,8 +63,6 @@ def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
 
     Parameters
     ----------
-    folder : of the split
-    frame : with its images
     step_mm : range of one grey level [mm]
     """
     levels = quantize_depth(
@@ -84,13 +75,7 @@ def _write_images(folder: Path, frame: ExportedFrame, step_mm: float) -> None:
 
 
 def _annotate(coco: CocoWriter, frame: ExportedFrame) -> None:
-    """Add a frame, and its target where there is one, to the annotations of its split.
-
-    Parameters
-    ----------
-    coco : the annotations
-    frame : with its images
-    """
+    """Add a frame, and its target where there is one, to the annotations of its split."""
     n_rows, n_cols = frame.images["target"].shape
     facts = frame.description
     image = {"file_name": f"{facts['split']}/intensity/{frame.name}.png", "height": n_rows, "width": n_cols}

@@ -48,12 +48,7 @@ def compute_crc32c(content: np.ndarray) -> Any:
 
 
 def frame_record(content: bytes) -> bytes:
-    """Put the length and the checksums around the data of one record.
-
-    Parameters
-    ----------
-    content : the data
-    """
+    """Put the length and the checksums around the data of one record."""
     length = struct.pack("<Q", len(content))
     return length + _mask_checksum(length) + content + _mask_checksum(content)
 

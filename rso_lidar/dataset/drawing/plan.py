@@ -259,7 +259,6 @@ def make_plan(
 
     Parameters
     ----------
-    given : the specification, or its TOML file
     files : folder in which relative paths of meshes and orbit files start (None: that of the scenario)
     trust_code, trust_fmu : whether Python code, and the native code of FMUs, may run that the scenario names
 

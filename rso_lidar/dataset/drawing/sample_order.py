@@ -20,7 +20,6 @@ def shuffle_samples(seed: int, index: np.ndarray, count: int) -> np.ndarray:
 
     Parameters
     ----------
-    seed : of the dataset
     index : (sample) numbers of samples in the dataset
     count : number of all samples of the dataset
     """
@@ -37,7 +36,6 @@ def assign_splits(seed: int, group: str, number: np.ndarray, val: float, test: f
 
     Parameters
     ----------
-    seed, group : of the dataset, and name of the class
     number : (sample) numbers in the class
     val, test : shares for validation and for the test; the rest trains
 

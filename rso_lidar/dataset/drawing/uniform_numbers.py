@@ -34,10 +34,7 @@ def draw_shares(seed: int, group: str, number: np.ndarray, variable: str, dimens
 
     Parameters
     ----------
-    seed : of the dataset
-    group : name of the class
     number : (sample) numbers of samples in the class
-    variable : name of the variable
     dimensions : number of numbers for each sample
     """
     shares = np.empty((len(number), dimensions))
@@ -50,7 +47,6 @@ def draw_seed(seed: int, group: str, number: int, draw: int) -> int:
 
     Parameters
     ----------
-    seed : of the dataset
     group, number : name of the class, and number of the sample in it
     draw : number of the noise draw
     """

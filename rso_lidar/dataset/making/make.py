@@ -89,7 +89,6 @@ def _make_shards(
 
     Parameters
     ----------
-    plan, place : of the dataset, and its folder
     chosen : numbers of the shards
     workers, scheduler, on_shard : as in `make`
     """
@@ -108,14 +107,7 @@ def _make_shards(
 
 
 def _is_finished(plan: DatasetPlan, folder: Path, number: int, finished: Mapping[str, ShardRecord]) -> bool:
-    """Return whether a shard is in the manifest and in its place.
-
-    Parameters
-    ----------
-    plan, folder : of the dataset
-    number : of the shard
-    finished : records by path
-    """
+    """Return whether a shard is in the manifest and in its place."""
     path = plan.shard(number).path
     return path in finished and (folder / path).is_file()
 
@@ -156,10 +148,6 @@ def choose_shards(text: str | None, count: int) -> Sequence[int]:
 def check_samples(plan: DatasetPlan) -> None:
     """Draw some samples of each class, and both ends of every law, so that a value that makes no
     valid scenario, or code that may not run, is found before the first flash.
-
-    Parameters
-    ----------
-    plan : of the dataset
     """
     owner = plan.membership.target_class
     with suppress_warnings():
@@ -179,7 +167,6 @@ def _make_by_processes(plan: DatasetPlan, folder: Path, numbers: Sequence[int], 
 
     Parameters
     ----------
-    numbers : of the shards
     workers : number of processes; 1 is this process
     """
     count = min(workers, len(numbers))

@@ -56,8 +56,6 @@ def replicate(statistics: Sequence[Statistic], encounters: EncounterIndex, repli
 
     Parameters
     ----------
-    statistics : what to evaluate
-    encounters : of the frames
     replicates : number of draws
 
     Returns
@@ -84,10 +82,7 @@ def find_values(
 
     Parameters
     ----------
-    statistics : what to evaluate
-    encounters : of the frames
     replicates : number of draws of the bootstrap
-    confidence : probability of the intervals
     """
     values = evaluate_all(statistics, encounters)
     drawn = iter(replicate([one for one in statistics if one.needs_draws], encounters, replicates))

@@ -161,7 +161,6 @@ def bootstrap_interval(replicates: np.ndarray, encounters: int, confidence: floa
     ----------
     replicates : (replicate) values
     encounters : number of encounters that matter
-    confidence : probability of the interval
     """
     if encounters < FEWEST_ENCOUNTERS:
         return np.nan, np.nan, f"none: fewer than {FEWEST_ENCOUNTERS} encounters"

@@ -44,8 +44,6 @@ def label_figure(images: Mapping[str, np.ndarray], part_classes: Sequence[str], 
     Parameters
     ----------
     images : arrays (row, col) of the reading and labels by name, with ``part_class_id``, -1 for sky
-    part_classes : names of the part classes
-    title, note : heading of the figure
 
     Returns
     -------
@@ -77,10 +75,8 @@ def _draw_values(axes: Axes, name: str, values: np.ndarray, on_target: np.ndarra
 
     Parameters
     ----------
-    axes, name : the panel, and the name of the array
     values : (row, col)
     on_target : (row, col) bool, pixels of targets
-    window : the part of the field shown
     """
     from matplotlib import colormaps
     from matplotlib.colors import LogNorm, Normalize
@@ -111,10 +107,7 @@ def _draw_classes(axes: Axes, classes: np.ndarray, names: Sequence[str], window:
 
     Parameters
     ----------
-    axes : the panel
     classes : (row, col) numbers, -1 for sky
-    names : of the part classes
-    window : the part of the field shown
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch

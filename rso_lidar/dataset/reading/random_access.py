@@ -349,12 +349,7 @@ _verified: dict[Path, tuple[str, int, int]] = {}  # hash, time of the last chang
 
 
 def _compare_with_hash(path: Path, record: ShardRecord) -> None:
-    """Raise `DatasetError` if a shard differs from its hash. A file is hashed again only after it has changed.
-
-    Parameters
-    ----------
-    path, record : of the shard
-    """
+    """Raise `DatasetError` if a shard differs from its hash. A file is hashed again only after it has changed."""
     try:
         status = path.stat()
         known = record.sha256, status.st_mtime_ns, status.st_size

@@ -45,7 +45,6 @@ def binned_figure(panels: Sequence[BinnedPanel], title: str, note: str = "") -> 
     Parameters
     ----------
     panels : what to draw; those with series of the same names share their colours
-    title, note : the heading
 
     Returns
     -------
@@ -133,7 +132,6 @@ def _write_counts(axes: Axes, middle: np.ndarray, frames: np.ndarray) -> None:
 
     Parameters
     ----------
-    axes : the panel
     middle : (bin) of the bins
     frames : (bin) how many frames each bin has
     """

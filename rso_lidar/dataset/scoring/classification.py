@@ -173,8 +173,6 @@ def _make_share(
 
     Parameters
     ----------
-    name, meaning : of the figure of merit
-    encounters : of the frames
     right : (frame) whether the frame is predicted correctly
     asked : (frame) which frames count
     is_compared : whether it is judged in comparisons
@@ -188,7 +186,6 @@ def _take_columns(encounters: EncounterIndex, right: np.ndarray, groups: Sequenc
 
     Parameters
     ----------
-    encounters : of the frames
     right : (frame) whether the frame is predicted correctly
     groups : masks (frame) of the groups
     """
@@ -201,7 +198,6 @@ def _bin_recall(truth: FrameTruth, right: np.ndarray, groups: dict[str, np.ndarr
 
     Parameters
     ----------
-    truth : of the frames
     right : (frame) whether the frame is predicted correctly
     groups : masks (frame) by name
     """
@@ -228,7 +224,6 @@ def _count_confusions(truth: FrameTruth, chosen: np.ndarray, asked: np.ndarray) 
 
     Parameters
     ----------
-    truth : of the frames
     chosen : (frame) predicted class
     asked : (frame) which frames count
     """

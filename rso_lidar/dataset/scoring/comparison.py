@@ -189,12 +189,9 @@ def _compare_one(
 
     Parameters
     ----------
-    merit : of the new algorithm
     old : statistic of the old one; None where there are several runs, for which there is no exact test
-    values : of the new and the old
     replicates : (replicate) values of a bootstrap of both, with the same draws
     margin : change that does not matter
-    level : of the test
     """
     sign = 1.0 if merit.better == HIGHER else -1.0
     difference = float(_subtract(np.array(values[0]), np.array(values[1])))
@@ -217,13 +214,7 @@ def _compare_one(
 
 
 def _judge(rows: list[Change], level: float) -> tuple[Change, ...]:
-    """Return changes with their verdicts after Holm's correction.
-
-    Parameters
-    ----------
-    rows : changes
-    level : probability of any wrong verdict in one direction
-    """
+    """Return changes with their verdicts after Holm's correction."""
     open_rows = [row for row in rows if row.verdict != UNKNOWN]
     worse = correct_by_holm(np.array([row.p_worse for row in open_rows]))
     better = correct_by_holm(np.array([row.p_better for row in open_rows]))

@@ -97,8 +97,6 @@ def _take_predictions(given: PredictionSource, number: int, dataset: Dataset) ->
     Parameters
     ----------
     given : a file, or columns
-    number : of the set
-    dataset : that is scored
     """
     if isinstance(given, Mapping):
         return check_predictions(given, dataset.classes, f"predictions {number + 1}")
@@ -122,11 +120,6 @@ def _find_limits(dataset: Dataset) -> PredictionLimits:
 
 def _sample_surfaces(dataset: Dataset, truth: FrameTruth) -> dict[int, ModelSurface]:
     """Sample the surface of each model of a split, from the first sample that has it.
-
-    Parameters
-    ----------
-    dataset : with its specification
-    truth : of the frames
 
     Returns
     -------

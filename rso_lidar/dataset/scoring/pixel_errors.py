@@ -59,7 +59,6 @@ def score_parts(truth: FrameTruth, counts: PartCounts, missing: np.ndarray) -> P
 
     Parameters
     ----------
-    truth : of the frames
     counts : of the pixels
     missing : (frame) frames without a prediction, whose pixels are all wrong
 
@@ -144,7 +143,6 @@ def score_ranges(truth: FrameTruth, errors: RangeErrors) -> PixelScores:
 
     Parameters
     ----------
-    truth : of the frames
     errors : of the pixels
 
     Returns

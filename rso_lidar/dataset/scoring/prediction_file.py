@@ -50,7 +50,6 @@ def read_columns(path: Path, most: PredictionLimits = _WIDEST_LIMITS) -> tuple[d
 
     Parameters
     ----------
-    path : of the file
     most : that the file may hold; more is refused before memory is taken for it
 
     Returns
@@ -189,7 +188,6 @@ def _check_rows(path: Path, name: str, rows: int, most: PredictionLimits) -> Non
 
     Parameters
     ----------
-    path, name : of the file, and of the column
     rows, most : its number of rows, and the greatest, see `PredictionLimits`
     """
     if rows > most.rows:
@@ -203,7 +201,6 @@ def _make_size_error(path: Path, name: str, most: PredictionLimits) -> DatasetEr
 
     Parameters
     ----------
-    path, name : of the file, and of the column
     most : see `PredictionLimits`
     """
     return DatasetError(
@@ -213,13 +210,7 @@ def _make_size_error(path: Path, name: str, most: PredictionLimits) -> DatasetEr
 
 
 def _split_vectors(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
-    """Split positions, quaternions and matrices of scores into columns.
-
-    Parameters
-    ----------
-    path : of the file, for messages
-    columns : arrays by name
-    """
+    """Split positions, quaternions and matrices of scores into columns."""
     made = dict(columns)
     for name, parts in _VECTORS.items():
         if name in made:

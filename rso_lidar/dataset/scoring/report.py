@@ -232,7 +232,6 @@ def write_html(card: Scorecard, comparison: Comparison | None = None, scheme: Sc
 
     Parameters
     ----------
-    card : the scorecard
     comparison : with another algorithm, if any
     scheme : of the page, `LIGHT` or `DARK`
     """
@@ -341,7 +340,6 @@ def _format_number(value: float, sign: bool = False, digits: int = 4) -> str:
     ----------
     value : the number; a hyphen for NaN
     sign : whether a plus is written
-    digits : significant ones
     """
     if np.isnan(value):
         return "-"

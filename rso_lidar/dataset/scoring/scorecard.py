@@ -211,9 +211,7 @@ def score_run(predictions: Predictions, rows: np.ndarray, benchmark: Benchmark) 
 
     Parameters
     ----------
-    predictions : what was predicted
     rows : (frame) row of the prediction of each frame of the truth, -1 where it is missing: a failure
-    benchmark : what they are scored against
 
     Returns
     -------
@@ -262,9 +260,7 @@ def _score_parts(predictions: Predictions, rows: np.ndarray, benchmark: Benchmar
 
     Parameters
     ----------
-    predictions : what was predicted
     rows : (frame) rows of the predictions
-    benchmark : what they are scored against
     """
     counts = PartCounts(len(benchmark.truth), benchmark.part_classes)
     for at, arrays in _read_blocks(benchmark, ("part_class_id", "range_m")):
@@ -284,9 +280,7 @@ def _score_ranges(predictions: Predictions, rows: np.ndarray, benchmark: Benchma
 
     Parameters
     ----------
-    predictions : what was predicted
     rows : (frame) rows of the predictions
-    benchmark : what they are scored against
     """
     errors = RangeErrors(len(benchmark.truth))
     names = tuple(name for name in ("oversampled_range_m", "oversampled_photons") if name in predictions.pixels)
@@ -299,13 +293,7 @@ def _score_ranges(predictions: Predictions, rows: np.ndarray, benchmark: Benchma
 
 
 def _read_blocks(benchmark: Benchmark, names: Sequence[str]) -> Any:
-    """Yield the numbers of some frames with arrays of them, a block at a time.
-
-    Parameters
-    ----------
-    benchmark : with the reader
-    names : of the arrays
-    """
+    """Yield the numbers of some frames with arrays of them, a block at a time."""
     if benchmark.pixels is None:
         raise DatasetError(f"{benchmark.split}: holds no {names[0]}; make the dataset with it")
     for start in range(0, len(benchmark.truth), _BLOCK):
@@ -320,10 +308,7 @@ def _take_pixels(
 
     Parameters
     ----------
-    predictions : what was predicted
-    name : of the array
     rows : (frame) rows of some frames, -1 where missing
-    shape : of one frame
     absent : value where missing
     """
     source = predictions.pixels[name]

@@ -44,13 +44,7 @@ class Constants:
 
 
 def write_constants(folder: Path, constants: Constants) -> None:
-    """Write the sensor file, and its hash before it.
-
-    Parameters
-    ----------
-    folder : of the dataset
-    constants : content of the file
-    """
+    """Write the sensor file, and its hash before it."""
     import h5py
 
     with write_atomically(folder / SENSOR_FILE, keep_suffix=False) as draft:
@@ -73,10 +67,6 @@ def write_constants(folder: Path, constants: Constants) -> None:
 
 def read_constants(folder: Path) -> Constants:
     """Read the sensor file.
-
-    Parameters
-    ----------
-    folder : of the dataset
 
     Raises
     ------

@@ -36,7 +36,6 @@ def write_shard(
     Parameters
     ----------
     path : of the file; an existing one is replaced
-    frames : in order
     variables : (frame) drawn numbers by name
     names : of all numbers that the dataset draws
     dataset : hash of the dataset that the shard belongs to
@@ -65,7 +64,6 @@ def _write_array(file: Any, name: str, entries: list[np.ndarray]) -> None:
     Parameters
     ----------
     file : open h5py file
-    name : of the array
     entries : (frame) its values
     """
     spec = describe_array(name)
@@ -90,7 +88,6 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = sys.maxsize) 
 
     Parameters
     ----------
-    path : of the file
     dataset : hash of the dataset that it must belong to; None for one that was checked before
     cache_bytes : of chunks, which are frames, that libhdf5 keeps for each array [bytes], at most 1 MiB
 
@@ -119,12 +116,7 @@ def open_shard(path: Path, dataset: str | None, cache_bytes: int = sys.maxsize) 
 
 
 def list_drafts(folder: Path) -> list[Path]:
-    """List the temporary files of shards that running or killed runs have left in the folder of a dataset.
-
-    Parameters
-    ----------
-    folder : of the dataset
-    """
+    """List the temporary files of shards that running or killed runs have left in the folder of a dataset."""
     # .part.h5 is the name that earlier versions gave them
     return sorted(
         draft

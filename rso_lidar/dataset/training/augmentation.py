@@ -270,7 +270,6 @@ def turn_frame(frame: dict[str, np.ndarray], turns: int) -> dict[str, np.ndarray
 
     Parameters
     ----------
-    frame : of a square array
     turns : number of quarter turns
 
     Returns
@@ -302,12 +301,7 @@ def turn_frame(frame: dict[str, np.ndarray], turns: int) -> dict[str, np.ndarray
 
 
 def mirror_frame(frame: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Mirror a frame from left to right.
-
-    Parameters
-    ----------
-    frame : without an attitude
-    """
+    """Mirror a frame from left to right."""
     mirrored = dict(frame)
     for name in IMAGES:
         if name in frame:

@@ -127,7 +127,6 @@ class FrameDataset:
 
         Parameters
         ----------
-        frame : frame of the shard
         index : its index, with the epoch if that is known
         """
         if self.augmentations:
@@ -145,7 +144,6 @@ class FrameDataset:
 
         Parameters
         ----------
-        frame, change : what was returned, and what returned it
         place : of the change, such as `transforms[0]`
         """
         if not isinstance(frame, dict):
@@ -164,7 +162,6 @@ def _list_changes(changes: Any, place: str) -> tuple[Any, ...]:
 
     Parameters
     ----------
-    changes : what the user gave
     place : name of the argument, such as `transforms`
     """
     if callable(changes) or not isinstance(changes, Iterable):

@@ -212,10 +212,7 @@ def save_view(
 
     Parameters
     ----------
-    frames : a recording, or some of its frames
     path : of the picture; PNG, PDF or SVG by the suffix
-    shapes : true meshes whose edges are drawn
-    colour : what the colour of the cloud means
     scheme : `LIGHT` or `DARK`
 
     Returns
@@ -241,9 +238,6 @@ def play(
 
     Parameters
     ----------
-    frames : a recording, or some of its frames
-    shapes : true meshes whose edges are drawn
-    colour : what the colour of the cloud means
     scheme : `LIGHT` or `DARK`
     """
     import matplotlib

@@ -42,9 +42,7 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
 
     Parameters
     ----------
-    path : of the folder
     frames : written one at a time as they come
-    overwrite : replace an older export once the new one is complete
     """
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -148,8 +146,6 @@ def _write_images(place: Path, scene: Path, frame: Frame) -> float:
 
     Parameters
     ----------
-    place : of the output, for messages
-    scene : folder of the scene
     frame : to be written; false triggers beyond the range of the scale are left out
 
     Returns
@@ -172,7 +168,6 @@ def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
 
     Parameters
     ----------
-    folder : of the output
     frame : the first one, for its numbers of rows and columns
     camera : (3, 3) matrix [pixels]
     """
@@ -193,7 +188,6 @@ def _describe_camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> di
 
     Parameters
     ----------
-    frame : of the image
     camera : (3, 3) matrix [pixels]
     depth_scale : [mm per count]
     """
@@ -201,14 +195,7 @@ def _describe_camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> di
 
 
 def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Write the masks of the targets of a frame, and describe their poses and visible areas.
-
-    Parameters
-    ----------
-    place : of the output, for messages
-    scene : folder of the scene
-    frame : to be described
-    """
+    """Write the masks of the targets of a frame, and describe their poses and visible areas."""
     poses, infos = [], []
     seen = compute_lidar_poses(frame.truth.poses)
     here = [(number, target.name) for number, target in enumerate(frame.source.targets) if target.name in seen]
@@ -282,6 +269,5 @@ def _write_entry(stream: TextIO, key: str, value: Any) -> None:
     Parameters
     ----------
     stream : with what was written so far
-    key, value : of the entry
     """
     stream.write(f"{',' if stream.tell() > 1 else ''}\n{json.dumps(key)}: {json.dumps(value)}")

@@ -23,9 +23,7 @@ def write_rosbag2(path: str | os.PathLike[str], frames: Iterable[Frame], *, over
 
     Parameters
     ----------
-    path : of the folder
     frames : written one at a time as they come
-    overwrite : replace an older export once the new one is complete
     """
     place = check_export_folder(path, overwrite=overwrite)
     check_mcap(place)

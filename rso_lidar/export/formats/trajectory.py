@@ -42,11 +42,9 @@ def write_tum(
 
     Parameters
     ----------
-    path : of the file
     frames : from `simulate` or `open`
     target : name of the target or of any axes; optional if there is one target
     lidar_in_target : write the lidar's poses in the target's axes instead
-    overwrite : replace an older file
     """
     with _open_text(path, frames, overwrite) as (file, source, courses):
         name, a, b = _resolve_axes(source, target, lidar_in_target)
@@ -75,11 +73,9 @@ def write_kitti(
 
     Parameters
     ----------
-    path : of the file
     frames : from `simulate` or `open`
     target : name of the target or of any axes; optional if there is one target
     lidar_in_target : write the lidar's poses in the target's axes instead
-    overwrite : replace an older file
     """
     with _open_text(path, frames, overwrite) as (file, source, courses):
         name, a, b = _resolve_axes(source, target, lidar_in_target)
@@ -102,11 +98,9 @@ def write_csv(
 
     Parameters
     ----------
-    path : of the file
     frames : from `simulate` or `open`
     sensor : name of a sensor whose samples are written instead, one row per sample
     utc : formats times [s since start_utc] as UTC text; without it, a leap second during the run is not counted
-    overwrite : replace an older file
     """
     place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
@@ -151,7 +145,6 @@ def _tabulate(
 
     Parameters
     ----------
-    place : of the output, for messages
     frames, source : what is written, and its source
     sensor : name of the sensor (None: the truth)
     utc : formats times as text (None: without leap seconds)
@@ -208,8 +201,6 @@ def _open_text(
 
     Parameters
     ----------
-    path : of the output
-    frames : consumed in batches
     overwrite : whether an existing file may be replaced
     """
     place = check_writable(path, overwrite=overwrite)
@@ -230,7 +221,6 @@ def _resolve_axes(source: Source, target: str | None, lidar_in_target: bool) -> 
 
     Parameters
     ----------
-    source : of the frames, with the names of the targets
     target : name given by the user; None for the only target
     lidar_in_target : whether to write target_from_lidar instead of lidar_from_target
     """
@@ -248,8 +238,6 @@ def _compute_poses(truth: Truth, name: str, a: str, b: str) -> tuple[np.ndarray,
 
     Parameters
     ----------
-    truth : a batch of epochs
-    name : given by the user, for the message
     a, b : names of the axes
     """
     known = list(truth.poses)

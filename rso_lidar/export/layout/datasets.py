@@ -119,7 +119,6 @@ def list_variables(frame: Frame, capacities: sensor_samples.Capacities | None = 
 
     Parameters
     ----------
-    frame : any frame of the recording
     capacities : samples of each sensor for which an entry has room (None: as the frame needs)
     """
     room = sensor_samples.grow_capacities(frame.observation.sensors, capacities or {})

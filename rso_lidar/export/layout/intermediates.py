@@ -114,8 +114,6 @@ def restore_record(group: str, entries: Mapping[str, np.ndarray], constants: Map
 
     Parameters
     ----------
-    group : name of the record
-    entries : arrays of one frame, by name in the record
     constants : numbers that hold for all frames, by name
     """
     if group != "waveforms":

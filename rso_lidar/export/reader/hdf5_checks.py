@@ -138,7 +138,6 @@ def check_heaps(path: Path, *, is_growing: bool = False) -> None:
 
     Parameters
     ----------
-    path : of the file
     is_growing : whether a writer may be extending it. Metadata that it is replacing are read again
     """
     status = path.stat()
@@ -159,9 +158,7 @@ def _walk_heaps(path: Path, _stamp: tuple[int, int, int], as_closed: bool) -> No
 
     Parameters
     ----------
-    path : of the file
     _stamp : (time of its last change [ns], size [bytes], inode), the key of the cache
-    as_closed : open it also while a writer has it open
     """
     import h5py
 

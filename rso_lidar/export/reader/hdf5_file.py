@@ -26,7 +26,6 @@ def open_hdf5(path: Path, *, swmr: bool) -> Any:
 
     Parameters
     ----------
-    path : of the file
     swmr : whether a writer may be extending it
 
     Raises

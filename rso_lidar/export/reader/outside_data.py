@@ -57,7 +57,6 @@ def _find_other_file(group: Any, name: str) -> str:
     Parameters
     ----------
     group : of h5py
-    name : of the object in it
     """
     link = group.get(name, getlink=True)
     if hasattr(link, "filename"):

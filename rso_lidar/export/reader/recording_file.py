@@ -260,8 +260,6 @@ def _reopen(kind: type[RecordingFile], path: Path, count: int) -> RecordingFile:
 
     Parameters
     ----------
-    kind : class of the recording
-    path : of the file
     count : number of frames
 
     Raises
@@ -279,13 +277,7 @@ def _reopen(kind: type[RecordingFile], path: Path, count: int) -> RecordingFile:
 
 
 def _extract_between(start: str, text: str, end: str) -> str:
-    """Return the text between a prefix and a suffix, or an empty text where either is missing.
-
-    Parameters
-    ----------
-    start, end : the prefix and the suffix
-    text : to extract from
-    """
+    """Return the text between a prefix and a suffix, or an empty text where either is missing."""
     return text[len(start) : -len(end)] if text.startswith(start) and text.endswith(end) else ""
 
 

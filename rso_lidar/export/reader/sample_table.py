@@ -21,7 +21,6 @@ def read_samples(frames: Iterable[Frame], sensor: str) -> SensorSamples:
     Parameters
     ----------
     frames : from `simulate` or `open`, at least one
-    sensor : name of the sensor
 
     Raises
     ------
@@ -48,7 +47,6 @@ def tabulate_samples(samples: SensorSamples, utc: np.ndarray) -> dict[str, np.nd
 
     Parameters
     ----------
-    samples : of one sensor
     utc : the instants at which they hold, as text (sample)
 
     Returns

@@ -81,14 +81,7 @@ class SensorSeries(Mapping[str, SensorSamples]):
         return self._make(name, {field: rows[f"{group}/{field}"][:count] for field in fields}, count)
 
     def _make(self, name: str, entries: Mapping[str, np.ndarray], count: int) -> SensorSamples:
-        """Make the record of samples, after checking how many there are.
-
-        Parameters
-        ----------
-        name : of the sensor
-        entries : samples by field, without padding
-        count : of the samples, as counted in the file
-        """
+        """Make the record of samples, after checking how many there are."""
         path = f"{GROUP}/{name}"
         with self._recording.watched(path):
             if any(len(values) != count for values in entries.values()):

@@ -83,8 +83,6 @@ def _read_file_status(output: Path, file: Path, *, running: bool) -> RecordingSt
 
     Parameters
     ----------
-    output : final name of the recording
-    file : the file, final or temporary
     running : whether a process writes it
     """
     complete = file == output

@@ -90,8 +90,6 @@ class ChunkWriter:
 
         Parameters
         ----------
-        path : of the dataset
-        chunk : encoded bytes
         place : number of the frame
         """
         dataset, shape, corner = self._datasets[path]

@@ -139,7 +139,6 @@ def _end_run(tokens: np.ndarray, found: int, value: int, run: int) -> int:
     ----------
     tokens : written in place
     found : number of tokens so far
-    value : of the bytes
     run : number of bytes that remain
 
     Returns
@@ -242,8 +241,6 @@ def _put(out: np.ndarray, state: np.ndarray, value: int, width: int) -> None:
 
     Parameters
     ----------
-    out : receives the bytes
-    state : place of the next byte, pending bits, and their number
     value : non-negative, with `width` bits
     width : number of bits
     """
@@ -260,8 +257,6 @@ def put_block(out: np.ndarray, state: np.ndarray, tokens: np.ndarray, head: int)
 
     Parameters
     ----------
-    out : receives the bytes
-    state : place of the next byte, pending bits, and their number
     tokens : literals and matches (token)
     head : first three bits of the block: whether it is the last, and its type
     """

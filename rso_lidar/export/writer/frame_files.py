@@ -33,11 +33,7 @@ def write_frame_files(
 
     Parameters
     ----------
-    path : of the folder
     frames : written one at a time as they come
-    kind : name of the format, and suffix of the files
-    content : encodes a frame
-    overwrite : replace an older export once the new one is complete
     """
     place = check_export_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -71,9 +67,7 @@ def write_new_file(place: Path, file: Path, content: bytes) -> None:
 
     Parameters
     ----------
-    place : of the output, for the message
     file : to write; its name begins with the number of its frame
-    content : of the file
 
     Raises
     ------
@@ -89,14 +83,7 @@ def write_new_file(place: Path, file: Path, content: bytes) -> None:
 
 
 def write_source(folder: Path, source: Source, kind: str) -> None:
-    """Write source.json: the origin of the frames in a folder, and their axes.
-
-    Parameters
-    ----------
-    folder : of the output
-    source : of the frames
-    kind : name of the format
-    """
+    """Write source.json: the origin of the frames in a folder, and their axes."""
     content = {
         "format": kind,
         "rso_lidar_version": source.versions.get("rso_lidar", "unknown"),

@@ -20,7 +20,6 @@ def write_hdf5(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
 
     Parameters
     ----------
-    path : of the recording
     frames : written as they come
     overwrite : whether an older recording may be replaced
     """

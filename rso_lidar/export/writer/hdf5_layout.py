@@ -35,8 +35,6 @@ def lay_out(
     Parameters
     ----------
     file : empty h5py file
-    source : of the frames
-    frame : any frame of the recording
     changing_lens : store a table of lines of sight that grows, and the number of each frame's in /lens
     capacities : samples of each sensor for which there is room in a frame (None: as this frame needs)
     """
@@ -76,7 +74,6 @@ def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], chan
     Parameters
     ----------
     file : empty h5py file
-    frame : the first one
     scales : dimension scales by name; a scale is added if the lens changes
     changing : whether the lens changes
     """
@@ -98,14 +95,7 @@ def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], chan
 
 
 def _make_own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]) -> dict[str, Any]:
-    """Create the scales of dimensions that only the dataset's group has, such as the samples of waveforms.
-
-    Parameters
-    ----------
-    dataset : of the variable
-    variable : with its dimensions
-    scales : those of the whole file
-    """
+    """Create the scales of dimensions that only the dataset's group has, such as the samples of waveforms."""
     sizes = zip(variable.spec.dims, variable.shape, strict=True)
     group = dataset.parent
     common = ("xyz", "quaternion") if is_series(variable.path) else scales  # others of a sensor are its own
@@ -120,8 +110,6 @@ def _make_scale(group: Any, dim: str, size: int) -> Any:
     Parameters
     ----------
     group : that it belongs to
-    dim : name of the dimension
-    size : of the dimension
     """
     made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", compression="gzip", fletcher32=True)
     _write_attributes(made, {"units": "1", "long_name": get_scale_meaning(made.name.strip("/"))})
@@ -135,8 +123,6 @@ def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) 
     Parameters
     ----------
     file : h5py file
-    variable : shape, dtype, chunks and fill value
-    attributes : to write
     """
     made = file.create_dataset(
         variable.path,
@@ -163,8 +149,6 @@ def _attach_scales(dataset: Any, dims: tuple[str, ...], scales: Mapping[str, Any
     Parameters
     ----------
     dataset : of h5py
-    dims : names of its dimensions
-    scales : by name
     """
     for axis, dim in enumerate(dims):
         dataset.dims[axis].attach_scale(scales[dim])

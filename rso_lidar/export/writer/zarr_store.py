@@ -42,9 +42,7 @@ def write_zarr(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
 
     Parameters
     ----------
-    path : of the store, a folder
     frames : written as they come
-    overwrite : replace an older export once the new one is complete
     """
     zarr = _import_zarr(path)
     place = check_export_folder(path, overwrite=overwrite)
@@ -159,10 +157,7 @@ class ZarrWriter:
 
         Parameters
         ----------
-        path : in the store
         shape, chunk, shard : sizes along its dimensions; without shard, each chunk is a file
-        stated : its dtype, fill value and dimension names
-        attributes : to write
         """
         *groups, name = path.split("/")
         place = self._root
@@ -242,7 +237,6 @@ class ZarrWriter:
 
         Parameters
         ----------
-        name : path of the array
         count : number of samples
         """
         variable = self._variables[name]

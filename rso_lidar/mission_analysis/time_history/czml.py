@@ -87,9 +87,7 @@ def build_packets(
 
     Parameters
     ----------
-    title : of the document
     time_s : times (time) [s since start_utc]
-    bodies : to be shown, one or more
     start_utc, end_utc : start of `time_s`, and time of the last sample, as ISO UTC text
     lines : (name, name) of two bodies that a thin line joins, such as the follower and its target
     beams : lines that end in space
@@ -175,7 +173,6 @@ def _check_document(
     Parameters
     ----------
     time_s : (time) instants [s]
-    bodies, names : the bodies and their names
     lines : pairs of names that lines join
     beams : with the name of the body that each starts from
     """
@@ -208,7 +205,6 @@ def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
     ----------
     at_s : (time) instants [s]
     values : (time, n)
-    digits : decimal places to keep
     """
     if at_s.size == 1:
         return [round(float(value), digits) for value in values[0]]
@@ -224,7 +220,6 @@ def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int 
     at_s : (time) instants [s]
     position_m : (time, 3) in GCRS axes [m]
     epoch : ISO 8601 text of the start
-    degree : of the interpolating polynomial
     """
     return {
         "interpolationAlgorithm": "LAGRANGE" if degree > 1 else "LINEAR",
@@ -259,9 +254,6 @@ def _line(name: str, a: str, b: str, span: str, rgba: tuple[int, ...], width: in
 
     Parameters
     ----------
-    name : of the line
-    a, b : names of the bodies
-    span : interval of time in which it is shown
     rgba : colour, 0 to 255
     width : [pixels]
     """

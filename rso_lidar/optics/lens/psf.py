@@ -216,11 +216,7 @@ def pixel_shares(
 
     Parameters
     ----------
-    psf : the point spread function
-    pitch_m : pixel pitch
     sub : sub-cells along each side of a pixel
-    wavelength_m : wavelength of the light
-    f_number : focal length over aperture
     field_rad : angle from the axis; only a `FieldDependentPsf` depends on it
     azimuth_rad : direction of the field point, atan2(y, x) in lidar axes (x right, y down)
     reach : pixels to each side
@@ -252,10 +248,8 @@ def find_reach(
 
     Parameters
     ----------
-    psf : the point spread function
     pitch_m : pixel pitch [m]
     wavelength_m : wavelength of the light [m]
-    f_number : focal length over aperture
     field_rad, azimuth_rad : field angle and direction, as in `pixel_shares`
     missed : share of the light that may land farther
 
@@ -356,14 +350,7 @@ def _within(
 
 
 def _hats(psf: AnyPsf, at: HatGrid, field_rad: float, azimuth_rad: float) -> np.ndarray:
-    """Return the hat weights (row, col) at a field angle and azimuth.
-
-    Parameters
-    ----------
-    psf : the point spread function
-    at : the grid of the result
-    field_rad, azimuth_rad : field angle and direction
-    """
+    """Return the hat weights (row, col) at a field angle and azimuth."""
     if not isinstance(psf, FieldDependentPsf):
         return psf.hats(at)
     # Towards the top is azimuth -90°, y being down.

@@ -173,11 +173,6 @@ class AdaptiveSampling:
 def _plan_cells(receiver: Receiver, laser: Laser, extent: Extent) -> tuple[np.ndarray, np.ndarray]:
     """Plan the cells of the first round.
 
-    Parameters
-    ----------
-    receiver, laser : the instrument
-    extent : where targets are
-
     Returns
     -------
     Bounds (target, low_high, row_col) of the targets, where the beam may light them, in coarse cells; and the level of each
@@ -201,7 +196,6 @@ def _reach(laser: Laser, receiver: Receiver, fineness: int) -> float:
 
     Parameters
     ----------
-    laser, receiver : the instrument
     fineness : cells along the side of a coarse cell
     """
     if laser.footprint == "gaussian":
@@ -225,7 +219,6 @@ def _find_contour_images(receiver: Receiver, laser: Laser, contours: Contours) -
 
     Parameters
     ----------
-    receiver, laser : the instrument
     contours : contours in the tangent plane
 
     Returns

@@ -57,7 +57,6 @@ def _clip_to_square(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: 
     Parameters
     ----------
     x, y, half_cell : (cell) middle and half the side, in the tangent plane
-    reach : half the side of the footprint
     """
     (left, right), (top, bottom) = (
         (np.maximum(v - half_cell, -reach), np.minimum(v + half_cell, reach)) for v in (x, y)
@@ -72,7 +71,6 @@ def _clip_to_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: 
     Parameters
     ----------
     x, y, half_cell : (cell) middle and half the side, in the tangent plane
-    reach : radius of the footprint
     """
     radius, half_diagonal = np.hypot(x, y), math.sqrt(2.0) * half_cell
     share = (radius < reach).astype(float)

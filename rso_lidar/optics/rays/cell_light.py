@@ -39,7 +39,6 @@ def estimate_variance(
 
     Parameters
     ----------
-    root, first_row, first_col, nodes : the trees
     chosen : numbers of the cells
     light : (node) photons that a whole pixel would get, if all of it were as bright as the cell's ray
     is_hit : (node) whether the cell's ray meets a target
@@ -99,7 +98,6 @@ def mark_crossed(
 
     Parameters
     ----------
-    root, first_row, first_col, nodes : the trees
     ends : (contour, 4) column and row of the first end, then of the second, on the focal plane [pixels]
     steps : (contour) photons in a whole pixel; negative for one that counts everywhere
     is_active : (contour), whether to follow it; written: whether it crosses a leaf where it counts
@@ -159,8 +157,6 @@ def clip_line(start: float, by: float, high: float, begin: float, end: float) ->
 
     Parameters
     ----------
-    start, by : coordinate of the line's start, and how much it changes over the line
-    high : the upper bound
     begin, end : part of the line so far; begin > end for none
     """
     if by == 0.0:
@@ -187,10 +183,7 @@ def enter_children(
 
     Parameters
     ----------
-    nodes, node : table of nodes, and a divided node
     x, y, across, along : start of the contour, and its way to the end [coarse cells]
-    enter, leave : the part of the contour in the node
-    stack, part, count : nodes to visit, the part of the contour in each, and their number so far
     """
     side = SIDES[nodes[node, LEVEL] + 1]
     left, top = 3 * nodes[node, COL], 3 * nodes[node, ROW]
@@ -226,7 +219,6 @@ def settle_variance(
 
     Parameters
     ----------
-    nodes : table of nodes
     chosen : numbers of the cells
     k : coarse cells along each side of a pixel
     least_step, step : (node) as `mark_crossed` leaves them
@@ -249,7 +241,6 @@ def sum_pixels(
 
     Parameters
     ----------
-    nodes, leaves : table of nodes, and the leaves pixel by pixel
     light, variance : (node) photons in a whole pixel as bright as the cell, and variance of the cell's photons
     k : coarse cells along each side of a pixel
     n_cols : columns of pixels

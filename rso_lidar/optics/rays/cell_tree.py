@@ -149,7 +149,6 @@ def insert_cell(
     Parameters
     ----------
     root, top, left : the window of coarse cells; new roots are written
-    nodes, n : table of nodes with room for more, and how many there are
     level, row, col : the cell
 
     Returns
@@ -186,7 +185,6 @@ def add_children(nodes: np.ndarray, node: int, first: int, state: int) -> None:
     nodes : table of nodes, written
     node : the node that is divided
     first : number of the first child
-    state : of the children, LEAF or ABSENT
     """
     nodes[node, CHILD] = first
     for j in range(9):
@@ -220,7 +218,6 @@ def divide_cells(nodes: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    nodes : table of nodes
     chosen : numbers of the leaves. The children of leaf i begin at ``len(nodes) + 9 * i``
     """
     n = len(nodes)
@@ -237,7 +234,6 @@ def list_leaves(root: np.ndarray, nodes: np.ndarray, k: int) -> np.ndarray:
 
     Parameters
     ----------
-    root, nodes : the trees
     k : coarse cells along each side of a pixel
     """
     leaves, n = np.empty(len(nodes), np.int32), 0
@@ -273,7 +269,6 @@ def place_rays(nodes: np.ndarray, chosen: np.ndarray, k: int, n_cols: int) -> tu
 
     Parameters
     ----------
-    nodes : table of nodes
     chosen : numbers of the cells
     k : coarse cells along each side of a pixel
     n_cols : columns of pixels
@@ -297,7 +292,6 @@ def find_leaf(
 
     Parameters
     ----------
-    root, first_row, first_col, nodes : the trees
     level, row, col : the cell, which need not exist
     """
     # In floats, which divide faster than integers; halves keep the quotients away from whole numbers.

@@ -34,7 +34,6 @@ def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarr
 
     Parameters
     ----------
-    receiver : the lens and the focal plane
     extent : bounds of the targets in the tangent plane
     reach : what lies farther from the boresight, in the tangent plane, does not count
     """
@@ -119,7 +118,6 @@ def _middles(receiver: Receiver, first: int, last: int) -> tuple[np.ndarray, np.
 
     Parameters
     ----------
-    receiver : gives the grid
     first, last : first row of pixels and one past the last
     """
     k = receiver.rays_per_side
@@ -189,7 +187,6 @@ def _bend_outlines(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) 
     ----------
     corners : (corner, right_down) of all outlines
     starts : first corner of each outline, and the number of corners last
-    receiver : a receiver with distortion
 
     Returns
     -------

@@ -64,12 +64,10 @@ def cover(
     Parameters
     ----------
     block : (row, col) i2, parts of cells, written to
-    value : what to write
     origin : row and column of the block's first part
     rows, cols : first part and one past the last that may be written
     grid : parts along each side of a cell
     corners, starts, off : outlines, as in `cells.Outlines`
-    first, last : first outline and one past the last
     """
     height = max(0, rows[1] - rows[0])
     left, right = np.full(height, np.inf), np.full(height, -np.inf)

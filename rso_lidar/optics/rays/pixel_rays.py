@@ -68,7 +68,6 @@ def _rays(
 
     Parameters
     ----------
-    receiver : the lens and the focal plane
     owner, first_row, first_col, single : as `coverage.find_owners` returns them
     blocks, marks : as `coverage.mark_parts` returns them
 

@@ -58,10 +58,6 @@ def blur_light(hits: Hits, light: Light, receiver: Receiver, wavelength_m: float
     Parameters
     ----------
     hits : the hits that send the light
-    light : light before the lens, one return for each lit hit, ordered by pixel
-    receiver : a receiver with a PSF
-    wavelength_m : of the laser
-    pulse_fwhm_s : full width of the pulse at half maximum
 
     Returns
     -------
@@ -113,8 +109,6 @@ def blur_sunlight(hits: Hits, rate_per_s: np.ndarray, receiver: Receiver, wavele
     ----------
     hits : the hits that send the light
     rate_per_s : (hit) photons per second of each
-    receiver : a receiver with a PSF
-    wavelength_m : of the laser, in whose band the sunlight is
 
     Returns
     -------
@@ -141,8 +135,6 @@ def blur_steady_light(
     pixel, rate_per_s : (source) pixel, and photons per second
     place : (source) where in its pixel each source is, from the upper edge and from the left one [pixels]
     side : sub-cells along each side of a pixel
-    receiver : a receiver with a PSF
-    wavelength_m : of the light
 
     Returns
     -------
@@ -169,8 +161,6 @@ def blur_variance(variance: np.ndarray | None, receiver: Receiver, wavelength_m:
     Parameters
     ----------
     variance : (row, col) before the lens; None if unknown
-    receiver : with or without a PSF
-    wavelength_m : of the laser
     """
     if variance is None or receiver.psf is None:
         return variance
@@ -277,7 +267,6 @@ def spread_far_light(
     sources : light that leaves its pixels
     place : (source) where it is to be placed, down and across from the middle of its pixel [pixels]
     far : (row, col) kernel, of sum 1
-    receiver : gives the shape of the focal plane
     slab_s : width of a slab of delay [s]
 
     Returns
@@ -311,8 +300,6 @@ def zone_shares(receiver: Receiver, wavelength_m: float, side: int, zone: int) -
 
     Parameters
     ----------
-    receiver : a receiver with a PSF
-    wavelength_m : of the laser
     side : sub-cells along each side of a pixel
     zone : number of the zone; 0 where the PSF is the same over the field
     """
@@ -329,10 +316,7 @@ def _shares(receiver: Receiver, wavelength_m: float, side: int, field_rad: float
 
     Parameters
     ----------
-    receiver : a receiver with a PSF
-    wavelength_m : of the laser
     side : sub-cells along each side of a pixel
-    field_rad, azimuth_rad : angle from the axis, and its direction
 
     Returns
     -------

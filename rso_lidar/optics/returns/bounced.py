@@ -30,11 +30,9 @@ def add_bounced_light(
 
     Parameters
     ----------
-    light : light of the hits, ordered by pixel
     direct : (hit) photons of each hit, lit or not
     hits : first facets that rays meet
     bounces : paths from these hits to second points
-    laser, receiver : the instrument
 
     Returns
     -------
@@ -103,7 +101,6 @@ def _irradiance(point: np.ndarray, laser: Laser) -> tuple[np.ndarray, np.ndarray
     Parameters
     ----------
     point : (path, xyz) in lidar axes [m]
-    laser : the laser, in the lens or beside it
     """
     x, y, z = (point - np.asarray(laser.offset_m)).T
     distance_m = np.sqrt(x * x + y * y + z * z)
@@ -119,7 +116,6 @@ def _find_pixels(direction: np.ndarray, receiver: Receiver) -> np.ndarray:
     Parameters
     ----------
     direction : unit vectors in lidar axes
-    receiver : the lens and the focal plane
     """
     pixel = np.full(len(direction), -1, np.int64)
     x, y, z = direction.T
@@ -173,10 +169,7 @@ def _depth_spread_s(hits: Hits, at: np.ndarray, share: float, receiver: Receiver
 
     Parameters
     ----------
-    hits : the hits
     at : (path) the hit that sends the light
-    share : of a pixel's area
-    receiver : gives the pixel's field of view
     """
     cosine = np.maximum(hits.cos_incidence[at], _LEAST_COSINE)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine

@@ -72,7 +72,6 @@ def _join_hits(hits: Sequence[Hits], shares: np.ndarray) -> tuple[Hits, list[np.
 
     Parameters
     ----------
-    hits : of each epoch
     shares : (epoch) share of the pulses
 
     Returns
@@ -94,7 +93,6 @@ def _join_rays(rays: Sequence[Rays], shares: np.ndarray) -> tuple[Rays, list[np.
 
     Parameters
     ----------
-    rays : of each epoch
     shares : (epoch) share of the pulses
     """
     order = np.argsort(np.concatenate([one.pixel for one in rays]), kind="stable")
@@ -108,8 +106,6 @@ def _join_arrays(records: Sequence[Record], dim: str, order: np.ndarray) -> dict
 
     Parameters
     ----------
-    records : of each epoch, of one class
-    dim : name of the dimension, the first of the arrays
     order : of the joined rows
     """
     joined: dict[str, Any] = {}
@@ -134,7 +130,6 @@ def _join_photons(
 
     Parameters
     ----------
-    photons : of each epoch
     shares : (epoch) share of the pulses
     pulse_epoch : (pulse) epoch of each pulse
     hit_number : (epoch) of (hit), new numbers of the hits

@@ -61,9 +61,7 @@ def add_between_pixels(image: np.ndarray, row: int, col: int, down: float, acros
     Parameters
     ----------
     image : (row, col), added to
-    row, col : a pixel
     down, across : the place, from the middle of that pixel [pixels]
-    value : the light
     """
     top, left = math.floor(down), math.floor(across)
     y, x = down - top, across - left
@@ -101,7 +99,6 @@ def group_by_delay(pixel: np.ndarray, delay_s: np.ndarray, bin_s: float) -> tupl
     ----------
     pixel : (return), never falling
     delay_s : (return)
-    bin_s : width of a bin
 
     Returns
     -------
@@ -162,7 +159,6 @@ def spread_groups(
     order, starts : groups, as `group_by_delay` returns them
     place : (hit) where in its pixel each hit's ray goes through, from the upper edge and from the left one
     zone : (zone) index in `shares` of each zone of the field
-    zones : zones along each side of the focal plane
     shares : (index, sub-cell, offset) of a ray's light, by where it lands
     beyond : (index, sub-cell, 3) what lands beyond the offsets: its share, and where it is to be placed times that share
     n_rows, n_cols : pixels of the focal plane

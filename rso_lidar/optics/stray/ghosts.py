@@ -34,8 +34,6 @@ def add_ghosts(photons: Photons, receiver: Receiver, pulses: int = 1) -> Photons
 
     Parameters
     ----------
-    photons : light behind the lens, of one pulse
-    receiver : the receiver with its ghosts
     pulses : number of pulses of the frame
 
     Returns
@@ -69,14 +67,7 @@ def add_ghosts(photons: Photons, receiver: Receiver, pulses: int = 1) -> Photons
 
 
 def copy_image(image: np.ndarray, ghost: Ghost, receiver: Receiver) -> np.ndarray:
-    """Return the ghost (row, col) of an image (row, col) of steady light, in the unit of the image.
-
-    Parameters
-    ----------
-    image : light on the focal plane
-    ghost : one of the receiver's ghosts
-    receiver : gives the focal plane
-    """
+    """Return the ghost (row, col) of an image (row, col) of steady light, in the unit of the image."""
     kernel, shift = _kernel(ghost, receiver)
     return ghost.fraction * _displace(image[::-1, ::-1] if ghost.is_turned else image, kernel, shift)
 
@@ -86,7 +77,6 @@ def _merge_by_slab(light: Light, slab_s: float, n_pixels: int) -> tuple[Light, n
 
     Parameters
     ----------
-    light : returns, ordered by pixel
     slab_s : width of a slab of delay [s]
     n_pixels : number of pixels
     """
@@ -120,10 +110,7 @@ def _copy_light(sources: Light, slab: np.ndarray, ghost: Ghost, receiver: Receiv
 
     Parameters
     ----------
-    sources : light to copy, merged by pixel and slab
     slab : (return) slab of delay of each
-    ghost : the ghost
-    receiver : gives the focal plane
     least : photons of the faintest return that is made
     """
     kernel, shift = _kernel(ghost, receiver)
@@ -160,7 +147,6 @@ def _find_sources(
 
     Parameters
     ----------
-    sources : copied light, one return for each pixel
     pixel : pixels on which the copy lands
     is_turned : whether the copy is turned by 180 degrees
     shift : of the copy, down and right [pixels]
@@ -178,13 +164,7 @@ def _find_sources(
 
 
 def _kernel(ghost: Ghost, receiver: Receiver) -> tuple[np.ndarray, tuple[float, float]]:
-    """Return the kernel of a ghost, and its shift down and right [pixels], of which it contains the part below a pixel.
-
-    Parameters
-    ----------
-    ghost : the ghost
-    receiver : gives the focal plane
-    """
+    """Return the kernel of a ghost, and its shift down and right [pixels], of which it contains the part below a pixel."""
     shift = ghost.shift_pixels(receiver.shape)
     part = shift[0] - math.floor(shift[0]), shift[1] - math.floor(shift[1])
     return _disc_kernel(ghost.defocus_um / receiver.pixel_pitch_um, *part), shift

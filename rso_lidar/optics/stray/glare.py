@@ -107,8 +107,6 @@ def veil(sky: Sky, receiver: Receiver, hidden: np.ndarray | None = None) -> np.n
 
     Parameters
     ----------
-    sky : the bodies
-    receiver : the lens with its glare
     hidden : (element) elements that targets hide from the lens; None for none
     """
     glare = receiver.glare
@@ -187,7 +185,6 @@ def sum_scatter(
     toward : (element, xy) direction cosines β₀ of the elements
     strength : (element) light E on the aperture
     blur : (element) a²/2
-    peak, knee, slope : b₀, L and s of the scatter
 
     Returns
     -------
@@ -236,9 +233,7 @@ def _image_sky(bodies: SkyBodies, wanted: tuple[int, ...], receiver: Receiver) -
 
     Parameters
     ----------
-    bodies : where they are
     wanted : numbers of the bodies whose light is included
-    receiver : the lens and the focal plane
     """
     image = np.zeros(receiver.n_rows * receiver.n_cols)
     reach = 0.71 * receiver.ifov_rad * (1.0 + math.hypot(*receiver.field_edge))
@@ -265,10 +260,7 @@ def _gather(bodies: SkyBodies, body: int, pixel: np.ndarray, per_side: int, rece
 
     Parameters
     ----------
-    bodies, body : the bodies, and which of them
     pixel : pixels to compute
-    per_side : points along a pixel's side
-    receiver : the lens and the focal plane
     """
     total = np.zeros(len(pixel))
     row, col = pixel // receiver.n_cols, pixel % receiver.n_cols
@@ -287,10 +279,6 @@ def _gather(bodies: SkyBodies, body: int, pixel: np.ndarray, per_side: int, rece
 @lru_cache(maxsize=8)
 def _nodes(receiver: Receiver) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return rows and columns of the pixels at which the veil is computed, and what pixels gather of a radiance.
-
-    Parameters
-    ----------
-    receiver : the lens with its glare
 
     Returns
     -------

@@ -203,9 +203,7 @@ def locate_bodies(truth: Truth, moon_m: np.ndarray | None, earth_albedo: float, 
 
     Parameters
     ----------
-    truth : one epoch, with the lidar in it
     moon_m : (xyz) position of the Moon in root axes [m]; None without a Moon
-    earth_albedo : of the Earth
     has_earth : whether the root's origin is the centre of the Earth
     """
     lidar_from_root = np.asarray(truth.poses.place("lidar", ROOT)[1])
@@ -288,8 +286,6 @@ def _disc_points(place: np.ndarray, radius_rad: float, n: int) -> np.ndarray:
 
     Parameters
     ----------
-    place : vector to the disc's centre
-    radius_rad : of the disc
     n : number of points
     """
     ahead = place / np.linalg.norm(place)

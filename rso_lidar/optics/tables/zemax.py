@@ -133,8 +133,6 @@ def _spacing_m(path: str, header: str, n_cols: int) -> float:
 
     Parameters
     ----------
-    path : the listing, for messages
-    header : its header
     n_cols : points of a row
 
     Raises

@@ -102,12 +102,7 @@ def _draw_one(
 
     Parameters
     ----------
-    page : the page, drawn on
-    thumbnail : the frame
-    scale : limits of the colours
-    window : the part of the field shown
     now : where on the line of range over time the frame is
-    scheme : colours of the page
     """
     from PIL import ImageDraw
 
@@ -127,14 +122,7 @@ def _draw_one(
 
 
 def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail], scheme: Scheme) -> list[tuple[float, float]]:
-    """Draw the line of range over time, and return the position of each thumbnail on it [pixels].
-
-    Parameters
-    ----------
-    page : the picture to draw on
-    thumbnails : of all frames shown, in the order of time
-    scheme : colours of the page
-    """
+    """Draw the line of range over time, and return the position of each thumbnail on it [pixels]."""
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(page)
@@ -162,10 +150,7 @@ def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float, scheme: S
 
     Parameters
     ----------
-    draft : path to write
-    pictures : consumed one at a time
     rate_hz : pictures per second of playback; GIF rounds their duration to 10 ms
-    scheme : colours of the pages
     """
     from PIL import Image
 
@@ -192,9 +177,6 @@ def _write_mp4(ffmpeg, draft: Path, pictures: Iterator[Image], rate_hz: float) -
 
     Parameters
     ----------
-    ffmpeg : the module imageio_ffmpeg
-    draft : path to write
-    pictures : consumed one at a time
     rate_hz : pictures per second of playback
     """
     writer = ffmpeg.write_frames(str(draft), (WIDTH, HEIGHT), fps=rate_hz, quality=8, macro_block_size=2)

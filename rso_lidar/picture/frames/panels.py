@@ -60,11 +60,7 @@ def _show(
 
     Parameters
     ----------
-    axes : where to draw
     values : (row, col)
-    window : the part of the field shown
-    colours : a colour map
-    low, high : limits of the colours
     logarithmic : whether colours follow the logarithm
     """
     from matplotlib.colors import LogNorm, Normalize
@@ -98,12 +94,7 @@ def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, lo
 
 
 def _write_heading(axes: Axes, text: str, note: str = "") -> None:
-    """Write the heading of a panel.
-
-    Parameters
-    ----------
-    axes, text, note : the panel, and its heading on the left and on the right
-    """
+    """Write the heading of a panel."""
     axes.set_title(text, loc="left", fontsize=HEADING_PT, color=INK)
     axes.set_title(note, loc="right", fontsize=SMALL_PT, color=QUIET)
 

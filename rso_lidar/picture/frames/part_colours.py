@@ -81,7 +81,6 @@ def _choose_colours(frame: Frame, kinds: np.ndarray, order: np.ndarray, parts: S
 
     Parameters
     ----------
-    frame : gives the targets and their parts
     kinds : (kind, [target, part])
     order : kinds by their number of pixels, most first
     parts : numbers (target, part) of parts that get colours of their own first

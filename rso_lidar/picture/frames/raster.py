@@ -74,14 +74,7 @@ def draw_text(
 
 
 def shorten(draw: ImageDraw, text: str, size: int, width: float, bold: bool = False) -> str:
-    """Shorten a line of text at its end to fit `width` [pixels].
-
-    Parameters
-    ----------
-    draw : the canvas, which measures
-    text, size, bold : the line and its font
-    width : the room
-    """
+    """Shorten a line of text at its end to fit `width` [pixels]."""
     if draw.textlength(text, font=load_font(size, bold)) <= width:
         return text
     while text and draw.textlength(text + "…", font=load_font(size, bold)) > width:
@@ -123,11 +116,7 @@ def draw_pair(thumbnail: Thumbnail, scale: Scale, window: Window, side: int, sch
 
     Parameters
     ----------
-    thumbnail : the frame
-    scale : limits of the colours
-    window : the part of the field shown
     side : of each panel [pixels]
-    scheme : colour of the gap between them
     """
     from PIL import Image, ImageDraw
 
@@ -160,10 +149,8 @@ def _draw_scale_bar(draw: ImageDraw, x: float, y: float, side: int, across_m: fl
 
     Parameters
     ----------
-    draw : the canvas
     x, y : lower left corner of the bar [pixels]
     side : of the panel [pixels]
-    across_m : width of the panel at the target's range
     """
     if not (math.isfinite(across_m) and across_m > 0):
         return
@@ -182,10 +169,8 @@ def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Wind
 
     Parameters
     ----------
-    draw : the canvas
     right, top : its upper right corner [pixels]
     side : its longer side [pixels]
-    window : the crop
     """
     longest = max(window.n_rows, window.n_cols)
     wide, high = side * window.n_cols / longest, side * window.n_rows / longest
@@ -203,11 +188,8 @@ def _draw_bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name
 
     Parameters
     ----------
-    draw : Pillow's drawing of the picture
     x, y : left upper corner [pixels]
     width, height : of the bar [pixels]
-    name : of the colour ramp
-    outline : its colour
     """
     colours = ramp(name)
     for k in range(width):
@@ -223,12 +205,9 @@ def draw_legend(
 
     Parameters
     ----------
-    draw : the canvas
     x, y : upper left corner [pixels]
-    scale : limits of the colours
     width : most pixels that the row may take
     size : of the letters [pixels]
-    scheme : colours of the words
     """
     rows = ((scale.range_words, RANGE_RAMP), (scale.intensity_words, INTENSITY_RAMP))
     texts = [draw.textlength("".join(words), font=load_font(size)) for words, _ in rows]

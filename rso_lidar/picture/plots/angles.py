@@ -250,7 +250,6 @@ def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> N
 
     Parameters
     ----------
-    axes : where to draw
     ends : the limits [deg or deg/s]
     rates : whether they are rates
     """

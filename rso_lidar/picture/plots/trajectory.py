@@ -177,8 +177,6 @@ def _place_labels(axes: Axes, labels: Sequence[Annotation], flown_m: np.ndarray)
 
     Parameters
     ----------
-    axes : the panel
-    labels : to move
     flown_m : (time, [x, y]) the path
     """
     pixels = axes.figure.dpi / 72.0
@@ -224,9 +222,6 @@ def _draw_impulses(axes: Axes, path: RelativePath, impulses: Sequence[tuple[floa
 
     Parameters
     ----------
-    axes : the panel
-    path : of the lidar
-    impulses : time and change of velocity of each
     right, up : indices of the panel's axes
     """
     most = max(float(np.linalg.norm(delta_v)) for _, delta_v in impulses) or 1.0
@@ -244,10 +239,7 @@ def _draw_plane(axes: Axes, path: RelativePath, right: int, up: int, title: str)
 
     Parameters
     ----------
-    axes : the panel
-    path : of the lidar
     right, up : indices of the panel's axes
-    title : of the panel
     """
     x, y = path.position_m[:, right], path.position_m[:, up]
     axes.axhline(0, color=RULE, lw=THIN_PT, zorder=0)

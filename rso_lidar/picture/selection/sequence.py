@@ -62,12 +62,6 @@ def pick(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tup
     A sequence (a list, a recording) is read only where it is looked at. Of an iterator, such as `simulate` gives, every
     s-th frame and the last are kept, s doubling whenever too many are held: memory does not grow with its length.
 
-    Parameters
-    ----------
-    frames : a sequence, a recording or an iterator
-    count : most frames looked at
-    look : called with each
-
     Raises
     ------
     RecordingError : if there are no frames.
@@ -88,9 +82,7 @@ def _thin(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tu
 
     Parameters
     ----------
-    frames : an iterator
     count : most results returned; up to four times as many are held
-    look : called with each
     """
     kept: list[T] = []
     stride, total = 1, 0
@@ -256,9 +248,7 @@ def choose_target(picture: str, target: str | None, targets: Sequence[str], know
 
     Parameters
     ----------
-    picture : its name, for messages
     target : name of axes, where the user gives one
-    targets : names of the targets
     known : names of all axes
 
     Raises

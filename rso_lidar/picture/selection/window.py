@@ -110,7 +110,6 @@ def _span(low: int, high: int, size: int, limit: int) -> tuple[int, int]:
 
     Parameters
     ----------
-    low, high : first pixel and one past the last to centre on
     size : pixels wanted
     limit : pixels there are
     """

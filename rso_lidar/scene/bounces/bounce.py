@@ -138,7 +138,6 @@ class _Paths:
         Parameters
         ----------
         k : number of the surface
-        path : the paths
         """
         range_m = self.hits.range_m[self.hit[path]]
         starts = localize_points(self.surfaces, k, self.truth, self.direction[path], self.facet[path], range_m)
@@ -174,8 +173,6 @@ class _Paths:
 
         Parameters
         ----------
-        path : the paths
-        starts, ends : their two points
         toward : (xyz, path) direction from the start to the end, in the axes of the surface where they start
         density : (path) with which it was drawn [1/sr]
         range_m : (path) range of the start [m]
@@ -224,12 +221,7 @@ class _Paths:
         return away / distance_m, distance_m
 
     def collect(self, share: float) -> Bounces:
-        """Return the paths with light.
-
-        Parameters
-        ----------
-        share : of a pixel's area for which each path stands
-        """
+        """Return the paths with light."""
         lit = np.flatnonzero((self.inward > 0.0) | (self.outward > 0.0))
         return Bounces(
             pixel_share=share,

@@ -108,10 +108,6 @@ class EarthDisc:
 def locate_earth(surface: Surface, truth: Truth) -> EarthDisc | None:
     """Locate the Earth in the axes of a surface.
 
-    Parameters
-    ----------
-    surface, truth : the surface, and one epoch at which its body has a state
-
     Returns
     -------
     The Earth's disc; None below its surface, and where none of its day side is visible.
@@ -139,10 +135,8 @@ def gather(points: LocalHits, ray: np.ndarray, disc: EarthDisc, albedo: float) -
 
     Parameters
     ----------
-    points : on one surface
     ray : (hit) number of the ray, which chooses the directions
     disc : the Earth in the axes of that surface
-    albedo : of the Earth
     """
     lobes = find_lobes(points)
     about = packed(lobes), packed(points.base), packed(points.normal), packed(points.to_viewer)

@@ -20,7 +20,6 @@ def find_openings(surfaces: Sequence[Surface], number: int, truth: Truth) -> np.
 
     Parameters
     ----------
-    surfaces, number : all surfaces, and the one whose facets are examined
     truth : where the surfaces are
 
     Returns

@@ -21,7 +21,6 @@ def number_facets(hits: Hits, surfaces: tuple[Surface, ...]) -> tuple[np.ndarray
 
     Parameters
     ----------
-    hits : the hits, which name facets as their files do
     surfaces : the surfaces; several may belong to one target
     """
     number, facet = np.zeros(len(hits.ray), np.int16), np.zeros(len(hits.ray), np.int32)
@@ -46,7 +45,6 @@ def start_paths(
 
     Parameters
     ----------
-    hits : the hits
     can_send : (hit) whether a path from it can meet another surface
     key : (2) uint32, key of the frame's random words
     n_paths : wanted number of paths

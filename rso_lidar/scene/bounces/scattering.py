@@ -25,7 +25,6 @@ def localize_points(
 
     Parameters
     ----------
-    surfaces, number : all surfaces, and which of them the points are on
     truth : where they are
     direction : (path, xyz), unit vectors from the lidar to the points, in lidar axes
     facet : (path), number of the facet
@@ -52,7 +51,6 @@ def scatter_per_sr(points: LocalHits, light: np.ndarray, viewer: np.ndarray) -> 
 
     Parameters
     ----------
-    points : the points
     light, viewer : (xyz, path), unit vectors from the points, in the surface's axes
     """
     above = (dot(points.facing, light) > 0.0) & (dot(points.facing, viewer) > 0.0)

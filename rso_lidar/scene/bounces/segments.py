@@ -82,7 +82,6 @@ def meet_surface(
     origin, turn : pose of those axes in the axes of the surface that is tested
     sphere : centre and radius of its bounding sphere [m]
     planes : (4, facet) planes of its facets
-    question : address of rtcIntersect
     scene : address of the surface's acceleration structure
     width : number of rays in a packet
     """

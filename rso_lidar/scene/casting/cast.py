@@ -82,9 +82,7 @@ def _average_over_lens(
 
     Parameters
     ----------
-    hits : hits of all rays
     number, facet : (hit) number of the surface, and of its facet
-    surfaces : all surfaces
     laser_from_m : (xyz) position of the laser in lidar axes [m]
     aperture_m : diameter of the lens [m]
 
@@ -119,10 +117,7 @@ def _relight(
 
     Parameters
     ----------
-    hits : hits of all rays
     number, facet : (hit) number of the surface, and of its facet
-    surfaces : all surfaces
-    truth : where they are
     threads : number of threads (None: one for each core)
     laser_from_m : (xyz) position of the laser in lidar axes [m]
     sun : whether sunlight is computed

@@ -110,7 +110,6 @@ def project_edges(
     ----------
     points, ends, facets, beyond : edges, as in `FacetEdges`
     brightness : (facet) as `estimate_brightness` returns it
-    translation, matrix : lidar_from_body
 
     Returns
     -------

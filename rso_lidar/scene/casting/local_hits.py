@@ -95,7 +95,6 @@ def localize_hits(
 
     Parameters
     ----------
-    surfaces, number : all surfaces, and which of them is hit
     truth : where they are
     direction : (hit, xyz), unit vectors of the rays in lidar axes
     facet : (hit), number of the facet

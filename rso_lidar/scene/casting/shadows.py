@@ -15,7 +15,6 @@ def find_shadowed(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_
 
     Parameters
     ----------
-    hits : the hits on one surface
     asked : (hit) mask of the hits to test
     toward : (xyz, hit), unit vectors to the light, in the surface's axes
     reach_m : (hit), distance of the light [m]
@@ -70,7 +69,6 @@ def mark_shadowed(
     reach : (ray), length of the rays [m]
     origin, turn : pose of those axes in the axes of the surface that is tested
     sphere : centre and radius of its bounding sphere [m]
-    question : address of rtcOccluded
     scene : address of the surface's acceleration structure
     width : number of rays in a packet
     """

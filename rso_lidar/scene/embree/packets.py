@@ -76,9 +76,7 @@ def ask(question: int, scene: int, words: np.ndarray, width: int, count: int) ->
 
     Parameters
     ----------
-    question : address of the query
     scene : address of the acceleration structure
-    words : the packet, in which embree writes its answer
     width : number of rays that the packet has room for
     count : number of rays in it
     """

@@ -98,7 +98,6 @@ def _find_first(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
 
     Parameters
     ----------
-    scene : scene of embreex
     packet : (row, ray) f4, in the layout of embree's packets
     count : number of rays
     """
@@ -114,7 +113,6 @@ def _find_any(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
 
     Parameters
     ----------
-    scene : scene of embreex
     packet : (row, ray) f4, in the layout of embree's packets
     count : number of rays
     """

@@ -219,8 +219,6 @@ def _table(
 
     Parameters
     ----------
-    mesh : the mesh as it was read
-    known : what is known about the file
     given : properties that the user gives
     unit_m : metres in the unit that the file states, None where it states none
     """
@@ -279,10 +277,7 @@ def _report_known(fields: dict[str, Any], known: Mapping[str, Any], given: MeshO
 
     Parameters
     ----------
-    fields : words of the taxonomy
-    known : what is known about the file
     given : properties that the user gives
-    report : lines of the report, to which is appended
     """
     options = {"object_class": "--class", "subclass": "--subclass", "shape_family": "--shape"}
     options["stabilisation"] = "--stabilisation"
@@ -297,11 +292,8 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], given: MeshOptions, unit_m: flo
 
     Parameters
     ----------
-    mesh : the mesh as it was read
-    known : what is known about the file
     given : properties that the user gives
     unit_m : metres in the unit that the file states, None where it states none
-    report : lines of the report, to which is appended
 
     Raises
     ------
@@ -328,9 +320,7 @@ def _materials(parts: tuple[str, ...], given: MeshOptions, report: list[str]) ->
 
     Parameters
     ----------
-    parts : names of the parts
     given : properties that the user gives
-    report : lines of the report, to which is appended
 
     Raises
     ------
@@ -369,9 +359,7 @@ def _part_classes(parts: tuple[str, ...], given: MeshOptions, report: list[str])
 
     Parameters
     ----------
-    parts : names of the parts
     given : properties that the user gives
-    report : lines of the report, to which is appended
 
     Raises
     ------

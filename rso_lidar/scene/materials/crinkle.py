@@ -125,8 +125,6 @@ def masking_shadowing(
 
     Parameters
     ----------
-    cos_in, cos_out : cosines from the mean normal to the light and to the viewer
-    cos_phase : cosine of the angle between the directions to the two
     slope : rms slope of the cells
     """
     cos_in, cos_out = np.clip(cos_in, 1e-9, 1.0), np.clip(cos_out, 1e-9, 1.0)

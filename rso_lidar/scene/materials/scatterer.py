@@ -357,7 +357,6 @@ def phong_per_sr(
 
     Parameters
     ----------
-    diffuse, specular, exponent : k_d, k_s and n
     cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`
     """
     cos_phi = np.clip(2.0 * (cos_in * cos_out) - cos_phase, 0.0, 1.0)

@@ -42,11 +42,6 @@ def read_gltf(path: Path, blob: bytes) -> list[MeshPiece]:
     The default scene is read; the first one where none is the default; all nodes in a file without scenes. A mesh is a part
     by its name. If several nodes use it, each of them is a part by its own name. Pictures are not opened.
 
-    Parameters
-    ----------
-    path : name of the file, for messages, and the folder of its data
-    blob : its contents
-
     Returns
     -------
     the triangles of each primitive of a mesh at each node, ordered by mesh, primitive and node.
@@ -143,7 +138,6 @@ def _make_pieces(
 
     Parameters
     ----------
-    document : the file
     of_meshes : tables of the meshes, `meshes` of the file, their primitives, and the nodes that use them
     nodes : tables of the nodes, `nodes` of the file
     worlds : matrix scene_from_node (4, 4) of each node
@@ -245,7 +239,6 @@ def _read_points(
 
     Parameters
     ----------
-    document : the file
     table : the primitive, with its `attributes`
     used : numbers of the vertices to read (vertex), from 0
     holders : the node, and its mesh; the `weights` of morph targets of the node replace those of the mesh
@@ -276,7 +269,6 @@ def _apply_skin(
 
     Parameters
     ----------
-    document : the file
     attributes : of the primitive, with `JOINTS_0` and `WEIGHTS_0`
     bound : numbers of the vertices, and their places (vertex, xyz) where they are bound to the joints
     number : of the skin, from 0
@@ -323,7 +315,6 @@ def _read_colours(
 
     Parameters
     ----------
-    document : the file
     table : the primitive, with its `attributes`
     facets, used : (facet, 3), its triangles, and the numbers of the vertices that they are numbered by
     """

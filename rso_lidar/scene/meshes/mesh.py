@@ -133,7 +133,6 @@ def parse_mesh(path: Path, blob: bytes, suffix: str) -> Mesh:
     Parameters
     ----------
     path : of the file, for messages, and for data that glTF keeps beside it
-    blob : its contents
     suffix : names the format, in lower case; a solid from `tessellate` is of ".glb" whatever its file is
 
     Returns
@@ -197,7 +196,6 @@ def _read_pieces(path: Path, blob: bytes, suffix: str) -> list[MeshPiece]:
 
     Parameters
     ----------
-    path : of the file
     blob : its contents [bytes]
     suffix : names the format, in lower case, such as `.stl`
     """
@@ -257,10 +255,7 @@ def normalize_mesh(
 
     Parameters
     ----------
-    mesh : the mesh as it was read
     scale : metres in one unit of the file
-    mesh_axes : "z_up" or "y_up"
-    left_out : first and last facet of each run to drop, by number in the file
 
     Returns
     -------

@@ -44,8 +44,6 @@ def place_nodes(document: GltfFile, nodes: list[Any], children: list[list[int]])
 
     Parameters
     ----------
-    document : the file
-    nodes : tables of the nodes
     children : numbers of the children of each node
     """
     worlds = [_place(document, node) for node in nodes]
@@ -77,7 +75,6 @@ def _compose(document: GltfFile, step: np.ndarray, turn: np.ndarray, scale: np.n
 
     Parameters
     ----------
-    document : the file, for messages
     step, scale : (n, xyz)
     turn : quaternions (n, xyzw), of any length but zero
     """
@@ -134,8 +131,6 @@ def find_users(document: GltfFile, nodes: list[Any], children: list[list[int]], 
 
     Parameters
     ----------
-    document : the file
-    nodes, meshes : tables of the nodes and of the meshes
     children : numbers of the children of each node
     """
     scenes = document.list_of(document.tree, "scenes")

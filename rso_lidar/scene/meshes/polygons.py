@@ -40,9 +40,7 @@ def cut_polygons(where: str, points: np.ndarray, corners: np.ndarray, sizes: np.
 
     Parameters
     ----------
-    where : name of the file, for messages
     points : (vertex, xyz)
-    corners : vertices of all polygons, one polygon after the other
     sizes : (polygon), numbers of corners; below 3 for lines and points, which give no triangle
 
     Returns

@@ -94,7 +94,6 @@ def _draw_points(corners: np.ndarray, rng: np.random.Generator) -> tuple[np.ndar
     Parameters
     ----------
     corners : (facet, 3, xyz)
-    rng : generator of random numbers
     """
     areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     summed = np.cumsum(areas)

@@ -73,7 +73,6 @@ def _select_facets(surface: Surface, which: np.ndarray, name: str, origin_m: np.
 
     Parameters
     ----------
-    surface : the whole
     which : (facet) bool, the facets to keep
     name : name of the new axes
     origin_m : (xyz), their origin in the surface's axes [m]

@@ -290,7 +290,6 @@ def _first(embree: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarr
 
     Parameters
     ----------
-    embree : scene of embreex
     origins : (ray, xyz) origins of the rays [m]
     directions : (ray, xyz) their directions
     """

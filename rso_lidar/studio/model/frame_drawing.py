@@ -31,7 +31,6 @@ def draw_recorded_frame(
 
     Parameters
     ----------
-    k, recording : the frame
     other : a recording to compare with, or None
     marked : whether to mark the targets' origins and the centroid of the points
     scheme : `LIGHT` or `DARK`

@@ -36,7 +36,6 @@ def draw_image(frame: Frame, scheme: Scheme = LIGHT, *, whole: bool = False, bes
 
     Parameters
     ----------
-    frame : of a scenario or of a recording
     scheme : `LIGHT` or `DARK`
     whole : whether to show the whole field, instead of a square about the target
     beside : a frame to compare with; the part of the field and the colours span both, whichever is drawn
@@ -148,7 +147,6 @@ def find_pixel(window: Window, x: float, y: float) -> tuple[int, int] | None:
 
     Parameters
     ----------
-    window : what the image shows
     x, y : point [pixels of the image], right and down
     """
     right, down, step = _box(window)
@@ -160,13 +158,7 @@ def find_pixel(window: Window, x: float, y: float) -> tuple[int, int] | None:
 
 
 def mark_pixel(window: Window, row: int, col: int) -> list[tuple[float, float, float]]:
-    """Return left, top and side [pixels of the image] of a pixel in each panel; nothing if the window lacks it.
-
-    Parameters
-    ----------
-    window : what the image shows
-    row, col : the pixel
-    """
+    """Return left, top and side [pixels of the image] of a pixel in each panel; nothing if the window lacks it."""
     if not (window.top <= row < window.bottom and window.left <= col < window.right):
         return []
     right, down, step = _box(window)
@@ -175,13 +167,7 @@ def mark_pixel(window: Window, row: int, col: int) -> list[tuple[float, float, f
 
 
 def outline_pixel(window: Window, row: int, col: int) -> str:
-    """Return the outline of a pixel in each panel, as SVG over the image.
-
-    Parameters
-    ----------
-    window : what the image shows
-    row, col : the pixel
-    """
+    """Return the outline of a pixel in each panel, as SVG over the image."""
     return "".join(
         f'<rect x="{x}" y="{y}" width="{side}" height="{side}" fill="none" stroke="{palette.IMAGE_MARK}" stroke-width="3"/>'
         for x, y, side in mark_pixel(window, row, col)

@@ -15,11 +15,6 @@ from rso_lidar.units import format_count
 def list_mesh_sizes(name: str, folder: Folder) -> list[tuple[str, str, float]]:
     """List the units that a mesh file may be in, the likely one first: name, sides of the mesh in words, and metres.
 
-    Parameters
-    ----------
-    name : of the mesh, as a target gives it
-    folder : of the studio
-
     Raises
     ------
     RsoLidarError
@@ -37,13 +32,7 @@ def list_mesh_sizes(name: str, folder: Folder) -> list[tuple[str, str, float]]:
 
 
 def list_mesh_targets(tables: Mapping[str, Any], name: str) -> dict[str, str]:
-    """Return the names of a scenario's targets by their places, first those that have a mesh.
-
-    Parameters
-    ----------
-    tables : of the text, valid or not
-    name : of the mesh
-    """
+    """Return the names of a scenario's targets by their places, first those that have a mesh."""
     entries = tables.get("target")
     entries = entries if isinstance(entries, list) else []
     targets = {f"target[{k}]": one for k, one in enumerate(entries) if isinstance(one, Mapping)}

@@ -19,7 +19,6 @@ def locate_problem(message: str, text: str) -> tuple[str, int | None]:
     Parameters
     ----------
     message : of an error that `Scenario.loads` raises, without the title of the text
-    text : TOML of the scenario
     """
     if found := re.search(r"\(at line (\d+), column \d+\)", message):
         return "", int(found[1])
@@ -39,10 +38,6 @@ def locate_problem(message: str, text: str) -> tuple[str, int | None]:
 def split_place(place: str) -> tuple[str | int, ...]:
     """Return the keys of a place such as ``target[0].motion.file``, with the numbers of entries of lists.
 
-    Parameters
-    ----------
-    place : dotted key.
-
     >>> split_place("target[0].motion.file")
     ('target', 0, 'motion', 'file')
     """
@@ -57,7 +52,6 @@ def find_line(text: str, place: str) -> int | None:
 
     Parameters
     ----------
-    text : the TOML text, which need not be complete.
     place : dotted key, such as ``target[0].motion.file``.
 
     >>> find_line('[lidar]\n[lidar.laser]\nenergy_mj = 5', "lidar.laser.energy_mj")
@@ -86,12 +80,7 @@ def find_line(text: str, place: str) -> int | None:
 
 
 def is_at(place: str, field: str) -> bool:
-    """Return whether a place is that of a field, or of a number of the vector in it.
-
-    Parameters
-    ----------
-    place, field : TOML keys
-    """
+    """Return whether a place is that of a field, or of a number of the vector in it."""
     return field in (place, re.sub(r"\[\d+\]$", "", place))
 
 

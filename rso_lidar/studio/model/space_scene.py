@@ -103,10 +103,7 @@ def draw_cloud(frame: Frame, scheme: Scheme = LIGHT, colour: str = "range", axes
 
     Parameters
     ----------
-    frame : of a scenario or of a recording
     scheme : `LIGHT` or `DARK`
-    colour : "range", "intensity", "part" or "probability" of detection, which needs the kept "prediction"
-    axes : "lidar", or those of a body such as a target
     """
     scene, valid = SpaceScene(f"cloud {axes}", scheme), frame.valid
     points = frame.points_m[valid]

@@ -46,7 +46,6 @@ def save_trade(trade: TradeTable, place: Path, scheme: Scheme = LIGHT) -> Path:
     Parameters
     ----------
     trade : what is written
-    place : path of the file, ending in .csv, .parquet or .html
     scheme : colours of the report, `LIGHT` or `DARK`
     """
     suffix = place.suffix.lower()
