@@ -1,7 +1,7 @@
 """Photons in, counts out."""
 
 from rso_lidar.detector.analysis.array_load import ArrayLoad
-from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.analysis.user_detector import Detector, check_traits
 from rso_lidar.detector.bench.pixel_prediction import predict_pixels
 from rso_lidar.detector.bench.prediction import find_photons, predict
@@ -35,6 +35,7 @@ from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.focal_plane import Bloom, Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.settings.gate import Gate
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.detector.settings.readout import LowGain, Readout
 from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.settings.trigger import Trigger

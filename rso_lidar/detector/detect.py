@@ -43,14 +43,16 @@ from pydantic import Field
 
 from rso_lidar.detector.analysis import closed_form, description, limits, noise_effects, pixel_reports
 from rso_lidar.detector.analysis.array_load import ArrayLoad, simulate_array_load
-from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.analysis.closed_form import Prediction
 from rso_lidar.detector.analysis.user_detector import Detector, check_array_load, check_prediction, check_reading
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.curves import detect_by_curves
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.geiger import photon_counter
 from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.part import (
     GREATEST,
     Seam,
@@ -69,8 +71,12 @@ AnyDetector = Annotated[Gsfl | Empirical | GeigerArray | Detector, Seam(Describe
 # Functions of each described part, by the names of the functions below. Each takes the part first.
 _FUNCTIONS: dict[type, dict[str, Callable[..., Any]]] = {
     Gsfl: {
-        "detect": lambda gsfl, *given: run_chain(gsfl, given[0], given[1], threads=given[2])[:2],
-        "detect_with_taps": lambda gsfl, *given: run_chain(gsfl, *given[:2], with_taps=True, threads=given[2]),
+        "detect": lambda gsfl, photons, rng, threads: run_chain(
+            camera_of(gsfl, photons), photons, rng, threads=threads
+        )[:2],
+        "detect_with_taps": lambda gsfl, photons, rng, threads: run_chain(
+            camera_of(gsfl, photons), photons, rng, with_taps=True, threads=threads
+        ),
         "check_noise": limits.check_noise_gsfl,
         "check_size": limits.check_size_gsfl,
         "describe": description.describe_gsfl,

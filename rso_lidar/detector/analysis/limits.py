@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rso_lidar import units
-from rso_lidar.detector.chain.camera import nominal_false_alarms_per_s
+from rso_lidar.detector.analysis.false_alarms import nominal_false_alarms_per_s
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.chain.camera import false_trigger_fraction
+from rso_lidar.detector.analysis.false_alarms import false_trigger_fraction
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.noise import noise_rms
