@@ -101,8 +101,7 @@ class _Evaluation:
         """Evaluate all axes in one pass, and keep the states of bodies that orbit."""
         tree, by_origin = PoseTree({}, {}), {body.origin: body for body in self.bodies}
         for name in self.order:
-            if name in by_origin:
-                body = by_origin[name]
+            if (body := by_origin.get(name)) is not None:
                 with add_place(f"{body.name}.motion"):
                     tree = self.add_origin(tree, body)
             else:
@@ -118,9 +117,7 @@ class _Evaluation:
 
         Parameters
         ----------
-        bodies : the bodies.
-        names : of the axes.
-        epochs : instants.
+        bodies, names, epochs : the bodies, the names of the axes, and the instants.
         rates : whether the rates of the axes are needed.
         """
         wanted, sun = frozenset(names), SunVectors(epochs, self.local, self.sun.given)
@@ -177,7 +174,7 @@ class _Evaluation:
         name = next((name for name, one in body.models.items() if one is model), "")
         return self.flights.get(name) or model.fly_open_loop()
 
-    def chief(self, tree: PoseTree, name: str) -> Chief:
+    def chief(self, name: str) -> Chief:
         """Return the trajectory of a body that is in the tree already."""
         if name not in self.chiefs:
             self.chiefs[name] = Chief(
@@ -191,11 +188,9 @@ class _Evaluation:
         shape = (len(self.epochs), 3)
         return BodyState(np.broadcast_to(link.translation_m, shape), np.broadcast_to(link.velocity_m_s, shape))
 
-    # Each method below takes the tree with everything on which its result depends, and a body.
-
     def add_origin(self, tree: PoseTree, body: Body) -> PoseTree:
         """Add the axes at the origin of a body to a tree, and keep states and rates of an orbit."""
-        place, relative_to = self._place(tree, body), chief_of(body.motion)
+        place, relative_to = self._place(body), chief_of(body.motion)
         if not body.orbits:
             link = Link((place.position_m, np.eye(3)), place.velocity_m_s, np.zeros(3))
             return tree.with_node(body.origin, relative_to or ROOT, link)
@@ -207,7 +202,7 @@ class _Evaluation:
         self.turning[body.name] = link.angular_velocity_rad_s
         return tree.with_node(body.origin, ROOT, link)
 
-    def _place(self, tree: PoseTree, body: Body) -> Place:
+    def _place(self, body: Body) -> Place:
         """Compute position and velocity of a body's origin in the axes of its motion, and warn of exceeded model limits."""
         motion = body.motion
         if isinstance(motion, PlacedMotion):
@@ -215,7 +210,7 @@ class _Evaluation:
             return motion.place(self.epochs, flight)
         known: tuple[Any, ...] = (self.epochs,)
         if isinstance(motion, RtnMotion):
-            known = self.epochs, self.chief(tree, str(chief_of(motion)))
+            known = self.epochs, self.chief(str(chief_of(motion)))
             place = Place(*motion.relative(*known))
         else:
             state = states_of(motion, self.epochs)
@@ -233,14 +228,8 @@ class _Evaluation:
 
         Parameters
         ----------
-        tree : with the axes of the chief.
-        body : the body that moves relative to the chief.
-        chief : name of the chief.
+        tree, body, chief : the tree with the axes of the chief, the body, and the name of its chief.
         place : position and velocity in the chief's rtn axes.
-
-        Returns
-        -------
-        the tree with the rtn axes of the body.
         """
         there, turning, (rho, rho_rate, rates) = tree.link(ROOT, self.by_name[chief].origin), self.turning[chief], place
         moved_m_s = rho_rate if rates is None else rates[0]
@@ -257,7 +246,7 @@ class _Evaluation:
         self.states[body.name], self.turning[body.name] = BodyState(position, velocity), own_turning
         if rates is not None:
             orbit = subtract_center(self.states[chief], center)
-            own_turning = find_turning_rad_s(about, place, there, orbit, center, self.chief(tree, chief).central_body)
+            own_turning = find_turning_rad_s(about, place, there, orbit, center, self.chief(chief).central_body)
             self.turning[body.name] = own_turning
             carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), there.angular_velocity_rad_s)
         relative = own_turning - carried
@@ -344,10 +333,8 @@ class Chief:
 
     Parameters
     ----------
-    bodies : all bodies.
-    name : of the chief.
-    local : whether the world is local, without an Earth.
-    flights : of commanded state-space models; None for none.
+    bodies, name : all bodies, and the name of the chief.
+    local, flights : as for `truth`.
     known : epochs at which the states are known already, and these states.
     """
 
@@ -365,16 +352,7 @@ class Chief:
         self._known = [] if known is None else [known]
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Compute position and velocity of the body.
-
-        Parameters
-        ----------
-        epochs : instants.
-
-        Returns
-        -------
-        position [m] and velocity [m/s], each (time, 3), in GCRS axes.
-        """
+        """Compute position [m] and velocity [m/s] of the body, each (time, 3), in GCRS axes."""
         for at, states in self._known:
             if at.start_utc == epochs.start_utc and np.array_equal(at.time_s, epochs.time_s):
                 return states

@@ -27,7 +27,6 @@ from rso_lidar.detector.ranging.gate_threshold import GateThresholds
 from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.apd import cumulants
-from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.errors import ScenarioError
@@ -62,27 +61,6 @@ class Prediction:
     range_precision_m: np.ndarray
     snr: np.ndarray
     saturated: np.ndarray
-
-
-def predict_empirical(
-    detector: Empirical, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray, only_probability: bool = False
-) -> Prediction:
-    """Return the prediction of the empirical detector by its curves, on which depth has no effect.
-
-    Parameters
-    ----------
-    detector : the detector.
-    pulse : the laser's pulse.
-    photons, depth_s : (return) expected photons, and the time over which the surface stretches each return [s].
-    only_probability : not used: all members are computed together.
-    """
-    precision_m = np.hypot(detector.range_noise_m(photons, pulse.fwhm_s), pulse.timing_jitter_ns * _RANGE_PER_NS)
-    return Prediction(
-        np.where(photons > 0.0, detector.detection_probability(photons), 0.0),
-        np.where(photons > 0.0, precision_m, np.inf),
-        photons / detector.noise_photons(photons),
-        detector.counts(photons) >= detector.full_scale_counts,
-    )
 
 
 def predict_gsfl(

@@ -15,11 +15,9 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.analysis.closed_form import predict_gsfl
-from rso_lidar.detector.analysis.description import list_neglected_gsfl
-from rso_lidar.detector.analysis.noise_effects import split_sunlight
+from rso_lidar.detector.analysis.sunlight_levels import split_sunlight
 from rso_lidar.detector.chain.camera import FlashCamera, camera_of
 from rso_lidar.detector.ranging.pulse import Pulse
-from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.focal_plane import Timing
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.laser_pulse import LaserPulse
@@ -49,11 +47,8 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
 
     Returns
     -------
-    (pixel) probability, or None where a setting is not in the closed form.
+    (pixel) probability, or None where the closed form does not hold for the amplifier or for several returns in a gate.
     """
-    neglected = [name for name in list_neglected_gsfl(gsfl) if not name.startswith(gsfl.ranging.algorithm)]
-    if neglected or gsfl.zero_crossing is not None:
-        return None
     camera, pixel = camera_of(gsfl, photons), photons.cluster_pixel
     sunlight = np.zeros(len(pixel))
     if photons.background_photons_per_s is not None:
@@ -73,24 +68,9 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
     except ScenarioError:  # the amplifier is too fast for the closed form
         return None
     lists_several = gsfl.gate is not None and (gsfl.returns != "first" or gsfl.max_returns > 1)
-    return _combine_clusters(
+    return combine_clusters(
         photons, mine, detected, rate, (gsfl.sees_from_m, gsfl.sees_to_m), lists_several=lists_several
     )
-
-
-def report_probability_empirical(empirical: Empirical, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
-    """Return the probability (pixel) that a pixel of the empirical detector reports one of some returns.
-
-    Parameters
-    ----------
-    empirical : the detector.
-    photons : light on every pixel.
-    mine : (return) whether a report of this return counts.
-    """
-    signal = np.bincount(photons.cluster, photons.photons, len(photons.cluster_pixel))
-    rate = np.full(signal.shape, empirical.false_alarms_per_s)
-    window = empirical.armed_from_m, empirical.armed_to_m
-    return _combine_clusters(photons, mine, empirical.detection_probability(signal), rate, window, lists_several=False)
 
 
 def _raise_dark_current(gsfl: Gsfl, background_photons_per_s: float) -> Gsfl:
@@ -137,7 +117,7 @@ def _detect_clusters(dark: Gsfl, camera: FlashCamera, photons: Photons) -> np.nd
     )
 
 
-def _combine_clusters(
+def combine_clusters(
     photons: Photons,
     mine: np.ndarray,
     detected: np.ndarray,

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from rso_lidar.detector import Amplifier, Apd, Empirical, Gate, Gsfl, Maps, Readout, detect
+from rso_lidar.detector import Amplifier, Apd, Empirical, Gate, Gsfl, Maps, Readout, detect, false_alarm_probability
 from rso_lidar.detector.analysis.false_alarms import false_trigger_fraction, mean_false_alarms_per_s
-from rso_lidar.detector.analysis.noise_effects import false_alarms_of_gsfl
 from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.chain.camera import camera_of, draw_camera_pixels
 from rso_lidar.detector.chain.full import store_waveforms
@@ -78,7 +77,7 @@ def test_rices_rate_and_the_share_of_pixels_that_noise_triggers():
     got = false_trigger_fraction(gaussian, np.array([armed_s, 3e5 * armed_s]))
     assert got == pytest.approx(expected, rel=1e-9, abs=6e-5)  # rates within 5 % are averaged
     assert got[0] == pytest.approx(expected[0], rel=1e-4)
-    alarms = false_alarms_of_gsfl(gaussian, np.array([0.0, gaussian.armed_to_m, 1e9]))
+    alarms = false_alarm_probability(gaussian, np.array([0.0, gaussian.armed_to_m, 1e9]))
     assert alarms == pytest.approx([0.0, got[0], got[0]], rel=1e-9)
 
 
