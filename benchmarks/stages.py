@@ -14,9 +14,9 @@ from benchmarks import scenes
 from benchmarks.clock import fresh, quartiles, seconds
 from benchmarks.report import Findings, Target, table
 from rso_lidar import detector, motion, optics, scene
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measurement import measure
-from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.export import Recorder
 from rso_lidar.records import Frame, Observation
 
@@ -71,8 +71,9 @@ class Flight:
         hits = clock("cast", scene.cast, rays, surfaces, truth, threads, **lit, aperture_m=lidar.receiver.aperture_m)
         photons = clock("collect", optics.collect, hits, laser, lidar.receiver, late_s)
         if lidar.detector.type == "gsfl":
-            waveforms = clock("waveform", store_waveforms, lidar.detector, photons, rng, threads)
-            reading = clock("detect", measure, lidar.detector, waveforms, shape_pulse(lidar.detector, photons), rng)
+            camera = camera_of(lidar.detector, photons)
+            waveforms, _ = clock("waveform", store_waveforms, camera, photons, rng, threads=threads)
+            reading = clock("detect", measure, camera.processor, waveforms, rng)
         else:
             reading, _ = clock("detect", detector.detect, photons, lidar.detector, rng, threads)
         labels = clock("label", scene.label, hits, photons, lidar.max_returns)

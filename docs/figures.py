@@ -23,12 +23,11 @@ from rso_lidar.detector import Pulse, Trial, detect, make_plate, make_point_retu
 from rso_lidar.detector.analysis.array_load import simulate_array_load
 from rso_lidar.detector.bench.calibration import REFERENCE_FWHM_S, make_reference_pulse
 from rso_lidar.detector.bench.range_resolution import simulate_pairs
-from rso_lidar.detector.chain.analog import base_rate_per_s, simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.analog import simulate_analog
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.measurement import measure
-from rso_lidar.detector.chain.timing import plan_time, shape_pulse
 from rso_lidar.detector.chain.traces import arm_rows, latch_rows
-from rso_lidar.detector.ranging.location import locate
+from rso_lidar.detector.ranging.location import Locator, locate
 from rso_lidar.detector.ranging.pulse import crlb_s, noise_covariance
 from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate, rice_rate
@@ -210,7 +209,7 @@ def precision() -> Any:
         for snr in snrs:
             samples = (snr * sigma * clean + noise).astype(np.float32)
             ranging = rl.detector.Ranging(algorithm=name)
-            found, _ = locate(samples, start, pulse, ranging, threshold_counts=2.5 * sigma, **known)
+            found, _ = locate(samples, start, Locator.of(pulse, ranging, threshold_counts=2.5 * sigma, **known))
             spread.append(np.nanstd((found - truth) * CM))
         bench.plot(snrs, spread, ".-", color=colour, ms=4, lw=figures.LINE_PT, label=name)
     bound = [
@@ -328,13 +327,14 @@ def pixel() -> Any:
     detector = rl.Gsfl(max_returns=2, timing=STILL)
     photons = _edge((100.0, 102.6), (2500.0, 4000.0))
     rng = np.random.Generator(np.random.Philox(9))
-    plan, camera = plan_time(detector, REFERENCE_FWHM_S), build_camera(detector, 1)
-    rows, arming = arm_rows(detector, place_rows(photons, plan), plan.step_s)
-    made = simulate_analog(detector, photons, rows, plan, camera, rng)
-    threshold = np.array([detector.trigger.threshold_electrons * camera.threshold[0]], np.float32)
-    base = base_rate_per_s(detector.quantum_efficiency, camera, photons)
-    latch = float(latch_rows(detector, made, threshold[rows.pixel], base[rows.pixel], arming, plan.step_s, rng)[0])
-    per = plan.steps_per_sample
+    camera = camera_of(detector, photons)
+    plan, front, comparators = camera.plan(0.0), camera.front, camera.comparators
+    rows, arming = arm_rows(comparators, place_rows(photons, plan), plan.step_s)
+    axis, per = camera.axis(rows.length), plan.steps_per_sample
+    made = simulate_analog(front, axis, photons, rows, rng)
+    threshold = np.array([detector.trigger.threshold_electrons * front.pixels.threshold[0]], np.float32)
+    base, before = front.base_rate_per_s(photons)[rows.pixel], detector.readout.pretrigger_samples * per
+    latch = float(latch_rows(comparators, axis, made, threshold[rows.pixel], base, arming, before, rng)[0])
     sample = math.floor((rows.start[0] + latch) / per) - detector.readout.pretrigger_samples
     at = sample * per - rows.start[0] + per * np.arange(detector.readout.samples)
     samples = convert(detector.readout, made.amplitude[0, at])[None]
@@ -347,7 +347,7 @@ def pixel() -> Any:
         latch_s=np.array([(rows.start[0] + latch) * plan.step_s]),
         samples_counts=samples,
     )
-    reading = measure(detector, waveforms, shape_pulse(detector, photons), rng)
+    reading = measure(camera.processor, waveforms, rng)
 
     light, current, voltage, stored = figure.subplots(4, 1, sharex=True)
     range_m = (rows.start[0] + np.arange(rows.length)) * plan.step_s * units.RANGE_PER_DELAY_M_S
@@ -388,7 +388,7 @@ def pixel() -> Any:
     key(voltage)
     counts_at = samples[0] - detector.readout.baseline_counts
     stored.plot(range_m[at], counts_at, "o", color=palette.BLUE, ms=4, label="20 samples, less the baseline")
-    pulse = shape_pulse(detector, photons)
+    pulse = camera.pulse
     fine = np.linspace(range_m[at[0]], range_m[at[-1]], 600)
     found_m, height = reading.return_range_m[0, 0], reading.return_intensity_counts[0, 0]
     fit = [

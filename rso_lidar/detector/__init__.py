@@ -6,7 +6,7 @@ from rso_lidar.public_names import export_lazily, limit_dir
 
 if TYPE_CHECKING:
     from rso_lidar.detector.analysis.array_load import ArrayLoad
-    from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
+    from rso_lidar.detector.analysis.closed_form import Prediction
     from rso_lidar.detector.analysis.finding import at_least, estimate_k_of_n, k_of_n
     from rso_lidar.detector.analysis.reported_light import mark_reports
     from rso_lidar.detector.analysis.user_detector import Detector, check_traits
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     )
     from rso_lidar.detector.settings.gate import Gate
     from rso_lidar.detector.settings.gsfl import Gsfl
+    from rso_lidar.detector.settings.laser_pulse import LaserPulse
     from rso_lidar.detector.settings.presets import DETECTOR_PRESETS
     from rso_lidar.detector.settings.readout import LowGain, Readout
     from rso_lidar.detector.settings.traits import DetectorTraits

@@ -1,7 +1,8 @@
-"""The interface of all detectors, and the functions that implement it for each kind.
+"""The interface of all detectors: the functions by which the package uses a detector of any kind.
 
-`Gsfl`, `Empirical` and `GeigerArray` are data; the table `_FUNCTIONS` lists the functions of each. A Python user may give an
-object that follows the protocol `Detector` in their place, as ``lidar.detector``. Every function here takes either.
+`Gsfl`, `Empirical` and `GeigerArray` are data. A Python user may give an object that follows the protocol `Detector` in
+their place, as ``lidar.detector``. Every function here takes either: `build_detector` makes a `BuiltDetector` of it, a class
+for each kind, whose members are these functions.
 
 - `detect` makes a reading of the light of one flash; `detect_with_taps` also returns the signals between the stages.
 - ``detector.traits`` holds the facts: reach, threshold, number of returns, gate, settings in force (`DetectorTraits`).
@@ -34,69 +35,39 @@ function whose method is missing returns the default that its docstring states; 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from rso_lidar.detector.analysis import closed_form, description, limits, noise_effects, pixel_reports
-from rso_lidar.detector.analysis.array_load import ArrayLoad, simulate_array_load
-from rso_lidar.detector.analysis.closed_form import LaserPulse, Prediction
-from rso_lidar.detector.analysis.user_detector import Detector, check_array_load, check_prediction, check_reading
-from rso_lidar.detector.chain.curves import detect_by_curves
-from rso_lidar.detector.chain.full import run_chain
-from rso_lidar.detector.geiger import photon_counter
+from rso_lidar.detector.analysis.array_load import ArrayLoad
+from rso_lidar.detector.analysis.built_detector import BuiltDetector
+from rso_lidar.detector.analysis.closed_form import Prediction
+from rso_lidar.detector.analysis.empirical_detector import BuiltEmpirical
+from rso_lidar.detector.analysis.gsfl_detector import BuiltGsfl
+from rso_lidar.detector.analysis.user_detector import BuiltUserDetector, Detector
 from rso_lidar.detector.geiger.array import GeigerArray
+from rso_lidar.detector.geiger.photon_counter import BuiltGeigerArray
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.part import (
-    GREATEST,
-    Seam,
-    call_member,
-    check_lines,
-    check_text,
-    check_values,
-    lock_array,
-    make_answer_error,
-)
+from rso_lidar.detector.settings.laser_pulse import LaserPulse
+from rso_lidar.part import Seam
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
 DescribedDetector = Annotated[Gsfl | Empirical | GeigerArray, Field(discriminator="type")]
 AnyDetector = Annotated[Gsfl | Empirical | GeigerArray | Detector, Seam(DescribedDetector, Detector)]
 
-# Functions of each described part, by the names of the functions below. Each takes the part first.
-_FUNCTIONS: dict[type, dict[str, Callable[..., Any]]] = {
-    Gsfl: {
-        "detect": lambda gsfl, *given: run_chain(gsfl, given[0], given[1], threads=given[2])[:2],
-        "detect_with_taps": lambda gsfl, *given: run_chain(gsfl, *given[:2], with_taps=True, threads=given[2]),
-        "check_noise": limits.check_noise_gsfl,
-        "check_size": limits.check_size_gsfl,
-        "describe": description.describe_gsfl,
-        "advise": description.advise_gsfl,
-        "describe_storage": description.describe_storage,
-        "describe_window": description.describe_window_gsfl,
-        "list_neglected_effects": description.list_neglected_gsfl,
-        "false_alarm_probability": noise_effects.false_alarms_of_gsfl,
-        "predict_closed_form": closed_form.predict_gsfl,
-        "report_probability": pixel_reports.report_probability_gsfl,
-        "noise_growth": noise_effects.noise_growth_gsfl,
-        "isolate": Gsfl.alone,
-        "array_load": simulate_array_load,
-        "draw_crosstalk_m": noise_effects.draw_crosstalk_gsfl_m,
-        "frame_jitter_s": lambda gsfl: gsfl.frame_jitter_s,
-    },
-    Empirical: {
-        "detect": lambda empirical, photons, rng, threads: (detect_by_curves(empirical, photons, rng), None),
-        "describe": lambda empirical, n_pixels: description.describe_empirical(empirical),
-        "false_alarm_probability": noise_effects.false_alarms_of_empirical,
-        "detection_probability": Empirical.detection_probability,
-        "predict_closed_form": closed_form.predict_empirical,
-        "report_probability": pixel_reports.report_probability_empirical,
-    },
-    GeigerArray: photon_counter.FUNCTIONS,
-}
+
+def build_detector(detector: AnyDetector) -> BuiltDetector:
+    """Return a part, or an object of a user, as the package uses it."""
+    match detector:
+        case Gsfl():
+            return BuiltGsfl(detector)
+        case Empirical():
+            return BuiltEmpirical(detector)
+        case GeigerArray():
+            return BuiltGeigerArray(detector)
+    return BuiltUserDetector(detector)
 
 
 def detect(
@@ -115,11 +86,7 @@ def detect(
     -------
     reading, and the stored samples; None for a detector without waveforms.
     """
-    described = _find_functions(detector)
-    if described:
-        found: tuple[Reading, Waveforms | None] = described["detect"](detector, photons, rng, threads)
-        return found
-    return check_reading(detector, "detect", call_member(detector, "detect", photons, rng), photons)
+    return build_detector(detector).detect(photons, rng, threads)
 
 
 def detect_with_taps(
@@ -140,17 +107,7 @@ def detect_with_taps(
     -------
     reading, waveforms and signals between the stages; None for what is not simulated.
     """
-    described = _find_functions(detector)
-    if described and "detect_with_taps" in described:
-        found: tuple[Reading, Waveforms | None, Taps | None]
-        found = described["detect_with_taps"](detector, photons, rng, threads)
-        return found
-    if described or not hasattr(detector, "detect_with_taps"):
-        return *detect(photons, detector, rng, threads), None
-    own: Any = call_member(detector, "detect_with_taps", photons, rng)
-    if not isinstance(own, tuple) or len(own) != 3 or not isinstance(own[2], Taps | None):
-        raise make_answer_error(detector, "detect_with_taps", own, "return (Reading, Waveforms or None, Taps or None)")
-    return *check_reading(detector, "detect_with_taps", own[:2], photons), own[2]
+    return build_detector(detector).detect_with_taps(photons, rng, threads)
 
 
 def check_noise(detector: AnyDetector) -> None:
@@ -160,7 +117,7 @@ def check_noise(detector: AnyDetector) -> None:
     ----------
     detector : the detector; `ScenarioError` where its threshold is too low.
     """
-    _call(detector, "check_noise")
+    build_detector(detector).check_noise()
 
 
 def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> None:
@@ -172,7 +129,7 @@ def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> Non
     pulse_fwhm_s : length of the laser's pulse [s].
     n_pixels : pixels of the array.
     """
-    _call(detector, "check_size", pulse_fwhm_s, n_pixels)
+    build_detector(detector).check_size(pulse_fwhm_s, n_pixels)
 
 
 def describe(detector: AnyDetector, n_pixels: int) -> list[str]:
@@ -183,10 +140,7 @@ def describe(detector: AnyDetector, n_pixels: int) -> list[str]:
     detector : the detector.
     n_pixels : number of pixels of the array.
     """
-    traits = detector.traits
-    line = f"detector    {type(detector).__name__}, sees {traits.sees_from_m:g} to {traits.sees_to_m:g} m"
-    lines: list[str] = _call(detector, "describe", n_pixels, default=[line], check=check_lines)
-    return lines or [line]
+    return build_detector(detector).describe(n_pixels)
 
 
 def advise(detector: AnyDetector, pulse_fwhm_s: float) -> list[str]:
@@ -197,7 +151,7 @@ def advise(detector: AnyDetector, pulse_fwhm_s: float) -> list[str]:
     detector : the detector.
     pulse_fwhm_s : length of the laser's pulse [s].
     """
-    return list(_call(detector, "advise", pulse_fwhm_s, default=[], check=check_lines))
+    return build_detector(detector).advise(pulse_fwhm_s)
 
 
 def describe_storage(detector: AnyDetector) -> list[str]:
@@ -207,7 +161,7 @@ def describe_storage(detector: AnyDetector) -> list[str]:
     ----------
     detector : the detector.
     """
-    return list(_call(detector, "describe_storage", default=[], check=check_lines))
+    return build_detector(detector).describe_storage()
 
 
 def describe_window(detector: AnyDetector) -> str:
@@ -217,9 +171,7 @@ def describe_window(detector: AnyDetector) -> str:
     ----------
     detector : the detector.
     """
-    traits = detector.traits
-    window = f"armed {traits.sees_from_m:g} to {traits.sees_to_m:g} m"
-    return str(_call(detector, "describe_window", default=window, check=check_text))
+    return build_detector(detector).describe_window()
 
 
 def list_neglected_effects(detector: AnyDetector) -> list[str]:
@@ -229,7 +181,7 @@ def list_neglected_effects(detector: AnyDetector) -> list[str]:
     ----------
     detector : the detector.
     """
-    return list(_call(detector, "list_neglected_effects", default=[], check=check_lines))
+    return build_detector(detector).list_neglected_effects()
 
 
 def false_alarm_probability(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
@@ -240,9 +192,7 @@ def false_alarm_probability(detector: AnyDetector, range_m: np.ndarray) -> np.nd
     detector : the detector.
     range_m : (range) [m].
     """
-    none = np.zeros(np.shape(range_m))
-    check = partial(check_values, shape=none.shape, least=0.0, most=1.0)
-    return np.asarray(_call(detector, "false_alarm_probability", range_m, default=none, check=check))
+    return build_detector(detector).false_alarm_probability(range_m)
 
 
 def detection_probability(detector: AnyDetector, photons: np.ndarray) -> np.ndarray | None:
@@ -253,9 +203,7 @@ def detection_probability(detector: AnyDetector, photons: np.ndarray) -> np.ndar
     detector : the detector.
     photons : (return) expected photons.
     """
-    check = partial(check_values, shape=np.shape(photons), least=0.0, most=1.0)
-    found = _call(detector, "detection_probability", photons, check=check)
-    return None if found is None else np.asarray(found)
+    return build_detector(detector).detection_probability(photons)
 
 
 def predict_closed_form(
@@ -276,12 +224,7 @@ def predict_closed_form(
     only_probability : whether the other members of the prediction are not needed.
     """
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
-    described = _find_functions(detector) is not None
-    own = pulse if described else pulse._replace(power_per_s=lock_array(pulse.power_per_s))
-    given = (own, photons, depth_s, *([only_probability] if described else []))
-    check = partial(check_prediction, shape=photons.shape)
-    found: Prediction | None = _call(detector, "predict_closed_form", *given, check=check)
-    return found
+    return build_detector(detector).predict_closed_form(pulse, photons, depth_s, only_probability)
 
 
 def report_probability(detector: AnyDetector, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
@@ -293,10 +236,7 @@ def report_probability(detector: AnyDetector, photons: Photons, mine: np.ndarray
     photons : light on every pixel.
     mine : (return) whether a report of this return counts.
     """
-    n_pixels = photons.shape[0] * photons.shape[1]
-    check = partial(check_values, shape=(n_pixels,), least=0.0, most=1.0)
-    found: np.ndarray | None = _call(detector, "report_probability", photons, mine, check=check)
-    return found
+    return build_detector(detector).report_probability(photons, mine)
 
 
 def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> float:
@@ -307,8 +247,7 @@ def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> floa
     detector : the detector.
     background_photons_per_s : sunlight on a pixel [photons/s].
     """
-    check = partial(check_values, least=0.0)
-    return float(_call(detector, "noise_growth", background_photons_per_s, default=1.0, check=check))
+    return build_detector(detector).noise_growth(background_photons_per_s)
 
 
 def isolate(detector: AnyDetector, gain: float = 1.0) -> AnyDetector:
@@ -319,9 +258,7 @@ def isolate(detector: AnyDetector, gain: float = 1.0) -> AnyDetector:
     detector : the detector.
     gain : gain of its APDs over their gain at rest.
     """
-    apart: AnyDetector = _call(detector, "isolate", gain, default=detector)
-    if not isinstance(apart, (Detector, *_FUNCTIONS)):
-        raise make_answer_error(detector, "isolate", apart, "return a detector")
+    apart: AnyDetector = build_detector(detector).isolate(gain)
     return apart
 
 
@@ -333,11 +270,7 @@ def array_load(detector: AnyDetector, photons: Photons) -> ArrayLoad:
     detector : the detector.
     photons : light on every pixel.
     """
-    n_pixels = photons.shape[0] * photons.shape[1]
-    none = ArrayLoad(np.ones(n_pixels), np.zeros(n_pixels))
-    check = partial(check_array_load, n_pixels=n_pixels)
-    load: ArrayLoad = _call(detector, "array_load", photons, default=none, check=check)
-    return load
+    return build_detector(detector).array_load(photons)
 
 
 def draw_crosstalk_m(detector: AnyDetector, together_fraction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -349,9 +282,7 @@ def draw_crosstalk_m(detector: AnyDetector, together_fraction: np.ndarray, rng: 
     together_fraction : (pixel) share of the array that latches with each.
     rng : generator of the errors.
     """
-    none = np.zeros(np.shape(together_fraction))
-    check = partial(check_values, shape=none.shape, least=-GREATEST, most=GREATEST)
-    return np.asarray(_call(detector, "draw_crosstalk_m", together_fraction, rng, default=none, check=check))
+    return build_detector(detector).draw_crosstalk_m(together_fraction, rng)
 
 
 def frame_jitter_s(detector: AnyDetector) -> float:
@@ -361,33 +292,4 @@ def frame_jitter_s(detector: AnyDetector) -> float:
     ----------
     detector : the detector.
     """
-    return float(_call(detector, "frame_jitter_s", default=0.0, check=partial(check_values, least=0.0, most=GREATEST)))
-
-
-def _find_functions(detector: AnyDetector) -> dict[str, Callable[..., Any]] | None:
-    """Return the functions of a described part; None for an object."""
-    return next((functions for part, functions in _FUNCTIONS.items() if isinstance(detector, part)), None)
-
-
-def _call(
-    detector: AnyDetector,
-    name: str,
-    *given: Any,
-    default: Any = None,
-    check: Callable[[object, str, object], Any] = lambda _owner, _method, found: found,
-) -> Any:
-    """Return the result of a function of a part or of a method of an object; a default if there is neither.
-
-    Parameters
-    ----------
-    detector : a part or an object.
-    name : name of the function or method.
-    given : its arguments after the detector; an object gets its arrays read-only.
-    default : result without it.
-    check : called with an object, the name of its method and the answer; returns the answer, or raises an error.
-    """
-    described = _find_functions(detector)
-    if described is not None:
-        return described[name](detector, *given) if name in described else default
-    found = call_member(detector, name, *given, default=default)
-    return found if found is default else check(detector, name, found)
+    return build_detector(detector).frame_jitter_s()

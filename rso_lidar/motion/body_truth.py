@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import NoneType
@@ -69,23 +69,10 @@ def truth(
     -------
     truth of all epochs; ``truth.at(k)`` is that of one
     """
-    here = _Evaluation(tuple(bodies), epochs, local, SunVectors(epochs, local, sun_direction), flights or {}, rates)
-    tree = PoseTree({}, {})
-    states: dict[str, BodyState] = {}
-    by_origin = {body.origin: body for body in bodies}
-    for name in sort_bodies(bodies, local=local):
-        if name in by_origin:
-            body = by_origin[name]
-            with add_place(f"{body.name}.motion"):
-                tree = here.add_origin(tree, body)
-            states[body.name] = here.states.get(body.name) or here.read_state(tree, name)
-        else:
-            body = here.by_name[name]
-            with add_place(f"{name}.attitude"):
-                tree = here.add_body_axes(tree, body)
-            with add_place(f"{name}.joint"):
-                tree = here.add_hinges(tree, body)
-    states = {body.name: states[body.name] for body in bodies}
+    order, sun = tuple(sort_bodies(bodies, local=local)), SunVectors(epochs, local, sun_direction)
+    here = _Evaluation(tuple(bodies), order, epochs, local, sun, flights or {}, rates)
+    tree = here.evaluate()
+    states = {body.name: here.states.get(body.name) or here.read_state(tree, body.origin) for body in bodies}
     lit: dict[str, np.ndarray] = {}
     if here.sun.position_m is not None:
         lit = {name: here.sun.visible_fraction(state, here.centers.get(name)) for name, state in states.items()}
@@ -94,9 +81,10 @@ def truth(
 
 @dataclass(frozen=True, eq=False)
 class _Evaluation:
-    """Everything that the bodies of one evaluation share."""
+    """Everything that the bodies of one evaluation share; `order` names the axes to evaluate, each after what it needs."""
 
     bodies: tuple[Body, ...]
+    order: tuple[str, ...]
     epochs: Epochs
     local: bool
     sun: SunVectors
@@ -113,6 +101,33 @@ class _Evaluation:
     def __post_init__(self) -> None:
         self.by_name.update({body.name: body for body in self.bodies})
 
+    def evaluate(self) -> PoseTree:
+        """Evaluate all axes in one pass, and keep the states of bodies that orbit."""
+        tree, by_origin = PoseTree({}, {}), {body.origin: body for body in self.bodies}
+        for name in self.order:
+            if (body := by_origin.get(name)) is not None:
+                with add_place(f"{body.name}.motion"):
+                    tree = self.add_origin(tree, body)
+            else:
+                body = self.by_name[name]
+                with add_place(f"{name}.attitude"):
+                    tree = self.add_body_axes(tree, body)
+                with add_place(f"{name}.joint"):
+                    tree = self.add_hinges(tree, body)
+        return tree
+
+    def move(self, bodies: Sequence[Body], names: Iterable[str], epochs: Epochs, *, rates: bool = True) -> _Evaluation:
+        """Return the evaluation of some axes of some of the bodies at other epochs, in the order that is known.
+
+        Parameters
+        ----------
+        bodies, names, epochs : the bodies, the names of the axes, and the instants.
+        rates : whether the rates of the axes are needed.
+        """
+        wanted, sun = frozenset(names), SunVectors(epochs, self.local, self.sun.given)
+        order = tuple(name for name in self.order if name in wanted)
+        return _Evaluation(tuple(bodies), order, epochs, self.local, sun, self.flights, rates)
+
     @cached_property
     def relative_turning(self) -> dict[str, np.ndarray]:
         """Angular velocities (time, 3) [rad/s] of the rtn axes of relative motions, relative to those of their chiefs.
@@ -128,7 +143,8 @@ class _Evaluation:
         breaks_s = list_breaks_s(some, self.epochs, Chief)
 
         def rows(time_s: np.ndarray) -> np.ndarray:
-            poses = truth(some, Epochs(self.epochs.start_utc, time_s), flights=self.flights, rates=False).poses
+            beside = Epochs(self.epochs.start_utc, time_s)
+            poses = self.move(some, [body.origin for body in some], beside, rates=False).evaluate()
             matrices = [np.broadcast_to(poses[origin].matrix, (len(time_s), 3, 3)) for origin in origins]
             return np.concatenate([matrix.reshape(-1, 9) for matrix in matrices], axis=1)
 
@@ -162,7 +178,7 @@ class _Evaluation:
         name = next((name for name, one in body.models.items() if one is model), "")
         return self.flights.get(name) or model.fly_open_loop()
 
-    def chief(self, tree: PoseTree, name: str) -> Chief:
+    def chief(self, name: str) -> Chief:
         """Return the trajectory of a body that is in the tree already."""
         if name not in self.chiefs:
             self.chiefs[name] = Chief(
@@ -176,11 +192,9 @@ class _Evaluation:
         shape = (len(self.epochs), 3)
         return BodyState(np.broadcast_to(link.translation_m, shape), np.broadcast_to(link.velocity_m_s, shape))
 
-    # Each method below takes the tree with everything on which its result depends, and a body.
-
     def add_origin(self, tree: PoseTree, body: Body) -> PoseTree:
         """Add the axes at the origin of a body to a tree, and keep states and rates of an orbit."""
-        place, relative_to = self._place(tree, body), get_chief_name(body.motion)
+        place, relative_to = self._place(body), get_chief_name(body.motion)
         if not body.orbits:
             link = Link((place.position_m, np.eye(3)), place.velocity_m_s, np.zeros(3))
             return tree.with_node(body.origin, relative_to or ROOT, link)
@@ -192,7 +206,7 @@ class _Evaluation:
         self.turning[body.name] = link.angular_velocity_rad_s
         return tree.with_node(body.origin, ROOT, link)
 
-    def _place(self, tree: PoseTree, body: Body) -> Place:
+    def _place(self, body: Body) -> Place:
         """Compute position and velocity of a body's origin in the axes of its motion, and warn of exceeded model limits."""
         motion = body.motion
         if isinstance(motion, PlacedMotion):
@@ -200,7 +214,7 @@ class _Evaluation:
             return motion.place(self.epochs, flight)
         known: tuple[Any, ...] = (self.epochs,)
         if isinstance(motion, RtnMotion):
-            known = self.epochs, self.chief(tree, str(get_chief_name(motion)))
+            known = self.epochs, self.chief(str(get_chief_name(motion)))
             place = Place(*motion.relative(*known))
         else:
             state = states_of(motion, self.epochs)
@@ -218,13 +232,8 @@ class _Evaluation:
 
         Parameters
         ----------
-        tree : with the axes of the chief
-        body : the body that moves relative to the chief
-        place : position and velocity in the chief's rtn axes
-
-        Returns
-        -------
-        the tree with the rtn axes of the body
+        tree, body, chief : the tree with the axes of the chief, the body, and the name of its chief.
+        place : position and velocity in the chief's rtn axes.
         """
         there, turning, (rho, rho_rate, rates) = tree.link(ROOT, self.by_name[chief].origin), self.turning[chief], place
         moved_m_s = rho_rate if rates is None else rates[0]
@@ -241,7 +250,7 @@ class _Evaluation:
         self.states[body.name], self.turning[body.name] = BodyState(position, velocity), own_turning
         if rates is not None:
             orbit = subtract_center(self.states[chief], center)
-            own_turning = find_turning_rad_s(about, place, there, orbit, center, self.chief(tree, chief).central_body)
+            own_turning = find_turning_rad_s(about, place, there, orbit, center, self.chief(chief).central_body)
             self.turning[body.name] = own_turning
             carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), there.angular_velocity_rad_s)
         relative = own_turning - carried
@@ -302,12 +311,10 @@ class _Evaluation:
 
         def at(epochs: Epochs) -> Situation:
             some = list_dependencies(body, self.bodies)
-            there = _Evaluation(
-                tuple(some), epochs, self.local, SunVectors(epochs, self.local, self.sun.given), self.flights
-            )
+            there = self.move(some, [name for one in some for name in (one.origin, one.name)], epochs)
             with suppress_warnings():
-                poses = truth(some, epochs, local=self.local, sun_direction=self.sun.given, flights=self.flights).poses
-            return there.situation(poses, body)
+                tree = there.evaluate()
+            return there.situation(tree, body)
 
         return Situation(
             self.epochs,
@@ -330,11 +337,9 @@ class Chief:
 
     Parameters
     ----------
-    bodies : all bodies
-    name : of the chief
-    local : whether the world is local, without an Earth
-    flights : of commanded state-space models; None for none
-    known : epochs at which the states are known already, and these states
+    bodies, name : all bodies, and the name of the chief.
+    local, flights : as for `truth`.
+    known : epochs at which the states are known already, and these states.
     """
 
     def __init__(
@@ -351,23 +356,15 @@ class Chief:
         self._known = [] if known is None else [known]
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Compute position and velocity of the body.
-
-        Parameters
-        ----------
-        epochs : instants
-
-        Returns
-        -------
-        position [m] and velocity [m/s], each (time, 3), in GCRS axes
-        """
+        """Compute position [m] and velocity [m/s] of the body, each (time, 3), in GCRS axes."""
         for at, states in self._known:
             if at.start_utc == epochs.start_utc and np.array_equal(at.time_s, epochs.time_s):
                 return states
+        sun = SunVectors(epochs, self._local, None)
+        there = _Evaluation(self._chain, self._order, epochs, self._local, sun, self._flights or {}, rates=False)
         with suppress_warnings():
-            states = truth(self._chain, epochs, local=self._local, flights=self._flights, rates=False).states[
-                self._name
-            ]
+            tree = there.evaluate()
+        states = there.states.get(self._name) or there.read_state(tree, self._chain[0].origin)
         if len(epochs) == 1:  # mostly the start, which every relative motion needs repeatedly
             self._known = [*self._known[-3:], (epochs, states)]
         return states
@@ -412,9 +409,14 @@ class Chief:
         return found
 
     @cached_property
-    def _chain(self) -> list[Body]:
+    def _order(self) -> tuple[str, ...]:
+        """The names of the axes of that chain, each after what it needs."""
+        return tuple(sort_bodies(self._chain, local=self._local))
+
+    @cached_property
+    def _chain(self) -> tuple[Body, ...]:
         """The body and the chain of its chiefs, without their attitudes."""
         chain = [self._by_name[self._name]]
         while (relative_to := get_chief_name(chain[-1].motion)) is not None:
             chain.append(self._by_name[relative_to])
-        return [body.replace(attitude=None, axes=()) for body in chain]
+        return tuple(body.replace(attitude=None, axes=()) for body in chain)

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from rso_lidar.detector.chain.analog import simulate_analog
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.records import Photons
 
 # A detector told by round figures, whatever the shipped one has been fitted to.
@@ -38,6 +40,12 @@ def returns(range_m, photons, pixel=None, shape=None, cluster=None, pulse_fwhm_s
         cluster=cluster,
         cluster_pixel=pixel[first],
     )
+
+
+def simulate_rows(part, photons, rows, rng):
+    """Return the analog signals of some rows in the camera of a detector."""
+    camera = camera_of(part, photons)
+    return simulate_analog(camera.front, camera.axis(rows.length), photons, rows, rng)
 
 
 def nothing(shape):

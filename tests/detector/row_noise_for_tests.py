@@ -16,7 +16,7 @@ def row_noise(rng, n_rows=1):
 def multiply(primaries, apd, rng, base=None, by=avalanche.multiply):
     """Draw electrons for primaries (row, step), or (step)."""
     n_rows = 1 if np.ndim(primaries) == 1 else len(primaries)
-    return by(primaries, apd, row_noise(rng, n_rows), base)
+    return by(primaries, avalanche.build_avalanche(apd), row_noise(rng, n_rows), base)
 
 
 def amplify(filters, quiet, excess, gain, rng, by=amplification.amplify):

@@ -15,7 +15,7 @@ from rso_lidar.mission_analysis.budgets.inputs import _read_brdf_table
 from rso_lidar.motion.motions.prescribed_motion import read_table
 from rso_lidar.optics import read_pattern
 from rso_lidar.optics.tables.zemax import read_huygens_psf
-from rso_lidar.orbit.ccsds.attitude_file import read_attitudes
+from rso_lidar.orbit import read_attitudes
 from rso_lidar.scene import load_mesh
 
 STUDY = {"version": 1, "name": "s", "merits": ["range_rms_m"], "axis": [{"field": "seed", "values": [1]}]}

@@ -18,12 +18,11 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Gate, Gsfl
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.time_axis import place_gate_rows
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Lambertian
+from tests.detector.returns_for_tests import simulate_rows
 from tests.optics.bench_for_tests import look, place
 from tests.peers.render import KEPT, SEEDS
 from tests.peers.scenes_for_tests import SCENES, Scene
@@ -89,7 +88,7 @@ def detector_waveforms(scene):
     n_pixels = scene.n**2
     plan = plan_time(gsfl, laser.pulse_fwhm_s)
     rows, _ = place_gate_rows(gsfl.gate, gsfl.readout, plan, n_pixels)
-    made = simulate_analog(gsfl, photons, rows, plan, build_camera(gsfl, n_pixels), None)
+    made = simulate_rows(gsfl, photons, rows, None)
     time_s = (rows.start[0] + np.arange(rows.length)) * plan.step_s
     per_s = made.primaries.astype(float) / (gsfl.quantum_efficiency * plan.step_s)
     return time_s, per_s.reshape(scene.n, scene.n, -1)

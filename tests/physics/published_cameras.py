@@ -12,6 +12,7 @@ from scipy import optimize, signal
 import rso_lidar as rl
 from rso_lidar import units
 from rso_lidar.detector import Amplifier, Apd, Readout, Timing, Trigger, make_point_returns, run_trial
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.geiger.histogram import count_photons
 
@@ -286,7 +287,7 @@ def edge_jitter_ps(snr, rise_ns, fwhm_ns, bandwidth_mhz, edges, n=4000):
         light = make_point_returns(
             (1, n), pulse, fwhm_ns * units.NS, np.arange(n), np.full(n, 100.0), np.full(n, photons * snr * noise / 8.0)
         )
-        stored = store_waveforms(detector, light, np.random.default_rng(3))
+        stored = store_waveforms(camera_of(detector, light), light, np.random.default_rng(3))[0]
         baseline = detector.readout.baseline_counts
         traces = np.asarray(stored.samples_counts, dtype=float) - baseline
         top = traces.mean(axis=0).max() / 40_000

@@ -13,12 +13,11 @@ from scipy import stats
 
 import rso_lidar as rl
 from rso_lidar.detector import Apd, Gsfl, detect, make_plate, run_trial
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.camera import draw_camera_pixels
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
 from rso_lidar.detector.stages.time_axis import Rows
-from tests.detector.returns_for_tests import bell, nothing
+from tests.detector.returns_for_tests import bell, nothing, simulate_rows
 from tests.detector.row_noise_for_tests import multiply
 from tests.optics import bench_for_tests as bench
 from tests.physics import chain_by_hand as by_hand
@@ -229,7 +228,7 @@ def crossings(part, sigmas, rows, length, repeats, seed=5):
     axis = Rows(np.arange(rows), zero, zero, zero + length, length)
     counted = []
     for _ in range(repeats):
-        noise = simulate_analog(part, nothing((1, rows)), axis, plan, build_camera(part, rows), rng).amplitude
+        noise = simulate_rows(part, nothing((1, rows)), axis, rng).amplitude
         above = [noise >= u * part.noise_electrons for u in sigmas]
         counted.append([(~up[:, :-1] & up[:, 1:]).sum(axis=1) for up in above])
     counted = np.concatenate(counted, axis=1)
@@ -290,7 +289,7 @@ def test_false_triggers_of_an_empty_scene(validation, statistics):
     part, frames = Gsfl(apd=Apd(statistics=statistics)), 40
     rng = np.random.default_rng(12)
     triggered = sum(int(np.isfinite(detect(nothing((128, 128)), part, rng)[0].range_m).sum()) for _ in range(frames))
-    threshold = part.trigger.threshold_electrons * build_camera(part, 16_384).threshold
+    threshold = part.trigger.threshold_electrons * draw_camera_pixels(part, 16_384).threshold
     shot = by_hand.excess_noise(10.0, 0.2) * 100 * 1e-9 / by_hand.CHARGE_C * 8.516e-9**2 / (4 * TAU_S)
     sigma = math.sqrt(part.amplifier.noise_electrons**2 + shot)
     rate = np.exp(-((threshold / sigma) ** 2) / 2) / (2 * math.pi * TAU_S)

@@ -11,13 +11,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.detector import Amplifier, Apd, Gsfl, Ranging, Readout, Timing, Trigger, detect, make_plate, run_trial
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.optics import Laser, Receiver
-from tests.detector.returns_for_tests import bell, returns
+from tests.detector.returns_for_tests import bell, returns, simulate_rows
 from tests.optics import bench_for_tests as bench
 from tests.physics import chain_by_hand as by_hand
 
@@ -281,9 +280,9 @@ def test_quantisation_adds_a_twelfth(validation):
     pulse = bell(FWHM_S)
     seen = make_plate(3000.0, 4096, (pulse["pulse_step_s"], pulse["pulse_power_per_s"]), FWHM_S, 1000.0)
     whole, exact = (
-        store_waveforms(
-            Gsfl(readout=Readout(quantised=quantised)), seen, np.random.default_rng(2)
-        ).samples_counts.astype(float)
+        store_waveforms(camera_of(Gsfl(readout=Readout(quantised=quantised)), seen), seen, np.random.default_rng(2))[
+            0
+        ].samples_counts.astype(float)
         for quantised in (True, False)
     )
     assert np.array_equal(whole, np.rint(whole)) and np.abs(whole - exact).max() <= 0.5
@@ -364,7 +363,7 @@ def test_a_facet_at_60_degrees_and_10_km_is_one_pulse(validation):
     area = np.concatenate([[0.0], np.cumsum(0.5 * (AMPLIFIED[1:] + AMPLIFIED[:-1]) * np.diff(T))])
     plan = plan_time(part, FWHM_S)
     rows = place_rows(seen.photons, plan)
-    made = simulate_analog(part, seen.photons, rows, plan, build_camera(part, 256), None)
+    made = simulate_rows(part, seen.photons, rows, None)
     worst, top = 0.0, 0.0
     for row in np.flatnonzero(rows.pixel == pixel):
         watched = np.arange(rows.first[row], rows.last[row])

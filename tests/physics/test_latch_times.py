@@ -5,8 +5,8 @@ import pytest
 
 from rso_lidar.detector import Droop, Gsfl, simulate_separations
 from rso_lidar.detector.bench.calibration import make_reference_pulse
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import store_waveforms
-from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.stages.array_effects import solve_gain
 from tests.detector.chain.test_traces import STILL, crossing_s
 from tests.detector.returns_for_tests import returns
@@ -18,8 +18,8 @@ C = 299_792_458.0
 def test_a_pulse_latches_where_its_edge_passes_the_threshold(over, validation):
     """64 phases of the clock: the mean to 0.01 ns up to 1000 times the threshold, to a tenth of a step up to a million."""
     photons = returns(500.0 + 0.0223 * np.arange(64), 1.0)
-    photons = returns(500.0 + 0.0223 * np.arange(64), over * 1e11 / shape_pulse(STILL, photons).peak)
-    made = store_waveforms(STILL, photons, np.random.default_rng(1))
+    photons = returns(500.0 + 0.0223 * np.arange(64), over * 1e11 / camera_of(STILL, photons).pulse.peak)
+    made = store_waveforms(camera_of(STILL, photons), photons, np.random.default_rng(1))[0]
     validation(
         case=f"latch of a pulse of 8 ns at {over:g} times the threshold, after its nominal delay",
         source="Gaussian behind two poles in closed form",
@@ -34,7 +34,7 @@ def test_two_returns_part_and_are_lost_where_pulse_and_trace_say(validation):
     """Near: a valley of a tenth between Gaussians, less half a sample of smoothing. Far: see tests/detector."""
     part = Gsfl(max_returns=2)
     near, far = simulate_separations(part, make_reference_pulse(), 8e-9).interval_m(0.5)
-    pulse = shape_pulse(part, returns(100.0, 1.0))
+    pulse = camera_of(part, returns(100.0, 1.0)).pulse
     validation(
         case="least separation of two equal returns that are listed half the time, 8 ns",
         source="2 sqrt(2 ln(2 / 0.9)) sigma: a valley of a tenth between two Gaussians, and up to a sample for smoothing",

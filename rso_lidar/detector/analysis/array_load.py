@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.detector.chain.analog import background_electrons_per_s, simulate_analog, solve_drooped_gain
-from rso_lidar.detector.chain.camera import build_camera
-from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.chain.analog import simulate_analog, solve_drooped_gain
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.traces import store_traces
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.array_effects import latch_share
@@ -45,20 +44,20 @@ def simulate_array_load(gsfl: Gsfl, photons: Photons) -> ArrayLoad:
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     gain, together = np.ones(n_pixels), np.zeros(n_pixels)
+    camera = camera_of(gsfl, photons)
     if gsfl.droop is not None and len(photons.pixel):
-        plan = plan_time(gsfl, photons.pulse_fwhm_s)
-        rows = place_rows(photons, plan)
-        made = simulate_analog(gsfl, photons, rows, plan, build_camera(gsfl, n_pixels), None)
-        relative = solve_drooped_gain(
-            gsfl.droop, rows, made.electrons, background_electrons_per_s(gsfl, photons), plan.step_s
-        )
+        rows = place_rows(photons, camera.plan(0.0))
+        axis = camera.axis(rows.length)
+        made = simulate_analog(camera.front, axis, photons, rows, None)
+        steady_per_s = camera.front.background_electrons_per_s(photons)
+        relative = solve_drooped_gain(gsfl.droop, rows, made.electrons, steady_per_s, axis.step_s)
         drawn = np.bincount(rows.pixel, made.primaries.sum(axis=1), n_pixels)
         left = np.bincount(rows.pixel, (made.primaries * relative).sum(axis=1), n_pixels)
         np.divide(left, drawn, out=gain, where=drawn > 0.0)
     if gsfl.crosstalk is not None and gsfl.gate is None and len(photons.pixel):
         light = np.bincount(photons.pixel, photons.photons, n_pixels)
         lit = np.flatnonzero(light > 0.0)
-        stored, _ = store_traces(gsfl, photons, np.random.Generator(np.random.Philox(_SEED)))
+        stored, _ = store_traces(camera, photons, np.random.Generator(np.random.Philox(_SEED)))
         at_s = np.zeros(n_pixels)
         at_s[lit] = np.bincount(photons.pixel, photons.photons * photons.delay_s, n_pixels)[lit] / light[lit]
         latched = np.isin(stored.pixel, lit)

@@ -18,18 +18,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import NamedTuple
+from functools import lru_cache, partial
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
+from rso_lidar.detector.ranging.gate_threshold import GateThresholds
 from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.apd import cumulants
-from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.errors import ScenarioError
 
 _Kernel = Callable[[np.ndarray], np.ndarray]
@@ -64,44 +63,6 @@ class Prediction:
     saturated: np.ndarray
 
 
-class LaserPulse(NamedTuple):
-    """The laser's pulse as a detector meets it.
-
-    Parameters
-    ----------
-    step_s : time between the taps of `power_per_s` [s].
-    power_per_s : (tap) power over energy [1/s].
-    fwhm_s : full width at half maximum [s].
-    timing_jitter_ns : jitter of emission, 1 sigma.
-    """
-
-    step_s: float
-    power_per_s: np.ndarray
-    fwhm_s: float
-    timing_jitter_ns: float = 0.0
-
-
-def predict_empirical(
-    detector: Empirical, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray, only_probability: bool = False
-) -> Prediction:
-    """Return the prediction of the empirical detector by its curves, on which depth has no effect.
-
-    Parameters
-    ----------
-    detector : the detector.
-    pulse : the laser's pulse.
-    photons, depth_s : (return) expected photons, and the time over which the surface stretches each return [s].
-    only_probability : not used: all members are computed together.
-    """
-    precision_m = np.hypot(detector.range_noise_m(photons, pulse.fwhm_s), pulse.timing_jitter_ns * _RANGE_PER_NS)
-    return Prediction(
-        np.where(photons > 0.0, detector.detection_probability(photons), 0.0),
-        np.where(photons > 0.0, precision_m, np.inf),
-        photons / detector.noise_photons(photons),
-        detector.counts(photons) >= detector.full_scale_counts,
-    )
-
-
 def predict_gsfl(
     gsfl: Gsfl, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray, only_probability: bool = False
 ) -> Prediction:
@@ -127,12 +88,12 @@ def predict_gsfl(
         )
     probability, precision_m, snr = (np.zeros(photons.shape) for _ in range(3))
     number = _depth_number(depth_s / pulse.fwhm_s)
-    power = pulse.power_per_s.tobytes()
+    responses = _build_responses(gsfl, pulse._replace(timing_jitter_ns=0.0))
     for k in np.unique([np.floor(number), np.ceil(number)]):
         of = np.abs(number - k) < 1.0
         weight = 1.0 - np.abs(number[of] - k)
         stretch_s = pulse.fwhm_s * _depth_of(k)
-        seen = _compute_response(gsfl, pulse.step_s, power, stretch_s)
+        seen = responses(stretch_s)
         probability[of] += weight * seen.probability(photons[of])
         if not only_probability:
             widest_m = (stretch_s + pulse.fwhm_s) / math.sqrt(12.0) * units.RANGE_PER_DELAY_M_S
@@ -231,18 +192,43 @@ class _Response:
         return found
 
 
-@lru_cache(maxsize=1024)
-def _compute_response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -> _Response:
+@lru_cache(maxsize=64)
+def _build_responses(gsfl: Gsfl, pulse: LaserPulse) -> Callable[[float], _Response]:
+    """Return the responses of an amplifier to a pulse by the time [s] over which a surface stretches it, kept."""
+    assumed = _assume_pulse(gsfl, pulse)
+    return lru_cache(maxsize=256)(partial(_compute_response, gsfl, pulse, assumed))
+
+
+@dataclass(frozen=True, eq=False)
+class _AssumedPulse:
+    """The pulse behind the amplifier as the matched filter assumes it, and a gate's threshold [electrons] on its height."""
+
+    pulse: Pulse
+    matched: Matched
+    gate_electrons: float
+
+
+def _assume_pulse(gsfl: Gsfl, pulse: LaserPulse) -> _AssumedPulse:
+    readout, amplifier = gsfl.readout, gsfl.amplifier
+    shape = Pulse.after(pulse.step_s, pulse.power_per_s, amplifier.pole_s, amplifier.integration_s)
+    matched = Matched.of(shape, readout.sample_s, amplifier.pole_s, gsfl.noise_counts)
+    gate_electrons = math.nan
+    if gsfl.gate is not None:
+        thresholds = GateThresholds(gsfl.gate, gsfl.apd, amplifier, readout, matched)
+        gate_electrons = thresholds.at_rate(gsfl.apd.dark_electrons_per_s) * readout.electrons_per_count
+    return _AssumedPulse(shape, matched, gate_electrons)
+
+
+def _compute_response(gsfl: Gsfl, pulse: LaserPulse, assumed: _AssumedPulse, stretch_s: float) -> _Response:
     """Return the response of the amplifier to a pulse that a surface stretches evenly.
 
     Parameters
     ----------
-    gsfl : the detector.
-    step_s, power_per_s : taps of the pulse, the second as bytes.
+    gsfl, pulse, assumed : the detector, the laser's pulse, and what the detector takes it for.
     stretch_s : time over which the surface stretches it [s].
     """
     pole_s, width_s = gsfl.amplifier.pole_s, gsfl.amplifier.integration_s
-    taps = np.frombuffer(power_per_s)
+    step_s, taps = pulse.step_s, pulse.power_per_s
     energy = np.cumsum(taps) * step_s
     tap_s = (np.arange(len(taps)) - len(taps) // 2) * step_s
     from_s, to_s = np.interp([1e-6, 1.0 - 1e-6], energy, tap_s) + np.array([-0.5, 0.5]) * stretch_s
@@ -274,7 +260,7 @@ def _compute_response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: 
     at_s = peak_s + apart_s * np.arange(-before, after + 1)
     at_s = at_s[np.argsort(np.abs(at_s - peak_s), kind="stable")]  # the deciding instants come first
     added = respond(at_s)
-    place_s2, fitted, threshold = _fit(gsfl, step_s, power_per_s, light, respond, dark, 0.5 * fine_s)
+    place_s2, fitted = _fit(gsfl, assumed, light, respond, dark, 0.5 * fine_s)
     return _Response(
         gsfl,
         gain * np.einsum("t,ti->i", light, added),
@@ -283,14 +269,14 @@ def _compute_response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: 
         dark(at_s),
         place_s2,
         fitted,
-        threshold,
+        assumed.gate_electrons,
     )
 
 
 def _fit(
-    gsfl: Gsfl, step_s: float, power_per_s: bytes, light: np.ndarray, respond: _Kernel, dark: _Kernel, beside_s: float
-) -> tuple[tuple[float, float], tuple[float, float, float], float]:
-    """Return `place_s2`, `fitted` and `threshold_electrons` of a response.
+    gsfl: Gsfl, assumed: _AssumedPulse, light: np.ndarray, respond: _Kernel, dark: _Kernel, beside_s: float
+) -> tuple[tuple[float, float], tuple[float, float, float]]:
+    """Return `place_s2` and `fitted` of a response.
 
     The matched filter assumes the pulse as it left, and noise of the amplifier's colour with a little white noise. Its
     error is that of a linear fit with these weights in the true noise, shot noise included (Kay 1993, sec. 6.5). Slopes
@@ -298,22 +284,19 @@ def _fit(
 
     Parameters
     ----------
-    gsfl : the detector.
-    step_s, power_per_s : taps of the pulse, the second as bytes.
+    gsfl, assumed : the detector, and what it takes the pulse for.
     light : (step) the stretched pulse.
     respond, dark : response at some instants to charge in each step, and covariance of the noise in the dark there.
     beside_s : half a step of time [s].
     """
-    readout, amplifier = gsfl.readout, gsfl.amplifier
-    pulse = Pulse.after(step_s, np.frombuffer(power_per_s), amplifier.pole_s, amplifier.integration_s)
-    matched = Matched.of(pulse, readout.sample_s, amplifier.pole_s, gsfl.noise_counts)
+    readout, amplifier, pulse = gsfl.readout, gsfl.amplifier, assumed.pulse
     half = max(2, math.ceil(_REACH_FWHM * pulse.fwhm_s / readout.sample_s))
     lag = np.arange(2 * half + 1) - half
     rounding = readout.electrons_per_count**2 / 12.0 if readout.quantised else 0.0
     x = np.abs(np.subtract.outer(lag, lag)) * readout.sample_s / amplifier.pole_s
     believed = (1.0 + x) * np.exp(-x) + max(3e-3, rounding / max(gsfl.noise_electrons, 1e-9) ** 2) * np.eye(len(lag))
     places, heights = [], []
-    weights = matched.height_weights()
+    weights = assumed.matched.height_weights()
     square = cumulants(gsfl.apd)[1]
     for phase in (np.arange(_PHASES) + 0.5) / _PHASES - 0.5:
         at_s = (lag - phase) * readout.sample_s + pulse.peak_s
@@ -335,19 +318,9 @@ def _fit(
             ]
         )
     place, height = np.mean(places, axis=0), np.mean(heights, axis=0)
-    if gsfl.gate is None:
-        return (float(place[0]), float(place[1])), (float(height[0]), float(height[1]), float(height[2])), math.nan
-    known = solve_gate_thresholds(
-        gsfl.gate,
-        np.array([gsfl.apd.dark_electrons_per_s]),
-        apd=gsfl.apd,
-        amplifier=amplifier,
-        readout=readout,
-        matched=matched,
-    )
-    pulses = gsfl.gate.pulses
+    pulses = gsfl.gate.pulses if gsfl.gate else 1
     fitted = (float(height[0]), float(height[1]) / pulses, float(height[2]) / pulses)
-    return (float(place[0]), float(place[1])), fitted, float(known[0]) * readout.electrons_per_count
+    return (float(place[0]), float(place[1])), fitted
 
 
 def _as_normal(z: np.ndarray, skewness: np.ndarray) -> np.ndarray:

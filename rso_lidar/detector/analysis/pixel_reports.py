@@ -14,15 +14,13 @@ from functools import lru_cache
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.analysis.closed_form import LaserPulse, predict_gsfl
-from rso_lidar.detector.analysis.description import list_neglected_gsfl
-from rso_lidar.detector.analysis.noise_effects import split_sunlight
-from rso_lidar.detector.chain.camera import build_camera, false_alarms_per_s
-from rso_lidar.detector.chain.timing import shape_pulse
+from rso_lidar.detector.analysis.closed_form import predict_gsfl
+from rso_lidar.detector.analysis.sunlight_levels import split_sunlight
+from rso_lidar.detector.chain.camera import FlashCamera, camera_of
 from rso_lidar.detector.ranging.pulse import Pulse
-from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.focal_plane import Timing
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.detector.stages.false_triggers import rates_per_s
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Photons
@@ -49,13 +47,9 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
 
     Returns
     -------
-    (pixel) probability, or None where a setting is not in the closed form.
+    (pixel) probability, or None where the closed form does not hold for the amplifier or for several returns in a gate.
     """
-    neglected = [name for name in list_neglected_gsfl(gsfl) if not name.startswith(gsfl.ranging.algorithm)]
-    if neglected or gsfl.zero_crossing is not None:
-        return None
-    n_pixels = photons.shape[0] * photons.shape[1]
-    pixel = photons.cluster_pixel
+    camera, pixel = camera_of(gsfl, photons), photons.cluster_pixel
     sunlight = np.zeros(len(pixel))
     if photons.background_photons_per_s is not None:
         sunlight = photons.background_photons_per_s.ravel()[pixel]
@@ -63,35 +57,20 @@ def report_probability_gsfl(gsfl: Gsfl, photons: Photons, mine: np.ndarray) -> n
     detected = np.zeros(len(pixel))
     try:
         for level, weight in split_sunlight(gsfl, sunlight):
-            detected += weight * _detect_clusters(_raise_dark_current(gsfl, level), gsfl, photons)
+            detected += weight * _detect_clusters(_raise_dark_current(gsfl, level), camera, photons)
         if gsfl.gate is None and sunlight.any():
-            camera = build_camera(gsfl, n_pixels)
-            threshold = gsfl.trigger.threshold_electrons * camera.threshold[pixel]
-            base = camera.dark_per_s[pixel] + gsfl.quantum_efficiency * sunlight
+            pixels = camera.front.pixels
+            threshold = gsfl.trigger.threshold_electrons * pixels.threshold[pixel]
+            base = pixels.dark_per_s[pixel] + gsfl.quantum_efficiency * sunlight
             rate = rates_per_s(gsfl.apd, gsfl.amplifier, threshold, base)
         elif gsfl.gate is None:
-            rate = false_alarms_per_s(gsfl, n_pixels)[pixel]
+            rate = camera.comparators.rates(None).alive_per_s[pixel]
     except ScenarioError:  # the amplifier is too fast for the closed form
         return None
     lists_several = gsfl.gate is not None and (gsfl.returns != "first" or gsfl.max_returns > 1)
-    return _combine_clusters(
+    return combine_clusters(
         photons, mine, detected, rate, (gsfl.sees_from_m, gsfl.sees_to_m), lists_several=lists_several
     )
-
-
-def report_probability_empirical(empirical: Empirical, photons: Photons, mine: np.ndarray) -> np.ndarray | None:
-    """Return the probability (pixel) that a pixel of the empirical detector reports one of some returns.
-
-    Parameters
-    ----------
-    empirical : the detector.
-    photons : light on every pixel.
-    mine : (return) whether a report of this return counts.
-    """
-    signal = np.bincount(photons.cluster, photons.photons, len(photons.cluster_pixel))
-    rate = np.full(signal.shape, empirical.false_alarms_per_s)
-    window = empirical.armed_from_m, empirical.armed_to_m
-    return _combine_clusters(photons, mine, empirical.detection_probability(signal), rate, window, lists_several=False)
 
 
 def _raise_dark_current(gsfl: Gsfl, background_photons_per_s: float) -> Gsfl:
@@ -113,33 +92,32 @@ def _raise_dark_current(gsfl: Gsfl, background_photons_per_s: float) -> Gsfl:
     return gsfl.replace(apd=apd, gate=gate, camera_seed=0, timing=Timing(), returns="first", max_returns=1, **window)
 
 
-def _detect_clusters(dark: Gsfl, gsfl: Gsfl, photons: Photons) -> np.ndarray:
+def _detect_clusters(dark: Gsfl, camera: FlashCamera, photons: Photons) -> np.ndarray:
     """Return the probability (cluster) that each cluster triggers, or is found in the gate, if it is alone in its pixel.
 
     Parameters
     ----------
     dark : the detector with the noise in force, in the dark.
-    gsfl : the detector whose camera looks.
+    camera : the camera that looks.
     photons : light on every pixel.
     """
-    shape = shape_pulse(dark, photons)
+    pulse, shape = LaserPulse.of(photons), camera.pulse
     threshold_photons = dark.traits.threshold_photons / shape.peak
     signal = _sum_clusters(photons, shape, _SURE_PHOTONS * threshold_photons)
     if dark.gate is not None:
-        pulse = LaserPulse(photons.pulse_step_s, photons.pulse_power_per_s, photons.pulse_fwhm_s)
         predicted = predict_gsfl(dark, pulse, signal, np.zeros(signal.shape), only_probability=True)
         return predicted.probability * (1.0 - dark.gate.false_alarm_probability)
-    camera = build_camera(gsfl, photons.shape[0] * photons.shape[1])
-    taps = photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), photons.pulse_fwhm_s
     with _tables:
-        curve = _tabulate_curve(dark, threshold_photons, *taps)
-        levels, gains = _tabulate_depths(dark, threshold_photons, *taps)
+        curve = _tabulate_curve(dark, threshold_photons, pulse)
+        levels, gains = _tabulate_depths(dark, threshold_photons, pulse)
     total = np.bincount(photons.cluster, photons.photons, len(photons.cluster_pixel))
     level = signal / np.where(total > 0.0, total, 1.0)
-    return curve.read(signal * np.interp(level, levels[::-1], gains[::-1]), camera.threshold[photons.cluster_pixel])
+    return curve.read(
+        signal * np.interp(level, levels[::-1], gains[::-1]), camera.front.pixels.threshold[photons.cluster_pixel]
+    )
 
 
-def _combine_clusters(
+def combine_clusters(
     photons: Photons,
     mine: np.ndarray,
     detected: np.ndarray,
@@ -255,21 +233,17 @@ class _TriggerCurve:
 
 
 @lru_cache(maxsize=64)
-def _tabulate_curve(
-    gsfl: Gsfl, threshold_photons: float, step_s: float, power_per_s: bytes, fwhm_s: float
-) -> _TriggerCurve:
+def _tabulate_curve(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) -> _TriggerCurve:
     """Return the curve of a self-triggering camera.
 
     Parameters
     ----------
     gsfl : the detector, without a gate.
     threshold_photons : photons whose amplitude reaches the nominal threshold.
-    step_s, power_per_s : taps of the laser's pulse, the second as bytes.
-    fwhm_s : length of the pulse [s].
+    pulse : the laser's pulse.
     """
     from scipy.special import ndtri
 
-    pulse = LaserPulse(step_s, np.frombuffer(power_per_s), fwhm_s)
     exact = gsfl.replace(trigger=gsfl.trigger.replace(threshold_spread_fraction=0.0))
     known = predict_gsfl(exact, pulse, threshold_photons * _LEVELS, np.zeros(_LEVELS.shape))
     shot, still = np.polyfit(_LEVELS, (_LEVELS / known.snr) ** 2, 1)
@@ -279,14 +253,12 @@ def _tabulate_curve(
 
 
 @lru_cache(maxsize=64)
-def _tabulate_depths(
-    gsfl: Gsfl, threshold_photons: float, step_s: float, power_per_s: bytes, fwhm_s: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _tabulate_depths(gsfl: Gsfl, threshold_photons: float, pulse: LaserPulse) -> tuple[np.ndarray, np.ndarray]:
     """Return how much easier light of some depth is to detect than its highest sum says, because it lasts longer.
 
     Parameters
     ----------
-    gsfl, threshold_photons, step_s, power_per_s, fwhm_s : as for `_tabulate_curve`.
+    gsfl, threshold_photons, pulse : as for `_tabulate_curve`.
 
     Returns
     -------
@@ -295,8 +267,8 @@ def _tabulate_depths(
     """
     from scipy.special import ndtri
 
-    taps = np.frombuffer(power_per_s)
-    shape = Pulse.after(step_s, taps, gsfl.amplifier.pole_s, gsfl.amplifier.integration_s)
+    fwhm_s = pulse.fwhm_s
+    shape = Pulse.after(pulse.step_s, pulse.power_per_s, gsfl.amplifier.pole_s, gsfl.amplifier.integration_s)
     exact = gsfl.replace(trigger=gsfl.trigger.replace(threshold_spread_fraction=0.0))
     levels, needed = [], []
     for depth in _DEPTHS.tolist():
@@ -305,7 +277,7 @@ def _tabulate_depths(
         highest = float(shape.amplitude(at_s[:, None] - spread_s).mean(axis=1).max()) / shape.peak
         light = threshold_photons / highest * np.array([0.75, 0.9, 1.05])
         depth_s = np.full(light.shape, depth * fwhm_s)
-        known = predict_gsfl(exact, LaserPulse(step_s, taps, fwhm_s), light, depth_s, only_probability=True)
+        known = predict_gsfl(exact, pulse, light, depth_s, only_probability=True)
         normal = ndtri(np.clip(known.probability, _LEAST, 1.0 - _LEAST))
         levels.append(highest)
         needed.append(float(np.interp(0.0, normal, light)) * highest)

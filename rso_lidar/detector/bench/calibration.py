@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector.analysis.false_alarms import mean_false_alarms_per_s
 from rso_lidar.detector.bench.trial import Trial, make_plate, run_trial
 from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera, mean_false_alarms_per_s
-from rso_lidar.detector.chain.timing import plan_time
-from rso_lidar.detector.chain.traces import arm_rows, noise_sigma
+from rso_lidar.detector.chain.camera import camera_of
+from rso_lidar.detector.chain.traces import arm_rows
 from rso_lidar.detector.settings import presets
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.stages.comparator import make_bridge, mark_watched
+from rso_lidar.detector.stages.comparator import mark_watched
 from rso_lidar.detector.stages.time_axis import place_rows
 
 REFERENCE_PHOTONS, REFERENCE_PROBABILITY, REFERENCE_FWHM_S = 1000.0, 0.95, 8e-9
@@ -44,22 +44,24 @@ def simulate_peaks(gsfl: Gsfl, repeats: int) -> np.ndarray:
     """Simulate the greatest amplitude of the reference pulse at the comparators, over their pixel's factor of threshold."""
     rng = np.random.Generator(np.random.Philox(_SEED))
     photons = make_plate(REFERENCE_PHOTONS, _PIXELS, make_reference_pulse(), REFERENCE_FWHM_S)
-    plan, camera = plan_time(gsfl, REFERENCE_FWHM_S), build_camera(gsfl, _PIXELS)
-    rows, _ = arm_rows(gsfl, place_rows(photons, plan), plan.step_s)
+    camera = camera_of(gsfl, photons)
+    plan, comparators = camera.plan(0.0), camera.comparators
+    rows, _ = arm_rows(comparators, place_rows(photons, plan), plan.step_s)
+    axis = camera.axis(rows.length)
     watched = mark_watched(rows.length, rows.first, rows.last)
-    bridge = make_bridge(gsfl.amplifier.pole_s, plan.step_s)
+    bridge = axis.bridge
     found = []
     for _ in range(repeats):
-        made = simulate_analog(gsfl, photons, rows, plan, camera, rng)
+        made = simulate_analog(camera.front, axis, photons, rows, rng)
         amplitude = np.where(watched, made.amplitude, -np.inf)
         height = amplitude.max(axis=1)
-        sigma = noise_sigma(gsfl, made.primaries / plan.step_s + gsfl.apd.dark_electrons_per_s)
+        sigma = comparators.noise_sigma(made.primaries / axis.step_s + gsfl.apd.dark_electrons_per_s)
         pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
         near = pair > (height - bridge.reach * bridge.sigma * sigma.max(axis=1))[:, None]
         row, step = np.nonzero(near & watched[:, :-1] & watched[:, 1:])
         path = bridge.path(made.amplitude, made.mean(), row, step, sigma[row, step], rng)
         np.maximum.at(height, row, path.max(axis=1))
-        found.append(height / camera.threshold)
+        found.append(height / camera.front.pixels.threshold)
     return np.concatenate(found)
 
 

@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.analysis.noise_effects import split_sunlight
+from rso_lidar.detector.analysis.sunlight_levels import split_sunlight
 from rso_lidar.detector.bench.scatter_table import read_scatter_m, threshold_of_returns
-from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import run_chain
 from rso_lidar.detector.detection import AnyDetector, detect, report_probability
 from rso_lidar.detector.geiger import photon_counter
@@ -294,9 +294,9 @@ def _try_pixels(photons: Photons, gsfl: Gsfl, there: _Clusters, draws: int) -> t
     }
     if photons.background_photons_per_s is not None:
         row["background_photons_per_s"] = np.tile(photons.background_photons_per_s.ravel()[lit], draws)[None]
-    camera = build_camera(gsfl, photons.shape[0] * photons.shape[1]).select(np.tile(lit, draws))
+    camera = camera_of(gsfl.alone(), photons).select(np.tile(lit, draws))
     rng = np.random.Generator(np.random.Philox(_SEED))
-    reading, _, _ = run_chain(gsfl.alone(), replace(photons, shape=(1, n * draws), **row), rng, camera=camera)
+    reading, _, _ = run_chain(camera, replace(photons, shape=(1, n * draws), **row), rng)
     reported_m = np.asarray(reading.range_m, dtype=float).reshape(draws, n)
     probability, sigma_m = _summarise(reported_m, there, photons.pulse_fwhm_s)
     return probability, np.hypot(sigma_m, gsfl.frame_jitter_s * units.RANGE_PER_DELAY_M_S)

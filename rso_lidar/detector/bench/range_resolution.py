@@ -11,6 +11,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.bench.trial import make_point_returns
 from rso_lidar.detector.detection import AnyDetector, detect, isolate
+from rso_lidar.detector.settings.laser_pulse import LaserPulse
 
 _EACH = 64  # trials of a separation: standard error of a probability at most 0.06
 _TOLERANCE_M = 0.5  # within which a report is that of a return
@@ -129,28 +130,27 @@ def simulate_separations(
     probability at each separation that both are listed.
     """
     hashable: Any = detector  # as every detector is
-    return _simulate_listed(hashable, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
+    return _simulate_listed(hashable, LaserPulse(*pulse, float(pulse_fwhm_s)), over)
 
 
 @lru_cache(maxsize=16)
-def _simulate_listed(detector: Any, step_s: float, power_per_s: bytes, pulse_fwhm_s: float, over: float) -> Separations:
+def _simulate_listed(detector: Any, pulse: LaserPulse, over: float) -> Separations:
     """Simulate what `simulate_separations` returns, cached.
 
     Parameters
     ----------
     detector : the detector, hashable.
-    step_s, power_per_s : step and power of the pulse, the second as bytes.
-    pulse_fwhm_s : length of the pulse [s].
+    pulse : the laser's pulse.
     over : light of each return over the threshold.
 
     Returns
     -------
     probability at each separation that both are listed.
     """
-    traits, width_m = detector.traits, pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
+    traits, width_m = detector.traits, pulse.fwhm_s * units.RANGE_PER_DELAY_M_S
     stored_m = min(traits.stored_behind_m, traits.sees_to_m - traits.sees_from_m)
     near = np.linspace(0.25 * width_m, 3.0 * width_m, 45)
     far = np.linspace(max(stored_m - 3.0 * width_m, 0.25 * width_m), stored_m + 0.5 * width_m, 45)
     separation_m = np.unique(np.concatenate([near, far]).round(3))
     light = over * traits.threshold_photons
-    return simulate_pairs(detector, (step_s, np.frombuffer(power_per_s)), pulse_fwhm_s, separation_m, (light, light))
+    return simulate_pairs(detector, (pulse.step_s, pulse.power_per_s), pulse.fwhm_s, separation_m, (light, light))

@@ -11,6 +11,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.laser_pulse import LaserPulse
 from rso_lidar.records import Photons
 
 _SEED = 91  # random seed of the trials
@@ -46,7 +47,7 @@ def read_scatter_m(
     window = {"armed_from_m": _PLATE_M - 0.5 * armed_m, "armed_to_m": _PLATE_M + 0.5 * armed_m}
     gate = None if gsfl.gate is None else gsfl.gate.replace(delay_ns=1000.0)
     alone = gsfl.alone().replace(gate=gate, camera_seed=0, **window)
-    given = photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), photons.pulse_fwhm_s, sunlight_per_s
+    pulse = LaserPulse.of(photons)
     at = np.clip(depth_s / photons.pulse_fwhm_s, _DEPTHS[0], _DEPTHS[-1])
     left = np.clip(np.searchsorted(_DEPTHS, at, side="right") - 1, 0, len(_DEPTHS) - 2)
     share = (at - _DEPTHS[left]) / (_DEPTHS[left + 1] - _DEPTHS[left])
@@ -56,7 +57,7 @@ def read_scatter_m(
         weight = np.where(left == column, 1.0 - share, np.where(left + 1 == column, share, 0.0))
         of = np.flatnonzero(weight > 0.0)
         if len(of):
-            scatter_m = _try_levels(alone, *given, float(_DEPTHS[column]))
+            scatter_m = _try_levels(alone, pulse, sunlight_per_s, float(_DEPTHS[column]))
             log_m[of] += weight[of] * np.interp(level[of], np.log(_LEVELS), np.log(scatter_m))
     sigma_m: np.ndarray = np.hypot(np.exp(log_m), gsfl.frame_jitter_s * units.RANGE_PER_DELAY_M_S)
     return sigma_m
@@ -68,15 +69,13 @@ def threshold_of_returns(gsfl: Gsfl) -> float:
 
 
 @lru_cache(maxsize=512)
-def _try_levels(
-    gsfl: Gsfl, step_s: float, power_per_s: bytes, fwhm_s: float, sunlight_per_s: float, depth: float
-) -> np.ndarray:
+def _try_levels(gsfl: Gsfl, pulse: LaserPulse, sunlight_per_s: float, depth: float) -> np.ndarray:
     """Measure the scatter of range (level) [m] of reported returns of one depth by trials.
 
     Parameters
     ----------
     gsfl : the detector, whose pixels do not affect each other.
-    step_s, power_per_s, fwhm_s : step of the pulse's samples [s], the samples [1/s] as bytes, and its length [s].
+    pulse : the laser's pulse.
     sunlight_per_s : sunlight on the pixels [photons/s].
     depth : of the light, in pulse lengths.
     """
@@ -84,9 +83,9 @@ def _try_levels(
     number = np.repeat(np.arange(len(_LEVELS)), trials)
     n = len(number)
     middle_m = 0.5 * (gsfl.sees_from_m + gsfl.sees_to_m)
-    pulse = step_s, np.frombuffer(power_per_s)
-    light = make_plate(_LEVELS[number] * threshold_of_returns(gsfl), n, pulse, fwhm_s, middle_m - 0.5)
-    light = replace(light, depth_spread_s=np.full(n, depth * fwhm_s))
+    bright, taps = _LEVELS[number] * threshold_of_returns(gsfl), (pulse.step_s, pulse.power_per_s)
+    light = make_plate(bright, n, taps, pulse.fwhm_s, middle_m - 0.5)
+    light = replace(light, depth_spread_s=np.full(n, depth * pulse.fwhm_s))
     if sunlight_per_s > 0.0:
         light = replace(light, background_photons_per_s=np.full((1, n), sunlight_per_s))
     found = run_trial(gsfl, light, np.random.Generator(np.random.Philox(_SEED)))
@@ -103,7 +102,7 @@ def _try_levels(
     scatter_m[usual] = _smooth(scatter_m[usual], _LEVELS[usual], count[usual])
     known = np.flatnonzero(np.isfinite(scatter_m))
     if not len(known):  # light of this depth is never reported: assume a report from anywhere in it
-        return np.full(len(_LEVELS), max(depth, 1.0) * fwhm_s * units.RANGE_PER_DELAY_M_S / math.sqrt(12.0))
+        return np.full(len(_LEVELS), max(depth, 1.0) * pulse.fwhm_s * units.RANGE_PER_DELAY_M_S / math.sqrt(12.0))
     filled: np.ndarray = scatter_m[known[np.clip(np.searchsorted(known, np.arange(len(_LEVELS))), 0, len(known) - 1)]]
     return filled
 

@@ -2,28 +2,59 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rso_lidar.detector.settings.focal_plane import Droop, Speckle
-from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.stages.amplification import Filters, amplify, build_filters
+from rso_lidar.detector.chain.timing import TimeAxis
+from rso_lidar.detector.settings.focal_plane import Droop, Saturation, Speckle
+from rso_lidar.detector.stages.amplification import amplify
 from rso_lidar.detector.stages.array_effects import draw_speckle, limit_amplitude, solve_gain
-from rso_lidar.detector.stages.avalanche import multiply
-from rso_lidar.detector.stages.convolution import PulseFilters, convolve_light, transform_pulse
+from rso_lidar.detector.stages.avalanche import Avalanche, multiply
+from rso_lidar.detector.stages.convolution import convolve_light
 from rso_lidar.detector.stages.light import spread_light
 from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.detector.stages.overlap import Overlap, split_rows
 from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise
-from rso_lidar.detector.stages.time_axis import Rows, SamplingPlan
+from rso_lidar.detector.stages.time_axis import Rows
 from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Photons
 
 # Fewer expected photoelectrons in a step are the transform's rounding, or a negligible tail.
 _LEAST_PRIMARIES = np.float32(1e-4)
 _ROWS_AT_ONCE = 1024  # a block fits in the cache, and a frame has blocks for several threads
+
+
+@dataclass(frozen=True, eq=False)
+class FrontEnd:
+    """Photodiodes and amplifiers of all pixels, None for effects that are off."""
+
+    pixels: CameraPixels
+    quantum_efficiency: float
+    avalanche: Avalanche
+    speckle: Speckle | None
+    droop: Droop | None
+    saturation: Saturation | None
+    has_gain_map: bool  # whether the gain differs from pixel to pixel
+    has_timing_channel: bool
+
+    def base_rate_per_s(self, photons: Photons) -> np.ndarray:
+        """Return the primaries of each pixel that no pulse makes [1/s]: dark current and sunlight."""
+        if photons.background_photons_per_s is None:
+            return self.pixels.dark_per_s
+        sunlight = self.quantum_efficiency * photons.background_photons_per_s.ravel()
+        rate: np.ndarray = self.pixels.dark_per_s + sunlight
+        return rate
+
+    def background_electrons_per_s(self, photons: Photons) -> float:
+        """Return the electrons of sunlight that the whole array draws [1/s]."""
+        if photons.background_photons_per_s is None:
+            return 0.0
+        return float(photons.background_photons_per_s.sum()) * self.quantum_efficiency * self.avalanche.apd.gain
+
+    def select(self, pixel: np.ndarray) -> FrontEnd:
+        """Return that of some pixels, or of the same ones several times."""
+        return replace(self, pixels=self.pixels.select(pixel))
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,28 +88,6 @@ class Analog:
         return mean
 
 
-def base_rate_per_s(quantum_efficiency: float, camera: CameraPixels, photons: Photons) -> np.ndarray:
-    """Return the primaries of each pixel that no pulse makes [1/s]: dark current and sunlight.
-
-    Parameters
-    ----------
-    quantum_efficiency : photoelectrons for each photon.
-    camera : the pixels, with their dark current.
-    photons : the light, with its background.
-    """
-    if photons.background_photons_per_s is None:
-        return camera.dark_per_s
-    rate: np.ndarray = camera.dark_per_s + quantum_efficiency * photons.background_photons_per_s.ravel()
-    return rate
-
-
-def background_electrons_per_s(gsfl: Gsfl, photons: Photons) -> float:
-    """Return the electrons of sunlight that the whole array draws [1/s]."""
-    if photons.background_photons_per_s is None:
-        return 0.0
-    return float(photons.background_photons_per_s.sum()) * gsfl.quantum_efficiency * gsfl.apd.gain
-
-
 def draw_speckle_factors(speckle: Speckle | None, photons: Photons, rng: np.random.Generator) -> np.ndarray | None:
     """Return the random factors (return) of speckle on the photons, one for each cluster; None without speckle.
 
@@ -96,11 +105,10 @@ def draw_speckle_factors(speckle: Speckle | None, photons: Photons, rng: np.rand
 
 
 def simulate_analog(
-    gsfl: Gsfl,
+    front: FrontEnd,
+    axis: TimeAxis,
     photons: Photons,
     rows: Rows,
-    plan: SamplingPlan,
-    camera: CameraPixels,
     rng: np.random.Generator | None,
     threads: int | None = 1,
 ) -> Analog:
@@ -108,10 +116,10 @@ def simulate_analog(
 
     Parameters
     ----------
-    gsfl : the detector.
+    front : photodiodes and amplifiers.
+    axis : the axis of time.
     photons : light on every pixel.
-    rows, plan : stretches of time, and the axis of time.
-    camera : the pixels.
+    rows : stretches of time.
     rng : random generator (None: the mean of the output, free of noise).
     threads : number of threads (None: one for each core). The result is the same to the bit.
 
@@ -119,21 +127,13 @@ def simulate_analog(
     -------
     amplitudes over the rows, with what the comparator needs.
     """
-    n, gain = rows.length, np.float32(gsfl.apd.gain)
-    amplifier = build_filters(gsfl.amplifier, n, plan.step_s)
-    factors = draw_speckle_factors(gsfl.speckle, photons, rng) if rng else None
-    filters = _pulse_filters(
-        amplifier,
-        gsfl.quantum_efficiency,
-        gsfl.apd.gain,
-        photons.pulse_step_s,
-        photons.pulse_power_per_s.tobytes(),
-    )
+    n, gain, step_s = rows.length, np.float32(front.avalanche.apd.gain), axis.step_s
+    factors = draw_speckle_factors(front.speckle, photons, rng) if rng else None
     n_rows = len(rows.pixel)
     light, primaries, quiet, excess, electrons, amplitude = (np.empty((n_rows, n), np.float32) for _ in range(6))
-    base = (base_rate_per_s(gsfl.quantum_efficiency, camera, photons) * plan.step_s).astype(np.float32)[rows.pixel]
+    base = (front.base_rate_per_s(photons) * step_s).astype(np.float32)[rows.pixel]
     common = float(base.min(initial=np.inf)) if len(base) else 0.0
-    pixel_gain = camera.gain[rows.pixel].astype(np.float32)
+    pixel_gain = front.pixels.gain[rows.pixel].astype(np.float32)
 
     overlap = Overlap.of(rows)
     noise = None if rng is None else RowNoise.of(rows, rng)
@@ -142,59 +142,43 @@ def simulate_analog(
     def amplify_block(block: slice, noise: RowNoise) -> None:
         words = noise.select(block).draw(AMPLIFIER, 1, n)[0]
         overlap.select(block).carry(words)
-        amplify(amplifier, quiet[block], excess[block], pixel_gain[block], words, amplitude[block])
+        amplify(axis.amplifier, quiet[block], excess[block], pixel_gain[block], words, amplitude[block])
 
     def simulate_block(block: slice) -> None:
         """Write the mean behind the amplifier, and the excess of the electrons before it, both at the gain of rest."""
-        light[block] = spread_light(photons, rows.select(block), plan.step_s, factors)
-        convolve_light(light[block], filters, _LEAST_PRIMARIES, primaries[block], quiet[block])
+        light[block] = spread_light(photons, rows.select(block), step_s, factors)
+        convolve_light(light[block], axis.light, _LEAST_PRIMARIES, primaries[block], quiet[block])
         if noise is None:
             np.multiply(quiet[block], pixel_gain[block, None], out=amplitude[block])
             return
         block_overlap = overlap.select(block)
         block_overlap.carry(primaries[block])
         expected = np.add(primaries[block], base[block, None], out=excess[block])
-        electrons[block] = multiply(expected, gsfl.apd, noise.select(block), base=common)
+        electrons[block] = multiply(expected, front.avalanche, noise.select(block), base=common)
         block_overlap.carry(electrons[block])
         expected *= -gain
         expected += electrons[block]
-        if gsfl.droop is None:  # under a droop the whole array decides the gain
+        if front.droop is None:  # under a droop the whole array decides the gain
             amplify_block(block, noise)
 
     run_in_threads(threads, simulate_block, blocks)
     relative = None
-    if gsfl.maps is not None:
+    if front.has_gain_map:
         relative = pixel_gain[:, None]
-    if gsfl.droop is not None and noise is not None:
-        steady = np.float32(gsfl.apd.gain) * base[:, None]
-        steady_per_s = background_electrons_per_s(gsfl, photons)
-        sag = solve_drooped_gain(gsfl.droop, rows, electrons - steady, steady_per_s, plan.step_s) - np.float32(1.0)
+    if front.droop is not None and noise is not None:
+        steady_per_s = front.background_electrons_per_s(photons)
+        drawn = electrons - gain * base[:, None]
+        sag = solve_drooped_gain(front.droop, rows, drawn, steady_per_s, step_s) - np.float32(1.0)
         relative = (sag + np.float32(1.0)) * (np.float32(1.0) if relative is None else relative)
         excess += electrons * sag
         for block in blocks:
             amplify_block(block, noise)
     if rng is None:
         electrons = gain * primaries
-    if gsfl.saturation is not None:
-        amplitude = limit_amplitude(gsfl.saturation, amplitude, plan.step_s)
-    still = None if gsfl.zero_crossing is None or noise is None else Still(quiet, excess, pixel_gain)
-    return Analog(rows, light, primaries, electrons, amplitude, filters.amplified, relative, still)
-
-
-@lru_cache(maxsize=16)
-def _pulse_filters(
-    amplifier: Filters, efficiency: float, gain: float, pulse_step_s: float, power_per_s: bytes
-) -> PulseFilters:
-    """Return the filters from light to primaries, and on to the amplitude, kept.
-
-    Parameters
-    ----------
-    amplifier : over the steps of a row.
-    efficiency, gain : quantum efficiency, and mean gain of the APD.
-    pulse_step_s, power_per_s : taps of the laser's pulse, the second as bytes.
-    """
-    pulse = efficiency * transform_pulse(pulse_step_s, np.frombuffer(power_per_s), amplifier.n, amplifier.step_s)
-    return PulseFilters.of(pulse, gain * pulse * amplifier.mean, amplifier.n)
+    if front.saturation is not None:
+        amplitude = limit_amplitude(front.saturation, amplitude, step_s)
+    still = Still(quiet, excess, pixel_gain) if front.has_timing_channel and noise is not None else None
+    return Analog(rows, light, primaries, electrons, amplitude, axis.light.amplified, relative, still)
 
 
 def solve_drooped_gain(

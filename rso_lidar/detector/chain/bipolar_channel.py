@@ -6,9 +6,10 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.chain.analog import Analog
+from rso_lidar.detector.chain.timing import TimeAxis
 from rso_lidar.detector.ranging.bipolar_pulse import differentiate, find_zero_crossings
-from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.stages.amplification import amplify, build_filters
+from rso_lidar.detector.settings.zero_crossing import ZeroCrossing
+from rso_lidar.detector.stages.amplification import amplify
 from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise
 from rso_lidar.parallel import run_in_threads
 
@@ -16,11 +17,11 @@ _ROWS_AT_ONCE = 1024
 
 
 def time_crossings(
-    gsfl: Gsfl,
+    settings: ZeroCrossing,
+    axis: TimeAxis,
     made: Analog,
     row: np.ndarray,
     latch: np.ndarray,
-    step_s: float,
     rng: np.random.Generator,
     threads: int | None = 1,
 ) -> np.ndarray:
@@ -31,19 +32,17 @@ def time_crossings(
 
     Parameters
     ----------
-    gsfl : the detector, with a zero-crossing discriminator.
+    settings : the zero-crossing discriminator.
+    axis : the axis of time, with the filters of the timing channel.
     made : the analog signals of all rows.
     row, latch : (trace) row, and where its comparator latched [steps].
-    step_s : length of a step [s].
     rng : random generator.
     threads : number of threads (None: one for each core). The result is the same to the bit.
     """
-    settings, still, rows = gsfl.zero_crossing, made.still, made.rows
-    assert settings is not None
+    still, rows, step_s = made.still, made.rows, axis.step_s
     assert still is not None
-    n = rows.length
-    quiet = build_filters(gsfl.amplifier.replace(noise_electrons=0.0), n, step_s)
-    noisy = build_filters(gsfl.amplifier.replace(noise_electrons=settings.noise_electrons), n, step_s)
+    assert axis.timing is not None
+    n, (quiet, noisy) = rows.length, axis.timing
     noise = RowNoise.of(rows, rng)
     crossing = np.empty(len(row))
 

@@ -1,16 +1,27 @@
-"""The axis of time of a detector, and the shape of its pulses on it."""
+"""The axis of time of a camera, with all filters that act along it."""
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from dataclasses import dataclass
 
-import numpy as np
-
-from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.laser_pulse import LaserPulse
+from rso_lidar.detector.stages.amplification import Filters
+from rso_lidar.detector.stages.comparator import Bridge
+from rso_lidar.detector.stages.convolution import PulseFilters, transform_pulse
 from rso_lidar.detector.stages.time_axis import SamplingPlan, make_plan
-from rso_lidar.records import Photons
+
+
+@dataclass(frozen=True, eq=False)
+class TimeAxis:
+    """Filters over rows of one length."""
+
+    step_s: float
+    amplifier: Filters
+    light: PulseFilters  # from photons to primaries, and on to the amplitude
+    bridge: Bridge  # noise between two steps
+    timing: tuple[Filters, Filters] | None = None  # amplifier of a timing channel, without noise and with its own
 
 
 def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> SamplingPlan:
@@ -28,20 +39,26 @@ def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Sampl
     return make_plan(gsfl.readout, gsfl.amplifier, pulse_fwhm_s, steps_per_sample=steps, earliest_s=earliest_s)
 
 
-def shape_pulse(gsfl: Gsfl, photons: Photons) -> Pulse:
-    """Return the shape of one return after the amplifier."""
-    amplifier = gsfl.amplifier
-    power = photons.pulse_power_per_s.tobytes()
-    return _shape_pulse(photons.pulse_step_s, power, amplifier.pole_s, amplifier.integration_s)
-
-
-@lru_cache(maxsize=8)
-def _shape_pulse(step_s: float, power_per_s: bytes, pole_s: float, integration_s: float) -> Pulse:
-    """Return the pulse behind the amplifier, cached.
+def build_axis(gsfl: Gsfl, pulse: LaserPulse, step_s: float, n: int) -> TimeAxis:
+    """Build the filters of a detector and a pulse over rows of `n` steps.
 
     Parameters
     ----------
-    step_s, power_per_s : taps of the optical pulse, the second as bytes.
-    pole_s, integration_s : time constants of the amplifier [s].
+    gsfl, pulse : the detector, and the laser's pulse.
+    step_s, n : length of a step [s], and number of steps.
     """
-    return Pulse.after(step_s, np.frombuffer(power_per_s), pole_s, integration_s)
+    amplifier = gsfl.amplifier
+    filters = Filters(amplifier, n, step_s)
+    light = gsfl.quantum_efficiency * transform_pulse(pulse.step_s, pulse.power_per_s, n, step_s)
+    timing = None
+    if gsfl.zero_crossing is not None:
+        noises = 0.0, gsfl.zero_crossing.noise_electrons
+        quiet, noisy = (Filters(amplifier.replace(noise_electrons=noise), n, step_s) for noise in noises)
+        timing = quiet, noisy
+    return TimeAxis(
+        step_s,
+        filters,
+        PulseFilters.of(light, gsfl.apd.gain * light * filters.mean, n),
+        Bridge(amplifier.pole_s, step_s),
+        timing,
+    )

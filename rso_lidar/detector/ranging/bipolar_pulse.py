@@ -1,7 +1,6 @@
 """The bipolar pulse of a zero-crossing discriminator: a differentiator, an amplifier that clips, and the crossing."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from rso_lidar.kernels import kernel, packed
 _PIECES = 8  # of a step, in which a clipping amplifier is followed
 
 
-@lru_cache(maxsize=8)
 def crossing_lead_s(pulse: Pulse, differentiator_s: float) -> float:
     """Return when a linear return crosses zero behind a differentiator [s after its nominal delay].
 

@@ -7,7 +7,7 @@ is assumed, as for the matched filter, down to 1e-10 of its peak.
 """
 
 import math
-from functools import lru_cache
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +37,6 @@ class Edges(NamedTuple):
     per_neper: float
 
 
-@lru_cache(maxsize=16)
 def tabulate_edges(matched: Matched, recovery_s: float) -> Edges:
     """Tabulate the edges of a pulse behind an amplifier that recovers slowly from saturation.
 
@@ -81,6 +80,7 @@ def locate_clipped_pulses(
     peak: np.ndarray,
     place: np.ndarray,
     matched: Matched,
+    edges: Callable[[], Edges],
     sigma_counts: float,
     recovery_s: float = 0.0,
 ) -> np.ndarray:
@@ -96,6 +96,7 @@ def locate_clipped_pulses(
     peak : (trace) sample of the peak; the plateau around it is looked at.
     place : (trace) fitted place [samples].
     matched : the filter.
+    edges : of its pulse, asked for where one is needed.
     sigma_counts : rms of the noise.
     recovery_s : time constant of the recovery, 0 without saturation [s].
     """
@@ -107,9 +108,8 @@ def locate_clipped_pulses(
         trace = trace[(shown & inside & matched.in_pulse).sum(axis=1) < 3]
     found = np.array(place, float)
     if len(trace):
-        edges = tabulate_edges(matched, recovery_s)
         place_by_edges(
-            packed(samples, np.float32), packed(clipped, np.bool_), trace, peak, float(sigma_counts), *edges, found
+            packed(samples, np.float32), packed(clipped, np.bool_), trace, peak, float(sigma_counts), *edges(), found
         )
     return found
 

@@ -14,7 +14,9 @@ come at the rate √(2π) σ ν₀ p(T), which for Gaussian noise is Rice's form
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
@@ -32,55 +34,50 @@ _LEVELS_PER_DECADE = 4
 _LEAST_COUNTS = 1e-3
 
 
-def solve_gate_thresholds(
-    gate: Gate,
-    rate_per_s: np.ndarray,
-    *,
-    apd: Apd,
-    amplifier: Amplifier,
-    readout: Readout,
-    matched: Matched,
-    offset_counts: float = 0.0,
-) -> np.ndarray:
-    """Return the amplitude (pixel) [counts] that noise exceeds with the gate's false-alarm probability.
+@dataclass(frozen=True, eq=False)
+class GateThresholds:
+    """Thresholds of the pixels under a gate, by the rate of their primaries.
 
     Parameters
     ----------
-    gate : with the probability.
-    rate_per_s : (pixel) primaries that no pulse makes [1/s]: dark current and sunlight.
+    gate : with the false-alarm probability.
     apd, amplifier, readout : where the noise comes from.
     matched : the filter.
     offset_counts : spread of the baselines that no calibration has removed. Over the array it counts as noise.
     """
-    least, most = float(rate_per_s.min(initial=np.inf)), float(rate_per_s.max(initial=0.0))
-    if least == most or not len(rate_per_s):
-        return np.full(len(rate_per_s), _solve_threshold(gate, least, apd, amplifier, readout, matched, offset_counts))
-    low, high = math.log10(max(least, 1.0)), math.log10(most)
-    levels = np.linspace(low, high, max(2, math.ceil((high - low) * _LEVELS_PER_DECADE) + 1))
-    known = [
-        _solve_threshold(gate, float(10.0**level), apd, amplifier, readout, matched, offset_counts) for level in levels
-    ]
-    thresholds: np.ndarray = np.interp(np.log10(np.maximum(rate_per_s, 1.0)), levels, known)
-    return thresholds
+
+    gate: Gate
+    apd: Apd
+    amplifier: Amplifier
+    readout: Readout
+    matched: Matched
+    offset_counts: float = 0.0
+
+    def solve(self, rate_per_s: np.ndarray) -> np.ndarray:
+        """Return the amplitude (pixel) [counts] that noise exceeds with the gate's false-alarm probability.
+
+        Parameters
+        ----------
+        rate_per_s : (pixel) primaries that no pulse makes [1/s]: dark current and sunlight.
+        """
+        least, most = float(rate_per_s.min(initial=np.inf)), float(rate_per_s.max(initial=0.0))
+        if least == most or not len(rate_per_s):
+            return np.full(len(rate_per_s), self.at_rate(least))
+        low, high = math.log10(max(least, 1.0)), math.log10(most)
+        levels = np.linspace(low, high, max(2, math.ceil((high - low) * _LEVELS_PER_DECADE) + 1))
+        known = [self.at_rate(float(10.0**level)) for level in levels]
+        thresholds: np.ndarray = np.interp(np.log10(np.maximum(rate_per_s, 1.0)), levels, known)
+        return thresholds
+
+    @cached_property
+    def at_rate(self) -> Callable[[float], float]:
+        """The threshold [counts] of a pixel with one rate of primaries [1/s], kept for the latest rates."""
+        return lru_cache(maxsize=256)(partial(_solve_threshold, self))
 
 
-@lru_cache(maxsize=256)
-def _solve_threshold(
-    gate: Gate,
-    rate_per_s: float,
-    apd: Apd,
-    amplifier: Amplifier,
-    readout: Readout,
-    matched: Matched,
-    offset_counts: float,
-) -> float:
-    """Return the threshold of a pixel with one rate [counts].
-
-    Parameters
-    ----------
-    gate, apd, amplifier, readout, matched, offset_counts : as for `solve_gate_thresholds`.
-    rate_per_s : primaries that are not due to the pulse [1/s].
-    """
+def _solve_threshold(given: GateThresholds, rate_per_s: float) -> float:
+    """Return the threshold of a pixel with one rate of primaries that are not due to the pulse [counts]."""
+    gate, apd, amplifier, readout, matched = given.gate, given.apd, given.amplifier, given.readout, given.matched
     weights = matched.height_weights()
     samples = np.arange(len(weights))
     per_count = readout.electrons_per_count
@@ -89,7 +86,7 @@ def _solve_threshold(
     gaussian = (
         float(np.einsum("i,ij,j", weights, colour, weights)) + rounding * float((weights**2).sum())
     ) / gate.pulses
-    gaussian += (offset_counts * float(weights.sum())) ** 2  # the same in every pulse
+    gaussian += (given.offset_counts * float(weights.sum())) ** 2  # the same in every pulse
     # One electron that arrives t before the last sample, as the filter sees it.
     step_s = amplifier.pole_s / 8.0
     time_s = np.arange(-(20.0 * amplifier.pole_s), samples[-1] * matched.sample_s, step_s)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from threading import Lock
 from typing import NamedTuple
 
@@ -77,7 +76,7 @@ class Matched:
 
     @staticmethod
     def of(pulse: Pulse, sample_s: float, pole_s: float, sigma_counts: float) -> Matched:
-        """Return the filter for a pulse in noise, kept.
+        """Return the filter for a pulse in noise.
 
         Parameters
         ----------
@@ -85,7 +84,8 @@ class Matched:
         sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
         sigma_counts : rms of the noise [counts]. Rounding to whole counts adds white noise of 1/12 count².
         """
-        return _make_filter(pulse, float(sample_s), float(pole_s), float(sigma_counts))
+        white_share = max(_WHITE_SHARE, 1.0 / (12.0 * max(float(sigma_counts), 1e-3) ** 2))
+        return Matched(pulse, float(sample_s), float(pole_s), white_share)
 
     def curve(self, n: int, place: np.ndarray) -> np.ndarray:
         """Return the pulse of unit peak (row, n) that peaks at `place` (row) [samples]."""
@@ -194,15 +194,3 @@ def _codes(width: int, in_pulse: np.ndarray) -> np.ndarray:
     codes[CODES_BEFORE, 1:] = np.bitwise_xor.accumulate(codes[CODE, 1:])
     codes[IS_IN_PULSE, 1:] = in_pulse
     return codes
-
-
-@lru_cache(maxsize=64)
-def _make_filter(pulse: Pulse, sample_s: float, pole_s: float, sigma_counts: float) -> Matched:
-    """Return the filter of a pulse, cached.
-
-    Parameters
-    ----------
-    pulse, sample_s, pole_s : as for `Matched`.
-    sigma_counts : rms noise [counts]; rounding to counts adds white noise of 1/12 count².
-    """
-    return Matched(pulse, sample_s, pole_s, max(_WHITE_SHARE, 1.0 / (12.0 * max(sigma_counts, 1e-3) ** 2)))

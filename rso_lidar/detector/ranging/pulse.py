@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -36,7 +35,7 @@ class Pulse:
 
     @staticmethod
     def after(step_s: float, power_per_s: np.ndarray, pole_s: float, integration_s: float) -> Pulse:
-        """Return the pulse behind an amplifier H(f) = 1/(1 + 2πi f τ)², kept so that the same asking gives the same object.
+        """Tabulate the pulse behind an amplifier H(f) = 1/(1 + 2πi f τ)².
 
         Parameters
         ----------
@@ -45,8 +44,7 @@ class Pulse:
         pole_s : τ of both poles [s]; 0 for an amplifier of unlimited bandwidth.
         integration_s : the time in which a current counts as charge [s].
         """
-        taps = tuple(np.asarray(power_per_s, dtype=float).tolist())
-        return _tabulate_pulse(float(step_s), taps, float(pole_s), float(integration_s))
+        return _tabulate_pulse(float(step_s), np.array(power_per_s, dtype=float), float(pole_s), float(integration_s))
 
     def amplitude(self, time_s: np.ndarray) -> np.ndarray:
         """Return s(t) at times after the nominal delay [s], in the amplifier's unit per unit of charge."""
@@ -72,13 +70,12 @@ class Pulse:
         return result
 
 
-@lru_cache(maxsize=32)
-def _tabulate_pulse(step_s: float, power_per_s: tuple[float, ...], pole_s: float, integration_s: float) -> Pulse:
+def _tabulate_pulse(step_s: float, taps: np.ndarray, pole_s: float, integration_s: float) -> Pulse:
     """Tabulate a pulse: the taps as a band-limited signal, filtered and refined by their Fourier transform.
 
     Parameters
     ----------
-    step_s, power_per_s : taps of the optical pulse.
+    step_s, taps : those of the optical pulse [s] and [1/s].
     pole_s, integration_s : those of the amplifier.
 
     Returns
@@ -87,7 +84,6 @@ def _tabulate_pulse(step_s: float, power_per_s: tuple[float, ...], pole_s: float
     """
     from scipy import fft
 
-    taps = np.array(power_per_s)
     guard = len(taps) // 2 + 16
     tail = math.ceil(_TAIL_POLES * pole_s / step_s)
     n = int(fft.next_fast_len(guard + len(taps) + guard + tail, real=True))

@@ -4,40 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar.detector.ranging.location import locate
-from rso_lidar.detector.ranging.matched_filter import Matched
-from rso_lidar.detector.ranging.pulse import Pulse
-from rso_lidar.detector.settings.algorithm import Ranging
+from rso_lidar.detector.ranging.location import Locator, locate
 
 
-def tabulate_walk(
-    pulse: Pulse,
-    ranging: Ranging,
-    *,
-    sample_s: float,
-    sigma_counts: float,
-    pole_s: float,
-    threshold_counts: float,
-    full_scale_counts: float,
-) -> tuple[np.ndarray, np.ndarray]:
+def tabulate_walk(locator: Locator, full_scale_counts: float) -> tuple[np.ndarray, np.ndarray]:
     """Tabulate the walk of an algorithm with pulses without noise, each at 32 phases of the sampling.
 
     Heights go from just above the threshold to 200 times it, or half as much again as clips, and are clipped at the rail.
 
     Parameters
     ----------
-    pulse : shape of a return behind the amplifier.
-    ranging : the algorithm.
-    sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
-    sigma_counts : rms of the noise [counts].
-    threshold_counts : of the comparator.
+    locator : the algorithm.
     full_scale_counts : greatest amplitude.
 
     Returns
     -------
     Fitted amplitudes [counts], ascending, and the mean bias of the delay at each [s].
     """
-    matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
+    matched, threshold_counts = locator.matched, locator.threshold_counts
     most = max(200.0, 1.5 * full_scale_counts / threshold_counts)
     truth = np.geomspace(1.02, most, 64) * threshold_counts
     place = matched.half + 4 + (np.arange(32) + 0.5) / 32
@@ -46,18 +30,8 @@ def tabulate_walk(
     clipped = samples >= full_scale_counts
     latched = (samples >= min(threshold_counts, full_scale_counts)).argmax(axis=1)
     start = np.where(latched > 0, latched, matched.half + 4)
-    delay_s, amplitude = locate(
-        samples,
-        start,
-        pulse,
-        ranging,
-        sample_s=sample_s,
-        sigma_counts=sigma_counts,
-        pole_s=pole_s,
-        threshold_counts=threshold_counts,
-        clipped=clipped if clipped.any() else None,
-    )
-    bias_s = delay_s.reshape(len(truth), -1) - (place - matched.lead) * sample_s
+    delay_s, amplitude = locate(samples, start, locator, clipped if clipped.any() else None)
+    bias_s = delay_s.reshape(len(truth), -1) - (place - matched.lead) * matched.sample_s
     measured = amplitude.reshape(len(truth), -1).mean(axis=1)
     # Far beyond the rail the fit fails and the amplitude decreases: only the ascending part is a calibration.
     rising = np.append(True, measured[1:] > np.maximum.accumulate(measured)[:-1]) & np.isfinite(bias_s).any(axis=1)

@@ -1,7 +1,6 @@
 """The amplifier at work: charge becomes amplitude, with noise of the avalanche and of the amplifier itself."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
@@ -60,18 +59,6 @@ class Filters:
         self.noise_electrons = np.float32(
             amplifier.noise_electrons * math.sqrt(4.0 * amplifier.pole_s * step_s) / amplifier.integration_s
         )
-
-
-@lru_cache(maxsize=16)
-def build_filters(amplifier: Amplifier, n: int, step_s: float) -> Filters:
-    """Return the amplifier on a circle of steps, kept.
-
-    Parameters
-    ----------
-    amplifier : its settings.
-    n, step_s : number of steps, and length of a step [s].
-    """
-    return Filters(amplifier, n, step_s)
 
 
 def amplify(

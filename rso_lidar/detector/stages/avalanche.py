@@ -7,6 +7,8 @@ w of a single primary solves w = z (1−p+pw)^(1/(1−k)).
 """
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -38,7 +40,30 @@ _PER_WORD = 1.0 / 4294967296.0
 _NEGLIGIBLE = 1e-14  # tails below this probability are cut
 
 
-def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | None = None) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Avalanche:
+    """A photodiode ready to draw from: moments of its avalanches, and their tables."""
+
+    apd: Apd
+    cumulants: tuple[float, float, float]  # mean, and second and third cumulant of the electrons of a primary
+    parabolic_from: float  # primaries above which a parabola gives the skewness of a step
+    levels: tuple[AliasTable, AliasTable, AliasTable]  # of 0, 8, 16, ... primaries, of 0, 1/8, ... 63/8, and of one
+    base_table: Callable[[float], AliasTable]  # of the primaries that most steps expect, kept
+
+
+def build_avalanche(apd: Apd) -> Avalanche:
+    """Tabulate the avalanches of a photodiode."""
+    gain, second, third = cumulants(apd)
+
+    @lru_cache(maxsize=32)
+    def tabulate(primaries: float) -> AliasTable:
+        return build_tables([compound_pmf(primaries, apd.gain, apd.ionisation_ratio)])
+
+    levels = tabulate_levels(apd.gain, apd.ionisation_ratio)
+    return Avalanche(apd, (gain, second, third), third**2 / second**3 / _SMALL_SKEWNESS**2, levels, tabulate)
+
+
+def multiply(primaries: np.ndarray, avalanche: Avalanche, noise: RowNoise, base: float | None = None) -> np.ndarray:
     """Draw the electrons (float32) of time steps in which `primaries` photoelectrons are expected: Poisson and avalanche.
 
     Up to 100 expected primaries a draw is exact to 1e-9 in its distribution. Above that it is a shifted log-normal whose
@@ -48,7 +73,7 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
     Parameters
     ----------
     primaries : (row, step) expected photoelectrons of each step, or of one row only (step).
-    apd : the photodiode.
+    avalanche : the photodiode, with its tables.
     noise : addresses of the random words of the rows.
     base : what most steps expect (None: the least of all).
 
@@ -67,14 +92,11 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
     floor = np.float32(least if base is None else base)
     if floor > EXACT_PRIMARIES or not floor > 0.0:
         floor = np.float32(0.0)
-    gain, second, third = cumulants(apd)
-    limits = EXACT_PRIMARIES, parabolic_from(apd)
-    if apd.statistics == "gaussian":  # every step is a normal number, without skewness
+    gain, second, third = avalanche.cumulants
+    limits = EXACT_PRIMARIES, avalanche.parabolic_from
+    if avalanche.apd.statistics == "gaussian":  # every step is a normal number, without skewness
         floor, third, limits = np.float32(-1.0), 0.0, (-1.0, -1.0)
-    tables = (
-        base_table(apd.gain, apd.ionisation_ratio, max(float(floor), 0.0)),
-        *level_tables(apd.gain, apd.ionisation_ratio),
-    )
+    tables = avalanche.base_table(max(float(floor), 0.0)), *avalanche.levels
     rows = packed(expected.reshape(len(noise.pixel), -1) if expected.size else np.zeros((0, 4)), np.float32)
     electrons = np.empty(rows.shape, np.float32)
     words = noise.draw(AVALANCHE, 3, rows.shape[1])
@@ -177,26 +199,8 @@ def multiply_rows(
                 drawn[step] += draw_from_table(more[0], single_log2, single, 0, least_one)
 
 
-def parabolic_from(apd: Apd) -> float:
-    """Return the primaries above which a step's skewness counts as small."""
-    _, second, third = cumulants(apd)
-    return third**2 / second**3 / _SMALL_SKEWNESS**2
-
-
-@lru_cache(maxsize=32)
-def base_table(gain: float, ionisation_ratio: float, primaries: float) -> AliasTable:
-    """Return the table of the electrons of a step, kept.
-
-    Parameters
-    ----------
-    gain, ionisation_ratio : M and k of the photodiode.
-    primaries : that the step expects.
-    """
-    return build_tables([compound_pmf(primaries, gain, ionisation_ratio)])
-
-
-@lru_cache(maxsize=4)
-def level_tables(gain: float, ionisation_ratio: float) -> tuple[AliasTable, AliasTable, AliasTable]:
+@lru_cache(maxsize=4)  # 20 ms, and cameras that differ in other settings share them
+def tabulate_levels(gain: float, ionisation_ratio: float) -> tuple[AliasTable, AliasTable, AliasTable]:
     """Return the tables of 0, 8, 16, ... primaries expected, of 0, 1/8, ... 63/8, and of a single primary."""
     coarse = [compound_pmf(float(m), gain, ionisation_ratio) for m in range(0, int(EXACT_PRIMARIES) + 1, COARSE)]
     fine = [compound_pmf(m / PARTS, gain, ionisation_ratio) for m in range(PARTS * COARSE)]

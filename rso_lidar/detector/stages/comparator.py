@@ -1,7 +1,6 @@
 """The comparator of a pixel: a Schmitt trigger that latches on the first crossing, true or false."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
@@ -72,12 +71,6 @@ class Bridge:
         path += np.einsum("pn,rn->rp", self.mean_weights, mean[row[:, None], around])
         path += sigma[:, None] * np.einsum("pq,rq->rp", self.root, white)
         return path
-
-
-@lru_cache(maxsize=8)
-def make_bridge(pole_s: float, step_s: float) -> Bridge:
-    """Return the bridge of an amplifier's noise over steps of this length [s], kept."""
-    return Bridge(pole_s, step_s)
 
 
 def find_latches(

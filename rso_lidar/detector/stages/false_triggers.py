@@ -6,6 +6,8 @@ Dark pixels are most of a frame; they are not simulated step by step, their fals
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -15,6 +17,7 @@ from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd
 from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.settings.trigger import Trigger
 from rso_lidar.detector.stages.crossing_rate import false_alarm_rate
 from rso_lidar.detector.stages.nonuniformity import CameraPixels
 from rso_lidar.kernels import kernel, packed
@@ -43,27 +46,57 @@ def rates_per_s(apd: Apd, amplifier: Amplifier, threshold: np.ndarray, base_per_
     return rates
 
 
-class Armed(NamedTuple):
-    """Comparators that wait for a crossing: what makes their noise, their thresholds, and when they are armed.
+@dataclass(frozen=True, eq=False)
+class Comparators:
+    """The comparators of all pixels: what makes their noise, their thresholds, when they are armed, how often noise fires.
 
     Parameters
     ----------
     apd, amplifier : where the noise comes from.
-    threshold_electrons : nominal threshold.
-    camera : the pixels.
+    trigger : nominal threshold and hysteresis.
+    pixels : their factors of the threshold, and dark currents.
     from_s, to_s : begin and end of the armed window [s since emission].
+    rates : of false triggers of all pixels, in the dark for None, or under a background of up to 2^level primaries a
+        second; kept by level.
     """
 
     apd: Apd
     amplifier: Amplifier
-    threshold_electrons: float
-    camera: CameraPixels
+    trigger: Trigger
+    pixels: CameraPixels
     from_s: float
     to_s: float
+    rates: Callable[[int | None], FalseRates]
+
+    def noise_sigma(self, rate_per_s: np.ndarray) -> np.ndarray:
+        """Return the rms noise [electrons] at this rate of primaries [1/s], of any origin."""
+        amplifier = self.amplifier
+        return noise_rms(self.apd, rate_per_s, amplifier.noise_electrons, amplifier.pole_s, amplifier.integration_s)
+
+    def select(self, pixel: np.ndarray) -> Comparators:
+        """Return those of some pixels, or the same ones several times."""
+        return replace(self, pixels=self.pixels.select(pixel), rates=lambda level: self.rates(level).select(pixel))
+
+
+def build_comparators(
+    apd: Apd, amplifier: Amplifier, trigger: Trigger, pixels: CameraPixels, from_s: float, to_s: float
+) -> Comparators:
+    """Build the comparators of a camera.
+
+    Parameters
+    ----------
+    apd, amplifier, trigger, pixels, from_s, to_s : as for `Comparators`.
+    """
+
+    @lru_cache(maxsize=8)
+    def find_rates(level: int | None) -> FalseRates:
+        return _find_rates(apd, amplifier, trigger.threshold_electrons, pixels, level)
+
+    return Comparators(apd, amplifier, trigger, pixels, from_s, to_s, find_rates)
 
 
 def draw_first_false(
-    armed: Armed, sunlight_per_s: np.ndarray | None, rng: np.random.Generator
+    armed: Comparators, sunlight_per_s: np.ndarray | None, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw the pixels, ascending, that noise triggers while they are armed, and the first instant of each [s].
 
@@ -83,8 +116,8 @@ def draw_first_false(
     """
     from_s, to_s = armed.from_s, armed.to_s
     brightest = 0.0 if sunlight_per_s is None else float(sunlight_per_s.max(initial=0.0))
-    rates = _find_rates(armed, math.ceil(math.log2(brightest)) if brightest > 0.0 else None)
-    n_pixels = len(armed.camera.threshold)
+    rates = armed.rates(math.ceil(math.log2(brightest)) if brightest > 0.0 else None)
+    n_pixels = len(armed.pixels.threshold)
     if rates.table is None or sunlight_per_s is None:
         return draw_first_crossings(rates.sums_per_s, from_s, to_s, rng)
     if rates.sums_per_s[-1] * (to_s - from_s) > n_pixels:
@@ -143,9 +176,10 @@ def _firsts(pixel: np.ndarray, at_s: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return pixel[first], at_s[first]
 
 
-class _Rates(NamedTuple):
+class FalseRates(NamedTuple):
     """Crossings of the pixels of a camera, dead ones left out, under a background up to a brightest one."""
 
+    alive_per_s: np.ndarray  # (pixel) under the brightest, dead pixels as if alive
     most_per_s: np.ndarray  # (pixel) under the brightest
     sums_per_s: np.ndarray  # (pixel) summed up to and with each
     threshold: np.ndarray  # (pixel) [electrons]
@@ -160,29 +194,16 @@ class _Rates(NamedTuple):
         rates: np.ndarray = np.where(self.dead[pixel] | (log_rate < 0.9 * _NIL), 0.0, np.exp(log_rate))
         return rates
 
-
-def _find_rates(armed: Armed, level: int | None) -> _Rates:
-    """Return the rates of some comparators; those of pixels that were selected are read from the whole camera's.
-
-    Parameters
-    ----------
-    armed : the comparators.
-    level : as for `_rates`.
-    """
-    apd, amplifier, threshold_electrons, camera = armed[:4]
-    if camera.selected is None:
-        return _rates(apd, amplifier, threshold_electrons, camera, level)
-    whole, pixel = camera.selected
-    known = _rates(apd, amplifier, threshold_electrons, whole, level)
-    most = known.most_per_s[pixel]
-    each = {"threshold": known.threshold[pixel], "dark_per_s": known.dark_per_s[pixel], "dead": known.dead[pixel]}
-    return known._replace(most_per_s=most, sums_per_s=np.cumsum(most), **each)
+    def select(self, pixel: np.ndarray) -> FalseRates:
+        """Return the rates of some pixels, or of the same ones several times."""
+        most = self.most_per_s[pixel]
+        each = self.alive_per_s[pixel], most, np.cumsum(most), self.threshold[pixel], self.dark_per_s[pixel]
+        return FalseRates(*each, self.dead[pixel], self.table)
 
 
-@lru_cache(maxsize=8)
-def _rates(
+def _find_rates(
     apd: Apd, amplifier: Amplifier, threshold_electrons: float, camera: CameraPixels, level: int | None
-) -> _Rates:
+) -> FalseRates:
     """Return the rates of a camera in the dark, or under a background of up to 2^level primaries a second.
 
     Parameters
@@ -194,8 +215,9 @@ def _rates(
     """
     threshold, dark = threshold_electrons * camera.threshold, camera.dark_per_s
     brightest = dark if level is None else dark + 2.0**level
-    most = np.where(camera.dead, 0.0, rates_per_s(apd, amplifier, threshold, brightest))
-    known = _Rates(most, np.cumsum(most), threshold, dark, camera.dead)
+    alive = rates_per_s(apd, amplifier, threshold, brightest)
+    most = np.where(camera.dead, 0.0, alive)
+    known = FalseRates(alive, most, np.cumsum(most), threshold, dark, camera.dead)
     if level is None:
         return known
     from scipy.interpolate import RectBivariateSpline

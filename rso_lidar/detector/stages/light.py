@@ -1,7 +1,6 @@
 """Expected photons on the axis of time: returns of a pixel add before anything detects them."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
@@ -116,7 +115,6 @@ def share_sixths(x1: np.ndarray, x2: np.ndarray, x3: np.ndarray) -> tuple[np.nda
     return 3.0 * x2 - x3 - 2.0 * x1, 3.0 * (x3 - 2.0 * x2 - x1) + 6.0, 3.0 * (x2 - x3) + 6.0 * x1, x3 - x1
 
 
-@lru_cache(maxsize=16)
 def sharing_response(n: int) -> np.ndarray:
     """Return what sharing returns among steps does to each frequency of a transform of `n` steps, over all places.
 

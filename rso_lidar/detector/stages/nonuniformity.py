@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -25,21 +23,15 @@ class CameraPixels:
     hot: np.ndarray  # bool
     dark_per_s: np.ndarray  # dark current [primary electrons/s]
 
-    selected: tuple[CameraPixels, np.ndarray] | None = None  # the camera that these are pixels of, and their numbers
-
     def select(self, pixel: np.ndarray) -> CameraPixels:
-        """Return some of the pixels of a whole camera, or the same ones several times."""
-        arrays: dict[str, Any] = {
-            one.name: getattr(self, one.name)[pixel] for one in fields(self) if one.name != "selected"
-        }
-        return CameraPixels(**arrays, selected=(self, pixel))
+        """Return some of the pixels, or the same ones several times."""
+        return CameraPixels(*(getattr(self, one.name)[pixel] for one in fields(self)))
 
 
-@lru_cache(maxsize=8)
-def make_camera(
+def draw_pixels(
     n_pixels: int, seed: int, apd: Apd, threshold_spread: float, maps: Maps | None, defects: Defects | None
 ) -> CameraPixels:
-    """Return the pixels of a camera, cached. Each map is drawn separately, so that one setting does not change the others.
+    """Draw the pixels of a camera. Each map is drawn separately, so that one setting does not change the others.
 
     Parameters
     ----------

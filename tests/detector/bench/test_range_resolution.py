@@ -8,7 +8,7 @@ import pytest
 from rso_lidar.detector import Gsfl, simulate_separations
 from rso_lidar.detector.bench.calibration import make_reference_pulse
 from rso_lidar.detector.bench.range_resolution import Separations, simulate_pairs
-from rso_lidar.detector.chain.timing import shape_pulse
+from rso_lidar.detector.chain.camera import camera_of
 from tests.detector.returns_for_tests import returns
 
 C = 299_792_458.0
@@ -26,7 +26,7 @@ def end_of_trace_m(over, samples, pretrigger, sample_s=2.38e-9):
     some time after its latch, so long as its edge takes from the threshold. The far one may peak half a sample past the end.
     """
     part = Gsfl()
-    pulse = shape_pulse(part, _light())
+    pulse = camera_of(part, _light()).pulse
     rise_s = pulse.peak_s - pulse.rise_s(1.0 / (over * pulse.peak))
     return ((samples - 0.5 - pretrigger - 0.5) * sample_s - rise_s) * C / 2.0
 
@@ -55,7 +55,7 @@ def test_the_near_end_goes_with_the_length_of_the_pulse(fwhm_ns):
     pulse = (step_s * fwhm_ns / 8.0, power * 8.0 / fwhm_ns)
     part = Gsfl(max_returns=2, readout={"sample_ns": 1.0, "samples": 60})
     near, _ = simulate_separations(part, pulse, fwhm_ns * 1e-9).interval_m(0.5)
-    wide_s = shape_pulse(part, replace(_light(), pulse_step_s=pulse[0], pulse_power_per_s=pulse[1])).fwhm_s
+    wide_s = camera_of(part, replace(_light(), pulse_step_s=pulse[0], pulse_power_per_s=pulse[1])).pulse.fwhm_s
     assert 1.02 < near / (wide_s * C / 2.0) < 1.3
 
 

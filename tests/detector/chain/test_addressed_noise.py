@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Droop, Gsfl, detect
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.time_axis import place_rows
-from tests.detector.returns_for_tests import returns
+from tests.detector.returns_for_tests import returns, simulate_rows
 
 N = 3000  # pixels: several blocks
 PHOTONS = replace(
@@ -28,13 +26,13 @@ def test_threads_do_not_change_a_bit(part):
 
 def test_a_pixel_is_drawn_again_by_itself():
     part = Gsfl()
-    plan, camera = plan_time(part, PHOTONS.pulse_fwhm_s), build_camera(part, N)
-    whole = simulate_analog(part, PHOTONS, place_rows(PHOTONS, plan), plan, camera, np.random.default_rng(2))
+    plan = plan_time(part, PHOTONS.pulse_fwhm_s)
+    whole = simulate_rows(part, PHOTONS, place_rows(PHOTONS, plan), np.random.default_rng(2))
     for pixel in (0, 1500, N - 1):
         of = np.flatnonzero(PHOTONS.pixel == pixel)
         names = ("pixel", "delay_s", "photons", "depth_spread_s", "coherence_cells", "hit", "cluster")
         some = replace(PHOTONS, **{name: getattr(PHOTONS, name)[of] for name in names})
-        alone = simulate_analog(part, some, place_rows(some, plan), plan, camera, np.random.default_rng(2))
+        alone = simulate_rows(part, some, place_rows(some, plan), np.random.default_rng(2))
         rows = whole.rows.pixel == pixel
         assert alone.rows.start.tolist() == whole.rows.start[rows].tolist()
         assert alone.amplitude.tobytes() == whole.amplitude[rows].tobytes()
@@ -43,13 +41,13 @@ def test_a_pixel_is_drawn_again_by_itself():
 def test_pixels_and_rows_differ():
     part, n = Gsfl(), 500
     photons = returns(np.full(n, 1000.0), 1e-3)
-    plan, camera = plan_time(part, photons.pulse_fwhm_s), build_camera(part, n)
-    made = simulate_analog(part, photons, place_rows(photons, plan), plan, camera, np.random.default_rng(3))
+    plan = plan_time(part, photons.pulse_fwhm_s)
+    made = simulate_rows(part, photons, place_rows(photons, plan), np.random.default_rng(3))
     noise = made.amplitude - made.amplitude.mean(axis=0)
     correlation = np.corrcoef(noise) - np.eye(n)
     independent = (
         made.amplitude.shape[1] * plan.step_s / (4.0 * part.amplifier.pole_s)
     )  # steps that know little of each other
     assert np.abs(correlation).mean() < 1.0 / np.sqrt(independent)
-    again = simulate_analog(part, photons, place_rows(photons, plan), plan, camera, np.random.default_rng(4))
+    again = simulate_rows(part, photons, place_rows(photons, plan), np.random.default_rng(4))
     assert abs(np.corrcoef(noise.ravel(), again.amplitude.ravel())[0, 1]) < 5.0 / np.sqrt(independent * n)

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Apd, Defects, Gsfl, Maps
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.camera import camera_of, draw_camera_pixels
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import plan_time
-from rso_lidar.detector.stages.nonuniformity import make_camera
+from rso_lidar.detector.stages.nonuniformity import draw_pixels
 from rso_lidar.detector.stages.time_axis import place_rows
-from tests.detector.returns_for_tests import nothing, returns
+from tests.detector.returns_for_tests import nothing, returns, simulate_rows
 from tests.reference.detector.whole_chain import PATHS, computing
 
 ELECTRON_C = 1.602_176_634e-19
@@ -54,8 +53,8 @@ def test_a_gate_in_sunlight_has_each_pixels_own_noise_and_offset(path):
     sunlight = np.linspace(0.0, 4e11, N).reshape(SHAPE[::-1]).T  # it goes along columns, so that no order is a symmetry
     photons = replace(nothing(SHAPE), background_photons_per_s=sunlight)
     with computing(path):
-        waveforms = store_waveforms(PART, photons, np.random.default_rng(31))
-    camera = build_camera(PART, N)
+        waveforms = store_waveforms(camera_of(PART, photons), photons, np.random.default_rng(31))[0]
+    camera = draw_camera_pixels(PART, N)
     pixel = waveforms.pixel
     assert np.array_equal(pixel, np.flatnonzero(~camera.dead))
     gain, hot, light = camera.gain[pixel], camera.hot[pixel], sunlight.ravel()[pixel]
@@ -103,8 +102,8 @@ def test_a_false_trigger_has_its_own_pixels_threshold_offset_and_noise():
         },
         armed_from_m=2000.0,
     )
-    waveforms = store_waveforms(part, nothing((64, 128)), np.random.default_rng(21))
-    pixels = build_camera(part, 64 * 128)
+    waveforms = store_waveforms(camera_of(part, nothing((64, 128))), nothing((64, 128)), np.random.default_rng(21))[0]
+    pixels = draw_camera_pixels(part, 64 * 128)
     pixel = waveforms.pixel
     assert len(pixel) > 800 and not pixels.dead[pixel].any() and pixels.hot[pixel].sum() > 150
     counts = waveforms.samples_counts.astype(float) - 20_000.0 - pixels.offset_counts[pixel, None]
@@ -130,11 +129,11 @@ def test_the_mean_beside_the_noise_has_the_gain_of_the_pixel(path):
     """What is drawn between steps stands on this mean: rounding of the transform, 2e-6 of the peak, and the cut at 1e-4."""
     part = PART.replace(gate=None, defects=None)
     photons = returns(900.0 + 0.21 * np.arange(96), 4000.0)
-    plan, pixels = plan_time(part, 8e-9), build_camera(part, 96)
+    plan, pixels = plan_time(part, 8e-9), draw_camera_pixels(part, 96)
     rows = place_rows(photons, plan)
     with computing(path):
-        noisy = simulate_analog(part, photons, rows, plan, pixels, np.random.default_rng(1))
-        quiet = simulate_analog(part, photons, rows, plan, pixels, None).amplitude
+        noisy = simulate_rows(part, photons, rows, np.random.default_rng(1))
+        quiet = simulate_rows(part, photons, rows, None).amplitude
     some = np.array([3, 80, 41])
     assert np.ptp(pixels.gain[some]) > 0.2
     assert np.abs(noisy.mean(some) - quiet[some]).max() < 1e-5 * quiet.max()
@@ -144,7 +143,7 @@ def test_the_mean_beside_the_noise_has_the_gain_of_the_pixel(path):
 def test_the_maps_of_a_camera_are_independent():
     """Threshold, gain, offset, t0, and who is dead or hot: correlations of 16,384 pixels below 4.5 standard errors."""
     n = 16_384
-    one = make_camera(n, 9, Apd(), 0.05, Maps(), Defects(dead_fraction=0.3, hot_fraction=0.3))
+    one = draw_pixels(n, 9, Apd(), 0.05, Maps(), Defects(dead_fraction=0.3, hot_fraction=0.3))
     maps = np.stack([one.threshold, one.gain, one.offset_counts, one.t0_s, one.dead, one.hot])
     between = np.corrcoef(maps)
     between[4, 5] = between[5, 4] = 0.0  # of these a pixel is one at most

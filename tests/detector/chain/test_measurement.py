@@ -5,14 +5,14 @@ import pytest
 from scipy import stats
 
 from rso_lidar.detector import Gsfl, detect
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.measurement import measure
-from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.records import Waveforms
 from tests.detector.returns_for_tests import nothing, returns
 
 C = 299_792_458.0
 PART = Gsfl(preset="offset_limited", timing={"pixel_jitter_ns": 0.0}, armed_to_m=20_000.0)
-PULSE = shape_pulse(PART, nothing((1, 1)))
+PULSE = camera_of(PART, nothing((1, 1))).pulse
 BASELINE = PART.readout.baseline_counts
 
 
@@ -40,7 +40,7 @@ def stored(range_m, counts, shape=None, lead=9.3):
 
 
 def read(part, waveforms, seed=0):
-    return measure(part, waveforms, PULSE, np.random.default_rng(seed))
+    return measure(camera_of(part, nothing(waveforms.shape)).processor, waveforms, np.random.default_rng(seed))
 
 
 def test_a_pulse_is_where_it_is_and_as_high_as_it_is():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Gsfl, detect
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measurement import measure
-from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.ranging import location, report
 from tests.detector.returns_for_tests import nothing, returns
 from tests.reference.detector import fitting as fitting_reference
@@ -42,12 +42,13 @@ def test_the_reference_reads_the_same(settings, light, monkeypatch):
     """A float32 of range, 6e-5 m in 1 km; of several pulses 1e-4 of a sample, 4e-5 m; counts to 1, where they are halves."""
     gsfl = Gsfl(**settings)
     lit = photons() if light else nothing((20, N // 20))
-    waveforms = store_waveforms(gsfl, lit, np.random.default_rng(2))
-    one = measure(gsfl, waveforms, shape_pulse(gsfl, lit), np.random.default_rng(3))
+    camera = camera_of(gsfl, lit)
+    waveforms = store_waveforms(camera, lit, np.random.default_rng(2))[0]
+    one = measure(camera.processor, waveforms, np.random.default_rng(3))
     monkeypatch.setattr(location, "fit_first_pulses", fitting_reference.fit_first_pulses)
     monkeypatch.setattr(location, "fit_all_pulses", fitting_reference.fit_all_pulses)
     monkeypatch.setattr(report, "report_traces", report_reference.report_traces)
-    other = measure(gsfl, waveforms, shape_pulse(gsfl, lit), np.random.default_rng(3))
+    other = measure(camera.processor, waveforms, np.random.default_rng(3))
     assert not light or np.isfinite(one.range_m).mean() > 0.3
     for field in fields(one):
         a, b = getattr(one, field.name), getattr(other, field.name)

@@ -5,13 +5,12 @@ import pytest
 
 from rso_lidar.detector import Droop, Gsfl, detect, make_plate, run_trial
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.chain.traces import arm_rows
 from rso_lidar.detector.stages.array_effects import solve_gain
 from rso_lidar.detector.stages.time_axis import place_rows
-from tests.detector.returns_for_tests import returns
+from tests.detector.returns_for_tests import returns, simulate_rows
 
 NOISY = Gsfl(trigger={"threshold_electrons": 4600.0, "threshold_spread_fraction": 0.0})
 
@@ -41,17 +40,15 @@ def test_overlapping_rows_draw_on_the_bias_once():
     part = NOISY.replace(droop=Droop(capacitance_nf=1000.0, resistance_ohm=1e9, gain_slope_per_v=1000.0))
     n, photons = 400, 500.0
     seen = two_returns(1000.0, 1004.0, photons, n)
-    plan, camera = plan_time(part, 8e-9), build_camera(part, n)
-    rows, _ = arm_rows(part, place_rows(seen, plan), plan.step_s)
+    plan = plan_time(part, 8e-9)
+    rows, _ = arm_rows(camera_of(part, seen).comparators, place_rows(seen, plan), plan.step_s)
     assert len(rows.pixel) == 2 * n
-    made = simulate_analog(part, seen, rows, plan, camera, np.random.default_rng(1))
+    made = simulate_rows(part, seen, rows, np.random.default_rng(1))
     charge = n * 2.0 * photons * 0.8 * 10.0  # the dark current belongs to rest, and sags nothing further
     sag = 1000.0 * charge * 1.602_176_634e-19 / 1e-6
     late = made.amplitude[1::2, -30:].mean(axis=0)  # the far row's end, after both pulses
     full = (
-        simulate_analog(part.replace(droop=None), seen, rows, plan, camera, np.random.default_rng(1))
-        .amplitude[1::2, -30:]
-        .mean(axis=0)
+        simulate_rows(part.replace(droop=None), seen, rows, np.random.default_rng(1)).amplitude[1::2, -30:].mean(axis=0)
     )
     dark = part.apd.dark_electrons_per_s * 10.0 * part.amplifier.integration_s
     # The baseline is that of rest: the dark current, multiplied less, falls below it by its share of the sag.

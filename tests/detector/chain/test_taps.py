@@ -5,7 +5,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.detector import Empirical, Gate, Gsfl, detect, detect_with_taps
-from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.camera import draw_camera_pixels
 from rso_lidar.detector.chain.taps import tap_stages
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.errors import ScenarioError
@@ -25,7 +25,7 @@ def test_the_samples_are_taken_from_the_amplitude():
     reading, waveforms, taps = detect_with_taps(lit(), NOISY, np.random.default_rng(1))
     assert 20 < np.count_nonzero(taps.pixel % 2) < N // 2  # false triggers of dark pixels are among them
     per_sample = round(waveforms.sample_s / taps.step_s)
-    offset = build_camera(NOISY, N).offset_counts[taps.pixel, None]
+    offset = draw_camera_pixels(NOISY, N).offset_counts[taps.pixel, None]
     np.testing.assert_array_equal(
         convert(NOISY.readout, taps.amplitude_electrons[:, ::per_sample], offset), waveforms.samples_counts
     )
@@ -74,7 +74,7 @@ def test_a_gate_has_no_comparator_and_averages_its_pulses():
     assert np.isnan(taps.threshold_electrons).all()
     assert (taps.comparator == -1).all()
     per_sample = round(waveforms.sample_s / taps.step_s)
-    offset = build_camera(part, N).offset_counts[taps.pixel, None]
+    offset = draw_camera_pixels(part, N).offset_counts[taps.pixel, None]
     counts = convert(part.readout, taps.amplitude_electrons[:, ::per_sample], offset)
     assert not waveforms.clipped.any()
     np.testing.assert_allclose(counts, waveforms.samples_counts, atol=2e-2)

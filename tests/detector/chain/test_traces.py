@@ -5,8 +5,8 @@ import pytest
 from scipy.special import erfcx
 
 from rso_lidar.detector import Gsfl
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import store_waveforms
-from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.stages.comparator import refine_crossings
 from tests.detector.returns_for_tests import returns
 from tests.reference.detector.whole_chain import PATHS, computing
@@ -57,10 +57,10 @@ def test_the_latch_is_the_crossing_from_just_above_the_threshold_to_a_million_ti
     over = np.random.default_rng(1).permutation(np.geomspace(1.05, 1e6, 240))
     part = STILL.replace(amplifier=STILL.amplifier.replace(bandwidth_mhz=bandwidth_mhz))
     range_m = 1000.0 + 0.137 * np.arange(240)
-    peak = shape_pulse(part, returns(range_m, 1.0, pulse_fwhm_s=fwhm_ns * 1e-9)).peak
+    peak = camera_of(part, returns(range_m, 1.0, pulse_fwhm_s=fwhm_ns * 1e-9)).pulse.peak
     photons = returns(range_m, over * 1e11 / peak, pulse_fwhm_s=fwhm_ns * 1e-9)
     with computing(path):
-        made = store_waveforms(part, photons, np.random.default_rng(2))
+        made = store_waveforms(camera_of(part, photons), photons, np.random.default_rng(2))[0]
     assert np.array_equal(made.pixel, np.arange(240))
     late_s = made.latch_s - photons.delay_s - crossing_s(over, fwhm_ns * 1e-9, part.amplifier.pole_s)
     assert np.abs(late_s[over < 1e3]).max() < 0.02e-9
@@ -80,13 +80,13 @@ def test_neither_the_latch_nor_where_a_trace_begins_hangs_on_the_step(steps):
     """
     part = Gsfl(preset="offset_limited", steps_per_sample=steps, trigger={"threshold_spread_fraction": 0.0})
     photons = returns(1000.0 + 0.1370 * np.arange(2000), 3200.0)
-    made = store_waveforms(part, photons, np.random.default_rng(steps))
+    made = store_waveforms(camera_of(part, photons), photons, np.random.default_rng(steps))[0]
     assert len(made.pixel) == 2000
     into = (made.latch_s - made.start_s) / part.readout.sample_s
     assert into.min() >= 8.0 and into.max() < 9.0
     assert abs(into.mean() - 8.5) < 4.0 / np.sqrt(12.0 * 2000)
     late_s = made.latch_s - photons.delay_s
-    over = 3200.0 * 8.0 * shape_pulse(part, photons).peak / part.trigger.threshold_electrons
+    over = 3200.0 * 8.0 * camera_of(part, photons).pulse.peak / part.trigger.threshold_electrons
     still_s = float(crossing_s(np.array([over]), 8e-9, part.amplifier.pole_s)[0])
     # The first of a noisy edge's crossings comes before the mean's: by half of σ²/T over the slope at 6 %, 0.02 ns.
     assert abs(late_s.mean() - still_s) < 4.0 * late_s.std() / np.sqrt(2000) + 0.02e-9

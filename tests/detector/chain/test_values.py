@@ -6,14 +6,25 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from rso_lidar.detector import Amplifier, Apd, Empirical, Gate, Gsfl, Maps, Pulse, Readout, detect
-from rso_lidar.detector.analysis.noise_effects import false_alarms_of_gsfl
+from rso_lidar.detector import (
+    Amplifier,
+    Apd,
+    Empirical,
+    Gate,
+    Gsfl,
+    Maps,
+    Pulse,
+    Readout,
+    detect,
+    false_alarm_probability,
+)
+from rso_lidar.detector.analysis.false_alarms import false_trigger_fraction, mean_false_alarms_per_s
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.chain.camera import build_camera, false_trigger_fraction, mean_false_alarms_per_s
+from rso_lidar.detector.chain.camera import camera_of, draw_camera_pixels
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measurement import measure
-from rso_lidar.detector.chain.timing import plan_time, shape_pulse
-from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
+from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.ranging.gate_threshold import GateThresholds
 from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import noise_covariance
 from rso_lidar.detector.settings.noise import noise_rms
@@ -68,7 +79,7 @@ def test_rices_rate_and_the_share_of_pixels_that_noise_triggers():
         math.exp(-0.5 * (3000.0 / 700.0) ** 2) / (2.0 * math.pi * TAU), rel=1e-12
     )
     gaussian = PART.replace(apd=PART.apd.replace(statistics="gaussian"))
-    threshold = 5200.0 * build_camera(gaussian, 16_384).threshold
+    threshold = 5200.0 * draw_camera_pixels(gaussian, 16_384).threshold
     rates = np.exp(-0.5 * (threshold / rms(DARK)) ** 2) / (2.0 * math.pi * TAU)
     assert mean_false_alarms_per_s(gaussian) == pytest.approx(rates.mean(), rel=1e-9)
     armed_s = 2.0 * 800.0 / C
@@ -77,7 +88,7 @@ def test_rices_rate_and_the_share_of_pixels_that_noise_triggers():
     got = false_trigger_fraction(gaussian, np.array([armed_s, 3e5 * armed_s]))
     assert got == pytest.approx(expected, rel=1e-9, abs=6e-5)  # rates within 5 % are averaged
     assert got[0] == pytest.approx(expected[0], rel=1e-4)
-    alarms = false_alarms_of_gsfl(gaussian, np.array([0.0, gaussian.armed_to_m, 1e9]))
+    alarms = false_alarm_probability(gaussian, np.array([0.0, gaussian.armed_to_m, 1e9]))
     assert alarms == pytest.approx([0.0, got[0], got[0]], rel=1e-9)
 
 
@@ -189,9 +200,7 @@ def test_a_gates_threshold_knows_pulses_rounding_and_offsets_at_once(quantised, 
     apd = Apd(gain=8.0, ionisation_ratio=0.3, dark_current_na=0.0)
     pulse = Pulse.after(*make_reference_pulse(), TAU, amplifier.integration_s)
     matched = Matched.of(pulse, 2e-9, TAU, 1.0)
-    found = solve_gate_thresholds(
-        gate, np.zeros(2), apd=apd, amplifier=amplifier, readout=readout, matched=matched, offset_counts=0.4
-    )
+    found = GateThresholds(gate, apd, amplifier, readout, matched, offset_counts=0.4).solve(np.zeros(2))
     weights = matched.height_weights()
     inside = weights @ noise_covariance(len(weights), 2e-9, TAU, 1.0) @ weights
     inside += quantised / 12.0 * (weights**2).sum()
@@ -207,10 +216,15 @@ def test_a_gate_tells_of_a_sample_that_clipped_in_any_of_its_pulses():
     part, n = Gsfl(timing={"pixel_jitter_ns": 0.0}), 3000
     gate = {"delay_ns": 6640.0, "width_ns": 60.0}
     one, several = part.replace(gate=gate), part.replace(gate={**gate, "pulses": 4})
-    dim = store_waveforms(one, returns(np.full(n, 1000.0), 50_000.0), np.random.default_rng(3)).samples_counts
+    dim = store_waveforms(
+        camera_of(one, returns(np.full(n, 1000.0), 50_000.0)),
+        returns(np.full(n, 1000.0), 50_000.0),
+        np.random.default_rng(3),
+    )[0].samples_counts
     photons = returns(np.full(n, 1000.0), 50_000.0 * 4031.0 / (dim.mean(axis=0).max() - 64.0) * 0.995)
     p, q = (
-        store_waveforms(part, photons, np.random.default_rng(4)).clipped.any(axis=1).mean() for part in (one, several)
+        store_waveforms(camera_of(part, photons), photons, np.random.default_rng(4))[0].clipped.any(axis=1).mean()
+        for part in (one, several)
     )
     assert 0.05 < p < 0.5
     error = math.hypot(4.0 * (1.0 - p) ** 3 * math.sqrt(p * (1.0 - p) / n), math.sqrt(q * (1.0 - q) / n))
@@ -225,12 +239,15 @@ def test_a_frames_jitter_is_common_and_a_pixels_its_own_and_pulses_average_both(
     """Standard deviations within and between 40 frames of 100 pixels that would read alike: 4.5 of their errors."""
     gate = None if pulses == 1 else {"delay_ns": 6640.0, "width_ns": 60.0, "pulses": pulses}
     part = PART.replace(gate=gate)
-    pulse, n, frames = shape_pulse(part, nothing((1, 1))), 100, 40
+    n, frames = 100, 40
+    camera = camera_of(part, nothing((1, n)))
+    pulse = camera.pulse
     start_s = 2.0 * 1000.0 / C - 9.3 * 2e-9
     shape = 100.0 + 900.0 * pulse.amplitude(np.arange(20) * 2e-9 - 9.3 * 2e-9) / pulse.peak
     same = np.full(n, start_s)
     stored = Waveforms((1, n), 2e-9, 100.0, np.arange(n), same, same + 17e-9, np.tile(shape, (n, 1)))
-    read = np.array([measure(part, stored, pulse, np.random.default_rng([9, k])).range_m[0] for k in range(frames)])
+    rngs = (np.random.default_rng([9, k]) for k in range(frames))
+    read = np.array([measure(camera.processor, stored, rng).range_m[0] for rng in rngs])
     delay_s = (read.astype(float) - 1000.0) * 2.0 / C
     within = (delay_s - delay_s.mean(axis=1, keepdims=True)).std() * math.sqrt(n / (n - 1))
     assert within == pytest.approx(0.3e-9 / math.sqrt(pulses), rel=4.5 / math.sqrt(2.0 * n * frames))
@@ -242,15 +259,16 @@ def test_a_frames_jitter_is_common_and_a_pixels_its_own_and_pulses_average_both(
 def test_the_rail_stands_on_the_pixels_own_offset():
     """A sample within a count of baseline + offset + rail is held down; 3 counts below it is not, whatever the offset."""
     part = PART.replace(saturation={"rail_electrons": 90_000.0}, maps=Maps(offset_spread_counts=25.0), gate=None)
-    pulse, n = shape_pulse(part, nothing((1, 1))), 300
-    offset = build_camera(part, n).offset_counts
+    n = 300
+    camera = camera_of(part, nothing((1, n)))
+    pulse, offset = camera.pulse, camera.front.pixels.offset_counts
     assert offset.min() < -40.0 and offset.max() > 40.0
     start = np.full(n, 6e-6)
     for below, held in ((0.5, True), (3.0, False)):
         samples = 100.0 + offset[:, None] + 200.0 * pulse.amplitude(np.arange(20) * 2e-9 - 18e-9) / pulse.peak
         samples[:, 10] = 100.0 + offset + 1000.0 - below
         stored = Waveforms((1, n), 2e-9, 100.0, np.arange(n), start, start + 17e-9, samples)
-        reading = measure(part, stored, pulse, np.random.default_rng(1))
+        reading = measure(camera.processor, stored, np.random.default_rng(1))
         assert np.isfinite(reading.range_m).all()
         assert (reading.saturated == held).all()
 
@@ -259,13 +277,14 @@ def test_the_rail_stands_on_the_pixels_own_offset():
 @pytest.mark.parametrize("at", [0, 7, 19])
 def test_any_clipped_sample_of_a_trace_says_saturated(path, at):
     part = PART.replace(timing={"pixel_jitter_ns": 0.0})
-    pulse = shape_pulse(part, nothing((1, 1)))
+    camera = camera_of(part, nothing((1, 3)))
+    pulse = camera.pulse
     samples = np.tile(100.0 + 300.0 * pulse.amplitude(np.arange(20) * 2e-9 - 18e-9) / pulse.peak, (3, 1))
     samples[1, at] = 4095.0
     start = np.full(3, 6e-6)
     stored = Waveforms((1, 3), 2e-9, 100.0, np.arange(3), start, start + 17e-9, samples)
     with computing(path):
-        reading = measure(part, stored, pulse, np.random.default_rng(1))
+        reading = measure(camera.processor, stored, np.random.default_rng(1))
     assert np.isfinite(reading.range_m).all() and reading.saturated[0].tolist() == [0, 1, 0]
 
 

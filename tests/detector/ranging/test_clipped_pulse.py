@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Gate, Gsfl, Readout, Saturation, Timing, detect
-from rso_lidar.detector.chain.timing import shape_pulse
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.ranging.clipped_pulse import place_by_edges, tabulate_edges
 from rso_lidar.detector.ranging.matched_filter import Matched
 from tests.detector.returns_for_tests import returns
@@ -15,7 +15,7 @@ STILL = Timing(pixel_jitter_ns=0.0)
 
 def matched_for_tests():
     part = Gsfl()
-    return Matched.of(shape_pulse(part, returns(100.0, 1e3)), part.readout.sample_s, part.amplifier.pole_s, 5.2)
+    return Matched.of(camera_of(part, returns(100.0, 1e3)).pulse, part.readout.sample_s, part.amplifier.pole_s, 5.2)
 
 
 def test_edges_are_those_of_the_pulse():

@@ -8,7 +8,7 @@ import pytest
 from rso_lidar.detector import Pulse, Ranging
 from rso_lidar.detector.ranging import location
 from rso_lidar.detector.ranging.fitting import fit_all, fit_first
-from rso_lidar.detector.ranging.location import locate, locate_all
+from rso_lidar.detector.ranging.location import Locator, locate, locate_all
 from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import noise_covariance
 from tests.reference.detector import fitting as reference
@@ -56,8 +56,8 @@ def test_the_first_pulse_is_the_same(n, clips, algorithm):
     samples, clipped = traces(2000, n, 1, seed=n)
     assert 100 < clipped.any(axis=1).sum() < 1900
     start = np.random.default_rng(1).integers(0, n, 2000)
-    settings = {**KNOWN, "clipped": clipped if clips else None}
-    same(*both(locate, samples, start, PULSE, Ranging(algorithm=algorithm), **settings))
+    locator = Locator.of(PULSE, Ranging(algorithm=algorithm), **KNOWN)
+    same(*both(locate, samples, start, locator, clipped if clips else None))
 
 
 @pytest.mark.parametrize("clips", [False, True])
@@ -68,8 +68,8 @@ def test_all_pulses_are_the_same(n, pulses, most, clips):
     A float32 of 2e4 counts is good to 1e-3: 1e-4 of the noise, which can move a place by so much of its error, 0.1 sample.
     """
     samples, clipped = traces(1500, n, pulses, seed=pulses)
-    settings = {**KNOWN, "most": most, "clipped": clipped if clips else None}
-    (one_s, one), (other_s, other) = both(locate_all, samples, PULSE, Ranging(), **settings)
+    locator = Locator.of(PULSE, Ranging(), **KNOWN)
+    (one_s, one), (other_s, other) = both(locate_all, samples, locator, most, clipped if clips else None)
     assert one_s.shape == other_s.shape
     assert pulses == 0 or np.isfinite(one_s).sum() > 1500
     alike = (np.isfinite(one_s) == np.isfinite(other_s)).all(axis=1)
@@ -82,7 +82,9 @@ def test_two_peaks_that_fit_to_one_place_are_one_pulse():
     """A rising edge on the rail behind a pulse: the fits of both come closer than three quarters of the FWHM."""
     samples = [-6, 0, 3, 1, 4, -7, -13, -6, -5, -7, 9, 47, 236, 706, 1360, 1689, 1415, 1067, 1734, 4000]
     samples = np.array([samples], np.float32)
-    for delay_s, height in both(locate_all, samples, PULSE, Ranging(), **KNOWN, most=8, clipped=samples >= RAIL):
+    for delay_s, height in both(
+        locate_all, samples, Locator.of(PULSE, Ranging(), **KNOWN), most=8, clipped=samples >= RAIL
+    ):
         assert np.isfinite(delay_s).sum() == 1
         matched = Matched.of(PULSE, SAMPLE_S, POLE_S, NOISE)
         assert delay_s[0, 0] / SAMPLE_S + matched.lead == pytest.approx(15.3 + matched.lead, abs=0.5)
@@ -107,23 +109,19 @@ def test_what_is_learnt_at_once_is_all_known(monkeypatch):
     assert np.array_equal(matched.learn(patterns(keys[:5])).keys, keys)
     assert np.array_equal(matched.learn(patterns(np.r_[keys[:5], 1])).keys, np.r_[1, keys[:5]])
     samples, clipped = traces(400, 20, 1, seed=5)
-    settings = {**KNOWN, "clipped": clipped}
-    whole = locate(samples, np.full(400, 8), PULSE, Ranging(), **settings)
+    whole = locate(samples, np.full(400, 8), Locator.of(PULSE, Ranging(), **KNOWN), clipped)
     monkeypatch.setattr("rso_lidar.detector.ranging.matched_filter._MOST_KEPT", 4)
-    few = locate(samples, np.full(400, 8), PULSE, Ranging(), **{**settings, "sigma_counts": NOISE})
+    few = locate(samples, np.full(400, 8), Locator.of(PULSE, Ranging(), **KNOWN), clipped)
     assert np.array_equal(whole[0], few[0])
 
 
 def test_patterns_are_learnt_once_and_do_not_depend_on_the_order():
     samples, clipped = traces(400, 20, 1, seed=5)
     start = np.full(400, 8)
-    whole = locate(samples, start, PULSE, Ranging(), **KNOWN, clipped=clipped)
-    matched = Matched.of(PULSE, SAMPLE_S, POLE_S, NOISE)
+    locator = Locator.of(PULSE, Ranging(), **KNOWN)
+    whole, matched = locate(samples, start, locator, clipped), locator.matched
     patterns = len(matched.known().keys)
-    parts = [
-        locate(samples[k], start[k], PULSE, Ranging(), **KNOWN, clipped=clipped[k])
-        for k in np.array_split(np.arange(400)[::-1], 7)
-    ]
+    parts = [locate(samples[k], start[k], locator, clipped[k]) for k in np.array_split(np.arange(400)[::-1], 7)]
     assert len(matched.known().keys) == patterns > 10
     for i in (0, 1):
         assert np.array_equal(whole[i][::-1], np.concatenate([part[i] for part in parts]))
@@ -131,28 +129,27 @@ def test_patterns_are_learnt_once_and_do_not_depend_on_the_order():
 
 def test_no_traces():
     none = np.zeros((0, 20), np.float32)
-    for found in both(locate, none, np.zeros(0, int), PULSE, Ranging(), **KNOWN):
+    for found in both(locate, none, np.zeros(0, int), Locator.of(PULSE, Ranging(), **KNOWN)):
         assert all(part.shape == (0,) for part in found)
-    for found in both(locate_all, none, PULSE, Ranging(), **KNOWN, most=3):
+    for found in both(locate_all, none, Locator.of(PULSE, Ranging(), **KNOWN), most=3):
         assert all(len(part) == 0 for part in found)
 
 
 def test_each_loop_compiles_once():
     samples, clipped = traces(10, 20, 2, seed=6)
     for mask in (None, clipped):
-        locate(samples, np.full(10, 8), PULSE, Ranging(), **KNOWN, clipped=mask)
-        locate_all(samples, PULSE, Ranging(), **KNOWN, most=2, clipped=mask)
+        locate(samples, np.full(10, 8), Locator.of(PULSE, Ranging(), **KNOWN), clipped=mask)
+        locate_all(samples, Locator.of(PULSE, Ranging(), **KNOWN), most=2, clipped=mask)
     assert len(fit_first.dispatcher.signatures) == len(fit_all.dispatcher.signatures) == 1
 
 
 @pytest.mark.parametrize("clips", [False, True])
 def test_a_window_of_more_samples_than_an_integer_has_bits(clips):
     """A clock nine times as fast: 65 samples in the window, whose patterns go by random words; the same as above."""
-    fast = {**KNOWN, "sample_s": SAMPLE_S / 9.0, "clipped": None}
+    fast = Locator.of(PULSE, Ranging(), **{**KNOWN, "sample_s": SAMPLE_S / 9.0})
     samples, clipped = traces(150, 150, 1, 7, SAMPLE_S / 9.0)
-    fast["clipped"] = clipped if clips else None
-    assert Matched.of(PULSE, fast["sample_s"], POLE_S, NOISE).width > 63
+    assert fast.matched.width > 63
     start = np.random.default_rng(1).integers(0, 150, 150)
-    (one_s, one), (other_s, other) = both(locate, samples, start, PULSE, Ranging(), **fast)
+    (one_s, one), (other_s, other) = both(locate, samples, start, fast, clipped if clips else None)
     np.testing.assert_allclose(one_s, other_s, rtol=0.0, atol=1e-9 * SAMPLE_S)
     np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-6)

@@ -8,8 +8,8 @@ from scipy import stats
 
 from rso_lidar.detector import Amplifier, Apd, Defects, Gate, Gsfl, Pulse, detect
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.chain.camera import build_camera
-from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
+from rso_lidar.detector.chain.camera import draw_camera_pixels
+from rso_lidar.detector.ranging.gate_threshold import GateThresholds
 from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import noise_covariance
 from tests.detector.returns_for_tests import nothing
@@ -23,9 +23,7 @@ def matched_of(part):
 
 
 def thresholds(part, rate, gate=GATE):
-    return solve_gate_thresholds(
-        gate, rate, apd=part.apd, amplifier=part.amplifier, readout=part.readout, matched=matched_of(part)
-    )
+    return GateThresholds(gate, part.apd, part.amplifier, part.readout, matched_of(part)).solve(rate)
 
 
 def test_gaussian_noise_is_rice_s():
@@ -79,7 +77,7 @@ def test_hot_pixels_fire_no_oftener_than_the_others():
         gate=GATE.replace(false_alarm_probability=1e-2),
         defects=Defects(dead_fraction=0.0, hot_fraction=0.5, hot_dark_current_na=100.0),
     )
-    hot, rng = build_camera(part, 16_384).hot, np.random.default_rng(6)
+    hot, rng = draw_camera_pixels(part, 16_384).hot, np.random.default_rng(6)
     seen = sum(np.isfinite(detect(nothing((128, 128)), part, rng)[0].range_m).ravel().astype(float) for _ in range(4))
     among, rest = seen[hot].sum() / hot.sum() / 4, seen[~hot].sum() / (~hot).sum() / 4
     assert 0.5e-2 < among < 2e-2 and 0.5e-2 < rest < 2e-2

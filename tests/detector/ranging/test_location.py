@@ -6,7 +6,7 @@ from scipy import stats
 
 from rso_lidar import units
 from rso_lidar.detector import Pulse, Ranging
-from rso_lidar.detector.ranging.location import locate, locate_all
+from rso_lidar.detector.ranging.location import Locator, locate, locate_all
 from rso_lidar.detector.ranging.matched_filter import Matched
 from rso_lidar.detector.ranging.pulse import crlb_s, noise_covariance
 from rso_lidar.detector.ranging.range_walk import correct_walk, tabulate_walk
@@ -59,9 +59,7 @@ def trials(snr, algorithm, pole_s, n_trials=6000, seed=1):
     found_s, amplitude = locate(
         noisy(clean, rng, pole_s),
         start,
-        pulse,
-        Ranging(algorithm=algorithm),
-        **known(pole_s, threshold=0.6 * snr * NOISE),
+        Locator.of(pulse, Ranging(algorithm=algorithm), **known(pole_s, threshold=0.6 * snr * NOISE)),
     )
     return (found_s - delay_s) * units.RANGE_PER_DELAY_M_S / units.CM, amplitude / (snr * NOISE)
 
@@ -147,9 +145,7 @@ def test_without_noise_the_bias_is_only_the_algorithm_s_own(algorithm, worst_mm,
     found_s, height = locate(
         traces(delay_s, np.full(512, 1000.0), pulse),
         np.full(512, 6),
-        pulse,
-        Ranging(algorithm=algorithm),
-        **known(pole_s),
+        Locator.of(pulse, Ranging(algorithm=algorithm), **known(pole_s)),
     )
     error_mm = (found_s - delay_s) * units.RANGE_PER_DELAY_M_S / units.MM
     assert np.abs(error_mm).max() < worst_mm
@@ -165,9 +161,7 @@ def test_constant_fraction_is_early_by_what_straight_lines_between_samples_make(
         found_s, _ = locate(
             traces(delay_s, np.full(256, amplitude), pulse),
             np.full(256, 8),
-            pulse,
-            Ranging(algorithm="constant_fraction"),
-            **known(NO_POLE_S),
+            Locator.of(pulse, Ranging(algorithm="constant_fraction"), **known(NO_POLE_S)),
         )
         bias_cm = (found_s - delay_s).mean() * units.RANGE_PER_DELAY_M_S / units.CM
         assert bias_cm == pytest.approx(-1.6, abs=0.05)
@@ -181,7 +175,9 @@ def test_other_pulses_and_amplifiers_are_ranged_at_their_bound_too(pole_s, fwhm_
     delay_s = peak * SAMPLE_S - pulse.peak_s
     clean = traces(delay_s, np.full(4000, 200.0), pulse, n=n)
     start = (clean >= 120.0).argmax(axis=1)
-    found_s, _ = locate(noisy(clean, rng, pole_s), start, pulse, Ranging(), **known(pole_s, threshold=120.0))
+    found_s, _ = locate(
+        noisy(clean, rng, pole_s), start, Locator.of(pulse, Ranging(), **known(pole_s, threshold=120.0))
+    )
     error = found_s - delay_s
     covariance = noise_covariance(n, SAMPLE_S, pole_s, NOISE)
     bound_s = math.sqrt(
@@ -195,7 +191,7 @@ def test_a_second_pulse_does_not_draw_the_first():
     delay_s = (5 + np.arange(64) / 64) * SAMPLE_S
     second = traces(delay_s + 2 * PULSE.fwhm_s, np.full(64, 1000.0), n=26)
     samples = traces(delay_s, np.full(64, 1000.0), n=26) + second
-    found_s, _ = locate(samples, np.full(64, 4), PULSE, Ranging(), **known())
+    found_s, _ = locate(samples, np.full(64, 4), Locator.of(PULSE, Ranging(), **known()))
     # The neighbour's rise reaches into the window, where the template is almost nothing: 2 % of a FWHM.
     assert np.abs(found_s - delay_s).max() < 0.02 * PULSE.fwhm_s
 
@@ -203,7 +199,7 @@ def test_a_second_pulse_does_not_draw_the_first():
 def test_the_first_peak_after_the_latch_is_the_one():
     delay_s = np.array([5.2, 5.2, 5.2]) * SAMPLE_S
     samples = traces(delay_s, [300.0] * 3, n=30) + traces(delay_s + 4 * PULSE.fwhm_s, [900.0] * 3, n=30)
-    found_s, height = locate(samples, np.array([4, 6, 15]), PULSE, Ranging(), **known())
+    found_s, height = locate(samples, np.array([4, 6, 15]), Locator.of(PULSE, Ranging(), **known()))
     assert np.allclose(height, [300.0, 300.0, 900.0], rtol=1e-3)
     assert (found_s[2] - found_s[0]) / PULSE.fwhm_s == pytest.approx(4.0, abs=0.01)
 
@@ -217,8 +213,10 @@ def test_clipped_samples_are_left_out_of_the_fit(overdrive):
     samples = np.rint(np.minimum(samples, full_scale))
     clipped = samples >= full_scale
     start = (samples >= 80).argmax(axis=1)
-    found_s, height = locate(samples, start, PULSE, Ranging(), **known(sigma=5.0, threshold=80.0), clipped=clipped)
-    blind_s, _ = locate(samples, start, PULSE, Ranging(), **known(sigma=5.0, threshold=80.0))
+    found_s, height = locate(
+        samples, start, Locator.of(PULSE, Ranging(), **known(sigma=5.0, threshold=80.0)), clipped=clipped
+    )
+    blind_s, _ = locate(samples, start, Locator.of(PULSE, Ranging(), **known(sigma=5.0, threshold=80.0)))
     error_mm = (found_s - delay_s) * units.RANGE_PER_DELAY_M_S / units.MM
     # What is left of the pulse stands at an SNR of hundreds: below a millimetre and a per cent.
     assert error_mm.std() < 1.0 and abs(error_mm.mean()) < 0.1
@@ -230,7 +228,10 @@ def test_a_pulse_that_is_all_rail_still_has_a_place():
     samples = np.minimum(traces([9 * SAMPLE_S], [4e7]), 4000.0)
     for algorithm in ALGORITHMS:
         found_s, height = locate(
-            samples, np.array([3]), PULSE, Ranging(algorithm=algorithm), **known(), clipped=samples >= 4000.0
+            samples,
+            np.array([3]),
+            Locator.of(PULSE, Ranging(algorithm=algorithm), **known()),
+            clipped=samples >= 4000.0,
         )
         assert np.isfinite(height).all() and np.isfinite(found_s).all()
         assert abs(found_s[0] - 9 * SAMPLE_S) < 3 * PULSE.fwhm_s
@@ -239,7 +240,7 @@ def test_a_pulse_that_is_all_rail_still_has_a_place():
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_odd_traces_are_no_error(algorithm):
     ranging = Ranging(algorithm=algorithm)
-    empty = locate(np.zeros((0, N), np.float32), np.zeros(0, int), PULSE, ranging, **known())
+    empty = locate(np.zeros((0, N), np.float32), np.zeros(0, int), Locator.of(PULSE, ranging, **known()))
     assert empty[0].shape == empty[1].shape == (0,)
     rng = np.random.default_rng(5)
     odd = np.zeros((6, N), np.float32)
@@ -247,7 +248,7 @@ def test_odd_traces_are_no_error(algorithm):
     odd[2, 0] = odd[3, -1] = odd[4, 9] = 500.0
     odd[5] = rng.standard_normal(N) * NOISE
     for start in (0, 8, N - 1, N + 3):
-        delay_s, height = locate(odd, np.full(6, start), PULSE, ranging, **known(), clipped=odd > 400.0)
+        delay_s, height = locate(odd, np.full(6, start), Locator.of(PULSE, ranging, **known()), clipped=odd > 400.0)
         assert delay_s.shape == height.shape == (6,)
         seen = np.isfinite(delay_s)
         assert np.all(np.abs(delay_s[seen]) < 2 * N * SAMPLE_S)
@@ -255,15 +256,17 @@ def test_odd_traces_are_no_error(algorithm):
     if algorithm in ("constant_fraction", "leading_edge"):
         # A pulse that is high in the first sample has no crossing in the window.
         falling = traces([-1 * SAMPLE_S], [500.0])
-        assert np.isnan(locate(falling, np.array([0]), PULSE, ranging, **known())[0][0])
+        assert np.isnan(locate(falling, np.array([0]), Locator.of(PULSE, ranging, **known()))[0][0])
 
 
 def test_traces_do_not_know_of_each_other():
     rng = np.random.default_rng(6)
     samples = noisy(traces((7 + rng.uniform(0, 2, 300)) * SAMPLE_S, rng.uniform(80, 900, 300)), rng)
     start = np.full(300, 8)
-    together = locate(samples, start, PULSE, Ranging(), **known())
-    parts = [locate(samples[k], start[k], PULSE, Ranging(), **known()) for k in np.array_split(np.arange(300), 7)]
+    together = locate(samples, start, Locator.of(PULSE, Ranging(), **known()))
+    parts = [
+        locate(samples[k], start[k], Locator.of(PULSE, Ranging(), **known())) for k in np.array_split(np.arange(300), 7)
+    ]
     for i in (0, 1):
         assert np.array_equal(together[i], np.concatenate([part[i] for part in parts]))
 
@@ -277,7 +280,7 @@ def test_two_equal_pulses_are_two_returns(apart, algorithm):
     first_s = (6 + np.arange(64) / 64) * SAMPLE_S
     second_s = first_s + apart * PULSE.fwhm_s
     samples = traces(first_s, np.full(64, 800.0), n=28) + traces(second_s, np.full(64, 800.0), n=28)
-    found_s, height = locate_all(samples, PULSE, Ranging(algorithm=algorithm), **known(), most=4)
+    found_s, height = locate_all(samples, Locator.of(PULSE, Ranging(algorithm=algorithm), **known()), most=4)
     assert found_s.shape == height.shape == (64, 2)
     within = 0.01 if algorithm == "matched_filter" else 0.1
     assert np.abs(found_s[:, 0] - first_s).max() < within * PULSE.fwhm_s
@@ -290,7 +293,7 @@ def test_two_pulses_in_noise_are_found_and_not_drawn_together():
     first_s = (6 + rng.uniform(0, 1, 1500)) * SAMPLE_S
     second_s = first_s + 1.5 * PULSE.fwhm_s
     clean = traces(first_s, np.full(1500, 200.0), n=24) + traces(second_s, np.full(1500, 200.0), n=24)
-    found_s, _ = locate_all(noisy(clean, rng), PULSE, Ranging(), **known(), most=3)
+    found_s, _ = locate_all(noisy(clean, rng), Locator.of(PULSE, Ranging(), **known()), most=3)
     both = np.isfinite(found_s[:, 1])
     assert both.mean() > 0.99
     for k, true_s in enumerate((first_s, second_s)):
@@ -304,7 +307,7 @@ def test_a_strong_pulse_casts_no_false_returns():
     delay_s = (8 + rng.uniform(0, 1, 800)) * SAMPLE_S
     for amplitude in (500.0, 20_000.0):
         samples = noisy(traces(delay_s, np.full(800, amplitude), n=30), rng)
-        found_s, height = locate_all(samples, PULSE, Ranging(), **known(threshold=60.0), most=4)
+        found_s, height = locate_all(samples, Locator.of(PULSE, Ranging(), **known(threshold=60.0)), most=4)
         assert np.array_equal(np.isfinite(found_s).sum(axis=1), np.ones(800))
         assert np.array_equal(np.isfinite(found_s), height > 0)
 
@@ -316,7 +319,7 @@ def test_a_tilted_surface_is_one_return_however_long(spread):
     delay_s = (14 + rng.uniform(0, 1, 400)) * SAMPLE_S
     clean = sum(traces(delay_s + offset, np.full(400, 1.0), n=36) for offset in offsets)
     samples = noisy(clean * (300.0 / clean.max()), rng)
-    found_s, _ = locate_all(samples, PULSE, Ranging(), **known(), most=3)
+    found_s, _ = locate_all(samples, Locator.of(PULSE, Ranging(), **known()), most=3)
     assert np.isfinite(found_s[:, 0]).all()
     assert np.isfinite(found_s[:, 1:]).sum() < 0.01 * len(found_s)
     assert np.abs(found_s[:, 0] - delay_s).max() < (0.5 * spread + 0.1) * PULSE.fwhm_s
@@ -326,11 +329,11 @@ def test_returns_come_near_to_far_and_no_more_than_asked_for():
     places_s = np.array([6.3, 16.1, 26.8]) * SAMPLE_S
     samples = sum(traces([p], [a], n=40) for p, a in zip(places_s, (200.0, 900.0, 400.0), strict=True))
     for algorithm in ALGORITHMS[:4]:
-        found_s, height = locate_all(samples, PULSE, Ranging(algorithm=algorithm), **known(), most=5)
+        found_s, height = locate_all(samples, Locator.of(PULSE, Ranging(algorithm=algorithm), **known()), most=5)
         assert np.allclose(found_s[0, :3], places_s, atol=0.1 * PULSE.fwhm_s)
         assert np.allclose(height[0, :3], [200.0, 900.0, 400.0], rtol=0.01)
         assert np.isnan(found_s[0, 3:]).all()
-    strongest_s, strongest = locate_all(samples, PULSE, Ranging(), **known(), most=2)
+    strongest_s, strongest = locate_all(samples, Locator.of(PULSE, Ranging(), **known()), most=2)
     assert np.allclose(strongest, [[900.0, 400.0]], rtol=0.01)
     assert np.allclose(strongest_s, [places_s[1:]], atol=1e-11)
 
@@ -338,14 +341,14 @@ def test_returns_come_near_to_far_and_no_more_than_asked_for():
 def test_a_clipped_pulse_among_others_keeps_its_height():
     places_s = np.array([6.3, 17.1]) * SAMPLE_S
     samples = np.minimum(traces([places_s[0]], [9000.0], n=30) + traces([places_s[1]], [400.0], n=30), 4000.0)
-    found_s, height = locate_all(samples, PULSE, Ranging(), **known(), most=2, clipped=samples >= 4000.0)
+    found_s, height = locate_all(samples, Locator.of(PULSE, Ranging(), **known()), most=2, clipped=samples >= 4000.0)
     assert np.allclose(found_s, [places_s], atol=0.02 * PULSE.fwhm_s)
     assert np.allclose(height, [[9000.0, 400.0]], rtol=0.05)
 
 
 def test_no_traces_and_no_pulses_are_no_returns():
     for samples in (np.zeros((0, N), np.float32), np.zeros((3, N), np.float32)):
-        found_s, height = locate_all(samples, PULSE, Ranging(), **known(), most=2)
+        found_s, height = locate_all(samples, Locator.of(PULSE, Ranging(), **known()), most=2)
         assert found_s.shape == height.shape == (len(samples), 1) and np.isnan(found_s).all() and np.all(height == 0)
 
 
@@ -377,7 +380,7 @@ def test_noise_makes_as_many_false_returns_as_rice_says(pole_s):
     matched = Matched.of(pulse, SAMPLE_S, pole_s, math.inf)
     statistic, crossings_per_s = fitting.statistic(matched, samples), matched.crossings_per_s
     sigma = statistic[:, 10:20].std()
-    found_s, _ = locate_all(samples, pulse, Ranging(), **known(pole_s, threshold=u * sigma), most=4)
+    found_s, _ = locate_all(samples, Locator.of(pulse, Ranging(), **known(pole_s, threshold=u * sigma)), most=4)
     inside = (found_s + pulse.peak_s > 6 * SAMPLE_S) & (found_s + pulse.peak_s < 24 * SAMPLE_S)
     # Rice (1944): nu_0 exp(-u^2/2) upcrossings a second; each is a peak, but two within one FWHM are one return.
     expected = n_traces * 18 * SAMPLE_S * crossings_per_s * math.exp(-0.5 * u**2)
@@ -397,7 +400,7 @@ def test_the_leading_edge_walks_with_amplitude_as_a_gaussian_does():
         samples = traces([20e-9], [ratio * threshold], pulse, sample_s, 160)
         start = (samples >= threshold).argmax(axis=1)
         settings = known(NO_POLE_S, threshold=threshold, sample_s=sample_s)
-        found_s, _ = locate(samples, start, pulse, ranging, **settings)
+        found_s, _ = locate(samples, start, Locator.of(pulse, ranging, **settings))
         error_cm = (found_s[0] - 20e-9) * units.RANGE_PER_DELAY_M_S / units.CM
         # Reckoned from the crossing of a pulse of twice the threshold; figures given to a centimetre.
         assert error_cm - SIGMA_S * math.sqrt(2 * math.log(2)) * units.RANGE_PER_DELAY_M_S / units.CM == pytest.approx(
@@ -409,7 +412,7 @@ def test_the_leading_edge_walks_with_amplitude_as_a_gaussian_does():
 def test_the_calibration_takes_the_walk_away(algorithm, worst_cm):
     ranging, full_scale = Ranging(algorithm=algorithm), 4000.0
     settings = known(sigma=5.0, threshold=40.0)
-    table = tabulate_walk(PULSE, ranging, **settings, full_scale_counts=full_scale)
+    table = tabulate_walk(Locator.of(PULSE, ranging, **settings), full_scale_counts=full_scale)
     assert np.all(np.diff(table[0]) > 0) and table[0][0] < 45.0 and table[0][-1] > 7900.0
     delay_s = (9 + (np.arange(64) + 0.3) / 64) * SAMPLE_S
     walk_cm, left_cm = [], []
@@ -417,7 +420,7 @@ def test_the_calibration_takes_the_walk_away(algorithm, worst_cm):
         samples = np.minimum(traces(delay_s, np.full(64, amplitude), n=24), full_scale)
         clipped = samples >= full_scale
         start = (samples >= 40.0).argmax(axis=1)
-        found_s, height = locate(samples, start, PULSE, ranging, **settings, clipped=clipped)
+        found_s, height = locate(samples, start, Locator.of(PULSE, ranging, **settings), clipped=clipped)
         for store, value_s in ((walk_cm, found_s), (left_cm, correct_walk(found_s, height, table))):
             store.append((value_s - delay_s).mean() * units.RANGE_PER_DELAY_M_S / units.CM)
     assert np.ptp(walk_cm) > (150 if algorithm == "leading_edge" else 20)
@@ -425,14 +428,14 @@ def test_the_calibration_takes_the_walk_away(algorithm, worst_cm):
 
 
 def test_the_matched_filter_does_not_walk():
-    table = tabulate_walk(PULSE, Ranging(), **known(sigma=5.0, threshold=40.0), full_scale_counts=4000.0)
+    table = tabulate_walk(Locator.of(PULSE, Ranging(), **known(sigma=5.0, threshold=40.0)), full_scale_counts=4000.0)
     assert np.abs(table[1]).max() * units.RANGE_PER_DELAY_M_S < 1e-3
 
 
 def test_a_far_overdriven_calibration_still_rises():
     for algorithm in ALGORITHMS:
         amplitudes, bias_s = tabulate_walk(
-            PULSE, Ranging(algorithm=algorithm), **known(threshold=2000.0), full_scale_counts=4000.0
+            Locator.of(PULSE, Ranging(algorithm=algorithm), **known(threshold=2000.0)), full_scale_counts=4000.0
         )
         assert np.all(np.diff(amplitudes) > 0) and np.isfinite(bias_s).all()
         shape = (3, 2)

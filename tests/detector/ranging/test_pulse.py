@@ -94,12 +94,6 @@ def test_the_rise_is_where_the_pulse_first_passes_a_share_of_its_peak():
         assert pulse.amplitude(np.array(rise_s)) == pytest.approx(share * pulse.peak, abs=1e-5)
 
 
-def test_the_same_pulse_is_built_once():
-    step_s, power = gaussian()
-    assert Pulse.after(step_s, power, POLE_S, 1e-8) is Pulse.after(step_s, power.copy(), POLE_S, 1e-8)
-    assert Pulse.after(step_s, power, POLE_S, 1e-8) is not Pulse.after(step_s, power, 2 * POLE_S, 1e-8)
-
-
 def test_noise_covariance_is_that_of_a_two_pole_filter():
     covariance = noise_covariance(5, SAMPLE_S, POLE_S, 3.0)
     x = SAMPLE_S / POLE_S

@@ -11,12 +11,11 @@ import pytest
 from scipy import fft
 
 from rso_lidar.detector import Amplifier, Gsfl
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
-from rso_lidar.detector.chain.timing import plan_time, shape_pulse
+from rso_lidar.detector.chain.camera import camera_of
+from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.amplification import Filters
 from rso_lidar.detector.stages.time_axis import place_rows
-from tests.detector.returns_for_tests import returns
+from tests.detector.returns_for_tests import returns, simulate_rows
 
 AMPLIFIER = Amplifier(noise_electrons=1000.0)
 TAU = AMPLIFIER.pole_s
@@ -92,8 +91,8 @@ def test_the_mean_on_the_grid_is_the_pulse(steps_per_sample, fwhm_ns):
     photons = returns(3000.0 + 0.037 * np.arange(20), 1000.0, pulse_fwhm_s=fwhm_ns * 1e-9)
     plan = plan_time(gsfl, photons.pulse_fwhm_s)
     rows = place_rows(photons, plan)
-    mean = simulate_analog(gsfl, photons, rows, plan, build_camera(gsfl, 20), None).amplitude
+    mean = simulate_rows(gsfl, photons, rows, None).amplitude
     time_s = (rows.start[:, None] + np.arange(rows.length)) * plan.step_s - photons.delay_s[:, None]
-    pulse = shape_pulse(gsfl, photons)
+    pulse = camera_of(gsfl, photons).pulse
     assert np.abs(mean - 8000.0 * pulse.amplitude(time_s)).max() < 1e-3 * 8000.0 * pulse.peak
     assert mean.max() > 0.9 * 8000.0 * pulse.peak  # the rows hold the peak

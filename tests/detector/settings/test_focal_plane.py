@@ -21,14 +21,14 @@ from rso_lidar.detector import (
     run_trial,
 )
 from rso_lidar.detector.bench.calibration import make_reference_pulse
-from rso_lidar.detector.chain.analog import draw_speckle_factors, simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
-from rso_lidar.detector.chain.timing import plan_time, shape_pulse
+from rso_lidar.detector.chain.analog import draw_speckle_factors
+from rso_lidar.detector.chain.camera import camera_of, draw_camera_pixels
+from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.array_effects import draw_shift_m, draw_speckle, latch_share, limit_amplitude, solve_gain
-from rso_lidar.detector.stages.nonuniformity import make_camera
+from rso_lidar.detector.stages.nonuniformity import draw_pixels
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.errors import ScenarioError
-from tests.detector.returns_for_tests import nothing, returns
+from tests.detector.returns_for_tests import nothing, returns, simulate_rows
 
 C = 299_792_458.0
 ELECTRON_C = 1.602_176_634e-19
@@ -55,7 +55,7 @@ def slope(y, x):
 def test_none_of_it_is_on_by_default():
     part = Gsfl()
     assert [part.maps, part.defects, part.saturation, part.droop, part.crosstalk, part.speckle] == [None] * 6
-    plain = build_camera(part, 100)
+    plain = draw_camera_pixels(part, 100)
     assert np.all(plain.gain == 1.0) and not (plain.offset_counts.any() or plain.t0_s.any())
     assert not (plain.dead.any() or plain.hot.any())
 
@@ -67,16 +67,16 @@ def test_maps_have_the_spread_that_is_asked_for_and_leave_each_other_alone():
     """4 standard errors, σ/√(2n), of each standard deviation."""
     n = 16_384
     maps = Maps(gain_spread_fraction=0.08, offset_spread_counts=4.0, t0_spread_ns=0.5)
-    one = make_camera(n, 3, Apd(), 0.05, maps, Defects(dead_fraction=0.01, hot_fraction=0.03))
+    one = draw_pixels(n, 3, Apd(), 0.05, maps, Defects(dead_fraction=0.01, hot_fraction=0.03))
     for values, spread in ((one.threshold, 0.05), (one.gain, 0.08), (one.offset_counts, 4.0), (one.t0_s, 0.5e-9)):
         assert values.std() == pytest.approx(spread, rel=4.0 / math.sqrt(2.0 * n))
     for mask, share in ((one.dead, 0.01), (one.hot, 0.03)):
         assert abs(mask.mean() - share) < 4.0 * math.sqrt(share * (1.0 - share) / n)
     assert not (one.dead & one.hot).any()
-    other = make_camera(n, 3, Apd(), 0.05, maps.replace(t0_spread_ns=0.0), None)
+    other = draw_pixels(n, 3, Apd(), 0.05, maps.replace(t0_spread_ns=0.0), None)
     assert np.array_equal(one.gain, other.gain) and np.array_equal(one.offset_counts, other.offset_counts)
     assert np.array_equal(one.threshold, other.threshold)
-    assert abs(np.corrcoef(one.gain, make_camera(n, 4, Apd(), 0.05, maps, None).gain)[0, 1]) < 4.0 / math.sqrt(n)
+    assert abs(np.corrcoef(one.gain, draw_pixels(n, 4, Apd(), 0.05, maps, None).gain)[0, 1]) < 4.0 / math.sqrt(n)
 
 
 @pytest.mark.parametrize(("calibrated", "left"), [(False, 1.0), (True, 0.1)], ids=["raw", "calibrated"])
@@ -85,7 +85,7 @@ def test_readings_scatter_by_the_t0_map(calibrated, left):
     maps = Maps(gain_spread_fraction=0.0, offset_spread_counts=0.0, t0_spread_ns=0.6, calibrated=calibrated)
     part = QUIET.replace(maps=maps)
     moved = flash(part)[0] - flash(QUIET)[0]
-    assert np.nanmax(np.abs(moved - left * build_camera(part, N).t0_s * C / 2.0)) < FLOAT32_M
+    assert np.nanmax(np.abs(moved - left * draw_camera_pixels(part, N).t0_s * C / 2.0)) < FLOAT32_M
     assert np.nanstd(moved) == pytest.approx(left * 0.6e-9 * C / 2.0, rel=4.0 / math.sqrt(2.0 * N))
 
 
@@ -94,7 +94,7 @@ def test_counts_follow_the_gain_map(calibrated, left):
     """Counts over those without the map, regressed on the gain: 4 standard errors, and the square of the 8 % spread."""
     maps = Maps(gain_spread_fraction=0.08, offset_spread_counts=0.0, t0_spread_ns=0.0, calibrated=calibrated)
     part = QUIET.replace(maps=maps)
-    k, error = slope(flash(part)[1] / flash(QUIET)[1], build_camera(part, N).gain)
+    k, error = slope(flash(part)[1] / flash(QUIET)[1], draw_camera_pixels(part, N).gain)
     assert abs(k - left) < 4.0 * error + 0.08**2
     assert error < 0.02
 
@@ -102,9 +102,9 @@ def test_counts_follow_the_gain_map(calibrated, left):
 def test_counts_follow_the_offset_map_and_calibration_takes_nine_tenths_off():
     maps = Maps(gain_spread_fraction=0.0, offset_spread_counts=10.0, t0_spread_ns=0.0)
     part = QUIET.replace(maps=maps)
-    raw, raw_error = slope(flash(part)[1] - flash(QUIET)[1], build_camera(part, N).offset_counts)
+    raw, raw_error = slope(flash(part)[1] - flash(QUIET)[1], draw_camera_pixels(part, N).offset_counts)
     known = part.replace(maps=maps.replace(calibrated=True))
-    left, left_error = slope(flash(known)[1] - flash(QUIET)[1], build_camera(part, N).offset_counts)
+    left, left_error = slope(flash(known)[1] - flash(QUIET)[1], draw_camera_pixels(part, N).offset_counts)
     assert raw > 0.2 and raw_error < 0.01
     assert abs(left - 0.1 * raw) < 4.0 * math.hypot(left_error, 0.1 * raw_error)
 
@@ -115,7 +115,7 @@ def test_counts_follow_the_offset_map_and_calibration_takes_nine_tenths_off():
 @pytest.mark.parametrize("gate", [None, {"delay_ns": 19_990.0, "width_ns": 60.0}], ids=["triggered", "gated"])
 def test_dead_pixels_never_report(gate):
     part = Gsfl(defects=Defects(dead_fraction=0.05, hot_fraction=0.0), gate=gate)
-    dead = build_camera(part, N).dead
+    dead = draw_camera_pixels(part, N).dead
     reading, waveforms = detect(make_plate(20_000.0, N, make_reference_pulse(), 8e-9), part, np.random.default_rng(2))
     valid = np.isfinite(reading.range_m.ravel())
     assert 150 < dead.sum() < 260 and not valid[dead].any() and valid[~dead].all()
@@ -156,11 +156,11 @@ def test_an_overdriven_pulse_leaves_the_rail_late():
     photons = returns(np.array([3000.0]), 100_000.0)
     plan = plan_time(part, 8e-9)
     rows = place_rows(photons, plan)
-    out = simulate_analog(part, photons, rows, plan, build_camera(part, 1), None).amplitude[0]
+    out = simulate_rows(part, photons, rows, None).amplitude[0]
     on_rail = np.flatnonzero(out >= 0.999 * 200_000.0)
     left_s = (rows.start[0] + on_rail[-1]) * plan.step_s - photons.delay_s[0]
     time_s = np.linspace(-10e-9, 20e-9, 6001)
-    over = 8.0 * 100_000.0 * shape_pulse(part, photons).amplitude(time_s) / 200_000.0
+    over = 8.0 * 100_000.0 * camera_of(part, photons).pulse.amplitude(time_s) / 200_000.0
     predicted_s = max(t + 4e-9 * math.log(x) for t, x in zip(time_s, over, strict=True) if x > 1.0)
     assert left_s == pytest.approx(predicted_s, abs=plan.step_s)
     assert predicted_s > time_s[over > 1.0].max()  # later than the pulse itself

@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar.detector import Amplifier
 from rso_lidar.detector.stages import amplification
-from rso_lidar.detector.stages.amplification import amplify_rows, build_filters
+from rso_lidar.detector.stages.amplification import Filters, amplify_rows
 from rso_lidar.detector.stages.row_noise import AMPLIFIER
 from tests.detector.row_noise_for_tests import amplify, row_noise
 from tests.reference.detector import amplification as reference
@@ -23,7 +23,7 @@ def test_both_paths_are_one(n, amplifier):
     rng = np.random.default_rng(1)
     quiet, excess = rng.standard_normal((2, 50, n), dtype=np.float32)
     gain = rng.uniform(0.5, 1.5, 50).astype(np.float32)
-    filters = build_filters(amplifier, n, STEP_S)
+    filters = Filters(amplifier, n, STEP_S)
     words = row_noise(np.random.default_rng(2), 50).draw(AMPLIFIER, 1, n)[0]
     made = np.empty((2, 50, n), np.float32)
     for one, amplitude in zip((amplification.amplify, reference.amplify), made, strict=True):
@@ -36,7 +36,7 @@ def test_both_paths_are_one(n, amplifier):
 def test_noise_has_the_autocorrelation_of_two_poles(by):
     """4.5 standard errors over independent rows; nothing of it is in the mean."""
     none, tau = np.zeros((20_000, 64), np.float32), NOISY.pole_s
-    filters = build_filters(NOISY, 64, STEP_S)
+    filters = Filters(NOISY, 64, STEP_S)
     noise = amplify(filters, none, none, np.ones(20_000, np.float32), np.random.default_rng(3), by=by)
     for lag in (0, 1, 2, 3, 5, 9, 32):
         products = (noise * np.roll(noise, lag, axis=1)).mean(axis=1, dtype=float) / 1000.0**2
@@ -56,7 +56,7 @@ def test_gain_of_a_pixel_takes_the_avalanche_along_and_not_the_amplifiers_own_no
     gain = np.repeat(np.array([0.4, 1.0, 1.8], np.float32), rows // 3)
     quiet = np.broadcast_to(np.linspace(500.0, 3500.0, n, dtype=np.float32), (rows, n))
     excess = (s * rng.standard_normal((rows, n))).astype(np.float32)
-    made = amplify(build_filters(NOISY, n, STEP_S), quiet.copy(), excess.copy(), gain, np.random.default_rng(12), by=by)
+    made = amplify(Filters(NOISY, n, STEP_S), quiet.copy(), excess.copy(), gain, np.random.default_rng(12), by=by)
     own2, shot2 = 1000.0**2, s**2 / STEP_S * NOISY.integration_s**2 / (4.0 * NOISY.pole_s)
     for g in (0.4, 1.0, 1.8):
         of = gain == np.float32(g)

@@ -86,7 +86,7 @@ def test_large_means_bend_a_normal_number_alike(mean, gain, ionisation_ratio):
     z = (look_up(build_normal_table(), word) - NORMAL_ZERO) / NORMAL_PER_SIGMA
     assert z.min() < -2.5 and z.max() > 2.5
     lam = np.full(len(z), mean, np.float32)
-    made = avalanche.multiply(lam, apd, noise, base=1.0)
+    made = avalanche.multiply(lam, avalanche.build_avalanche(apd), noise, base=1.0)
     noise = np.sqrt(cumulants(apd)[1] * mean)
     assert np.abs(made - reference.draw_bent(lam, apd, Given(z))).max() < 1e-5 * noise + 4e-7 * made.max()
 

@@ -5,8 +5,7 @@ import pytest
 
 from rso_lidar.detector import Gsfl, Readout, detect
 from rso_lidar.detector.chain import traces
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.chain.traces import arm_rows, latch_rows
 from rso_lidar.detector.stages.comparator import (
@@ -19,7 +18,7 @@ from rso_lidar.detector.stages.comparator import (
 )
 from rso_lidar.detector.stages.sampling import sample_rows, store_samples
 from rso_lidar.detector.stages.time_axis import place_rows
-from tests.detector.returns_for_tests import returns
+from tests.detector.returns_for_tests import returns, simulate_rows
 from tests.reference.detector import comparator as reference
 from tests.reference.detector import sampling as sampling_reference
 
@@ -73,15 +72,18 @@ def test_a_flash_latches_alike_and_no_draw_differs(monkeypatch):
     gsfl = Gsfl(armed_from_m=995.0)
     rng = np.random.default_rng(4)
     photons = returns(rng.uniform(990.0, 1010.0, 4096), rng.uniform(0.0, 1500.0, 4096))
-    plan, camera = plan_time(gsfl, 8e-9), build_camera(gsfl, 4096)
-    rows, arming = arm_rows(gsfl, place_rows(photons, plan), plan.step_s)
-    made = simulate_analog(gsfl, photons, rows, plan, camera, rng)
-    threshold = (gsfl.trigger.threshold_electrons * camera.threshold[rows.pixel]).astype(np.float32)
-    base = camera.dark_per_s[rows.pixel]
+    camera, plan = camera_of(gsfl, photons), plan_time(gsfl, 8e-9)
+    comparators, pixels = camera.comparators, camera.front.pixels
+    rows, arming = arm_rows(comparators, place_rows(photons, plan), plan.step_s)
+    made = simulate_rows(gsfl, photons, rows, rng)
+    threshold = (gsfl.trigger.threshold_electrons * pixels.threshold[rows.pixel]).astype(np.float32)
+    base = pixels.dark_per_s[rows.pixel]
     found = []
     for function in (find_latches, reference.find_latches):
         monkeypatch.setattr(traces, "find_latches", function)
-        found.append(latch_rows(gsfl, made, threshold, base, arming, plan.step_s, np.random.default_rng(5)))
+        before = gsfl.readout.pretrigger_samples * plan.steps_per_sample
+        axis, drawn = camera.axis(rows.length), np.random.default_rng(5)
+        found.append(latch_rows(comparators, axis, made, threshold, base, arming, before, drawn))
     assert 0.2 < (found[0] >= 0).mean() < 0.9
     assert np.array_equal(*found)
 

@@ -7,10 +7,10 @@ import pytest
 from scipy import stats
 
 from rso_lidar.detector import Gsfl, detect
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera, mean_false_alarms_per_s
+from rso_lidar.detector.analysis.false_alarms import mean_false_alarms_per_s
+from rso_lidar.detector.chain.camera import camera_of, draw_camera_pixels
 from rso_lidar.detector.chain.timing import plan_time
-from rso_lidar.detector.chain.traces import arm_comparators, arm_rows, latch_rows
+from rso_lidar.detector.chain.traces import arm_rows, latch_rows
 from rso_lidar.detector.stages.false_triggers import (
     continue_noise,
     draw_crossings,
@@ -20,7 +20,7 @@ from rso_lidar.detector.stages.false_triggers import (
     rates_per_s,
 )
 from rso_lidar.detector.stages.time_axis import place_rows
-from tests.detector.returns_for_tests import nothing, returns
+from tests.detector.returns_for_tests import nothing, returns, simulate_rows
 from tests.reference.detector.whole_chain import PATHS, computing
 
 C = 299_792_458.0
@@ -65,7 +65,7 @@ def test_without_noise_nothing_ever_triggers():
     quiet = EASY.replace(amplifier={"noise_electrons": 0.0}, apd={"dark_current_na": 0.0})
     for sunlight in (None, np.zeros(4)):
         pixel, first_s = draw_first_false(
-            arm_comparators(quiet, build_camera(quiet, 4)), sunlight, np.random.default_rng(8)
+            camera_of(quiet, nothing((1, 4))).comparators, sunlight, np.random.default_rng(8)
         )
         assert len(pixel) == len(first_s) == 0
 
@@ -75,12 +75,12 @@ def test_sunlit_pixels_trigger_at_their_own_rate(brightest):
     """Thinned from the brightest, or each for itself where crossings are many: as many as the rates say, 4 sigma."""
     part = EASY.replace(defects={"dead_fraction": 0.1, "hot_fraction": 0.1, "hot_dark_current_na": 5.0})
     n, rng, window_s = 4096, np.random.default_rng(10), 2.0 * (EASY.armed_to_m - EASY.armed_from_m) / C
-    camera, sunlight = build_camera(part, n), brightest * np.linspace(0.0, 1.0, n)
+    camera, sunlight = draw_camera_pixels(part, n), brightest * np.linspace(0.0, 1.0, n)
     rates = rates_per_s(part.apd, part.amplifier, 5300.0 * camera.threshold, camera.dark_per_s + sunlight)
     expected = np.where(camera.dead, 0.0, -np.expm1(-rates * window_s))
     seen = np.zeros(n)
     for _ in range(20):
-        seen[draw_first_false(arm_comparators(part, build_camera(part, n)), sunlight, rng)[0]] += 1.0
+        seen[draw_first_false(camera_of(part, nothing((1, n))).comparators, sunlight, rng)[0]] += 1.0
     assert not seen[camera.dead].any()
     for some in (camera.hot, sunlight < 0.3 * brightest, sunlight > 0.7 * brightest):
         left = 4.0 * math.sqrt(20.0 * (expected * (1.0 - expected))[some].sum())
@@ -129,14 +129,16 @@ def test_rows_of_noise_trigger_as_often_as_dark_pixels_are_said_to():
         armed_to_m=1010.0,
     )
     photons = returns(np.full(16_384, 1000.0), 1e-6)
-    plan, camera = plan_time(part, 8e-9), build_camera(part, 16_384)
-    rows, arming = arm_rows(part, place_rows(photons, plan), plan.step_s)
+    plan, camera = plan_time(part, 8e-9), camera_of(part, photons)
+    rows, arming = arm_rows(camera.comparators, place_rows(photons, plan), plan.step_s)
     threshold = np.full(16_384, 3800.0, np.float32)
     rng, seen = np.random.default_rng(11), 0
     for _ in range(10):
-        made = simulate_analog(part, photons, rows, plan, camera, rng)
+        made = simulate_rows(part, photons, rows, rng)
         base = np.full(len(rows.pixel), part.apd.dark_electrons_per_s)
-        seen += np.count_nonzero(latch_rows(part, made, threshold, base, arming, plan.step_s, rng) >= 0)
+        before, axis = part.readout.pretrigger_samples * plan.steps_per_sample, camera.axis(rows.length)
+        latch = latch_rows(camera.comparators, axis, made, threshold, base, arming, before, rng)
+        seen += np.count_nonzero(latch >= 0)
     watched_s = float((rows.last - rows.first)[0] - 1) * plan.step_s
     rate = float(
         rates_per_s(part.apd, part.amplifier, np.array([3800.0]), np.array([part.apd.dark_electrons_per_s]))[0]
@@ -160,7 +162,7 @@ def test_a_watched_pixel_triggers_falsely_at_one_rate_not_two():
     n, frames, rng = 16_384, 6, np.random.default_rng(15)
     photons = returns(np.full(n, 1000.0), 0.01 * part.traits.threshold_photons)
     plan = plan_time(part, 8e-9)
-    rows, _ = arm_rows(part, place_rows(photons, plan), plan.step_s)
+    rows, _ = arm_rows(camera_of(part, photons).comparators, place_rows(photons, plan), plan.step_s)
     armed_s = 2.0 * 5.0 / C
     assert len(rows.pixel) == n
     assert 0.4 < float((rows.last - rows.first)[0]) * plan.step_s / armed_s < 0.7
@@ -257,7 +259,7 @@ def test_both_paths_draw_the_same_traces():
 def test_hot_pixels_fire_more():
     """Hot pixels draw 20 nA: rate and share from the same formula as dark ones; 4 sigma of a binomial."""
     part = EASY.replace(defects={"dead_fraction": 0.0, "hot_fraction": 0.05, "hot_dark_current_na": 20.0})
-    camera = build_camera(part, 16_384)
+    camera = draw_camera_pixels(part, 16_384)
     rng, window_s = np.random.default_rng(13), 2.0 * (part.armed_to_m - part.armed_from_m) / C
     fired = np.zeros(16_384)
     for _ in range(6):
@@ -290,13 +292,13 @@ def test_no_pixels_with_false_triggers_is_no_traces(shape):
 @pytest.mark.parametrize("sunlight", [None, 3e8])
 def test_pixels_selected_from_a_camera_trigger_as_they_do_there(sunlight):
     """Each selected several times: the same share of triggers as in its camera, whose rates are not computed again."""
-    camera = build_camera(EASY, 600)
+    camera = draw_camera_pixels(EASY, 600)
     chosen = np.repeat(np.argsort(camera.threshold)[:40], 200)
     counted = np.zeros(len(chosen))
     light = None if sunlight is None else np.full(600, sunlight)
-    armed = arm_comparators(EASY, camera)
+    armed = camera_of(EASY, nothing((1, 600))).comparators
     few = None if light is None else light[chosen]
-    noisy, _ = draw_first_false(arm_comparators(EASY, camera.select(chosen)), few, np.random.default_rng(1))
+    noisy, _ = draw_first_false(armed.select(chosen), few, np.random.default_rng(1))
     counted[noisy] = 1.0
     base = camera.dark_per_s + (0.0 if sunlight is None else sunlight)
     rates = rates_per_s(EASY.apd, EASY.amplifier, EASY.trigger.threshold_electrons * camera.threshold, base)

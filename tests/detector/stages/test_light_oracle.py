@@ -7,14 +7,14 @@ import pytest
 
 from rso_lidar.detector import Gsfl
 from rso_lidar.detector.chain import analog
-from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.camera import camera_of
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.convolution import convolve_light, convolve_rows
 from rso_lidar.detector.stages.light import share_returns, spread_light
 from rso_lidar.detector.stages.time_axis import find_rows, place_rows
 from rso_lidar.kernels import packed
-from tests.detector.returns_for_tests import nothing, returns
+from tests.detector.returns_for_tests import nothing, returns, simulate_rows
 from tests.reference.detector import convolution, light, time_axis
 
 GSFL = Gsfl(preset="offset_limited")
@@ -85,11 +85,10 @@ def test_light_is_the_same(name):
 def test_primaries_and_the_mean_amplitude_are_the_same(name, monkeypatch):
     """The transform rounds to 1e-6 of the highest step of a row; below 1e-4 primaries either may have cut."""
     photons = SCENES[name]
-    n_pixels = photons.shape[0] * photons.shape[1]
     rows, made = place_rows(photons, PLAN), []
     for function in (convolution.convolve_light, convolve_light):
         monkeypatch.setattr(analog, "convolve_light", function)
-        made.append(analog.simulate_analog(GSFL, photons, rows, PLAN, build_camera(GSFL, n_pixels), None))
+        made.append(simulate_rows(GSFL, photons, rows, None))
     by_numpy, by_loops = made
     for field, cut in (("primaries", 1.1e-4), ("amplitude", 1e-9)):
         one, other = getattr(by_numpy, field), getattr(by_loops, field)
@@ -111,6 +110,6 @@ def test_a_loop_writes_no_more_rows_than_there_is_room_for():
 
 def test_each_loop_is_compiled_once():
     for photons in SCENES.values():
-        store_waveforms(GSFL, photons, np.random.default_rng(1))
+        store_waveforms(camera_of(GSFL, photons), photons, np.random.default_rng(1))[0]
     kernels = find_rows, share_returns, convolve_rows
     assert [len(one.dispatcher.signatures) for one in kernels] == [1, 1, 1]

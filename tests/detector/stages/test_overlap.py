@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Gsfl
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.overlap import Overlap, copy_shared, split_rows
 from rso_lidar.detector.stages.time_axis import place_rows
-from tests.detector.returns_for_tests import nothing, returns
+from tests.detector.returns_for_tests import nothing, returns, simulate_rows
 from tests.reference.detector import overlap as reference
 
 GSFL = Gsfl()
@@ -34,9 +32,8 @@ def several(n=40):
 
 def made(photons, seed=1):
     """Return rows, and amplitudes with noise."""
-    n = photons.shape[0] * photons.shape[1]
     rows = place_rows(photons, PLAN)
-    return rows, simulate_analog(GSFL, photons, rows, PLAN, build_camera(GSFL, n), np.random.default_rng(seed))
+    return rows, simulate_rows(GSFL, photons, rows, np.random.default_rng(seed))
 
 
 def test_rows_far_apart_share_nothing():

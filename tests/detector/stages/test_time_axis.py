@@ -7,13 +7,12 @@ import pytest
 from scipy.signal import find_peaks
 
 from rso_lidar.detector import Gsfl, detect
-from rso_lidar.detector.chain.analog import simulate_analog
-from rso_lidar.detector.chain.camera import build_camera
-from rso_lidar.detector.chain.timing import plan_time, shape_pulse
+from rso_lidar.detector.chain.camera import camera_of
+from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.convolution import transform_pulse
 from rso_lidar.detector.stages.light import sharing_response, spread_light
 from rso_lidar.detector.stages.time_axis import place_rows
-from tests.detector.returns_for_tests import returns
+from tests.detector.returns_for_tests import returns, simulate_rows
 
 C = 299_792_458.0
 GSFL = Gsfl(preset="offset_limited", max_returns=4, armed_to_m=20_000.0, timing={"pixel_jitter_ns": 0.0})
@@ -127,9 +126,7 @@ def test_the_shares_of_a_place_are_undone_on_the_average():
 def amplitude(photons):
     """Return the amplifier's output of one pixel without noise, and the time of its first step [s]."""
     rows = long_rows(photons)
-    return simulate_analog(GSFL, photons, rows, PLAN, build_camera(GSFL, 1), None).amplitude[0], rows.start[
-        0
-    ] * PLAN.step_s
+    return simulate_rows(GSFL, photons, rows, None).amplitude[0], rows.start[0] * PLAN.step_s
 
 
 def pulses(trace):
@@ -174,7 +171,7 @@ def test_an_edge_is_two_pulses_and_a_step_is_a_blend(apart_m, count):
     trace, start_s = amplitude(photons)
     found = pulses(trace)
     assert len(found) == count
-    pulse = shape_pulse(GSFL, photons)
+    pulse = camera_of(GSFL, photons).pulse
     if count == 2:  # each stands where it would alone, and as high
         range_m = (start_s + found * PLAN.step_s - pulse.peak_s) * C / 2.0
         assert range_m == pytest.approx([1000.0, 1000.0 + apart_m], abs=0.6 * PLAN.step_s * C / 2.0)

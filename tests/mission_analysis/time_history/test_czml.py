@@ -7,13 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.mission_analysis.time_history.czml import (
-    CzmlBeam,
-    CzmlBody,
-    build_packets,
-    choose_globe_samples,
-    write_czml,
-)
+from rso_lidar.mission_analysis import choose_globe_samples
+from rso_lidar.mission_analysis.time_history.czml import CzmlBeam, CzmlBody, build_packets, write_czml
 
 START, END = "2024-09-17T12:00:00Z", "2024-09-17T13:30:00Z"
 RADIUS_M, RATE = 6928.137e3, 1.0949e-3  # a circular orbit at 550 km: 2 pi / 5739 s

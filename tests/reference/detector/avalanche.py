@@ -10,14 +10,7 @@ import numpy as np
 from rso_lidar.detector import Apd
 from rso_lidar.detector.settings.apd import cumulants
 from rso_lidar.detector.stages.alias_tables import AliasTable
-from rso_lidar.detector.stages.avalanche import (
-    COARSE,
-    EXACT_PRIMARIES,
-    PARTS,
-    base_table,
-    level_tables,
-    parabolic_from,
-)
+from rso_lidar.detector.stages.avalanche import COARSE, EXACT_PRIMARIES, PARTS, Avalanche
 from rso_lidar.detector.stages.row_noise import RowNoise
 from tests.reference.detector.alias_tables import draw
 
@@ -25,10 +18,10 @@ _SMALL_SKEWNESS = 0.25
 _NEXT_TO_NONE = 1.0 / 64.0  # primaries
 
 
-def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | None = None) -> np.ndarray:
+def multiply(primaries: np.ndarray, avalanche: Avalanche, noise: RowNoise, base: float | None = None) -> np.ndarray:
     """Draw the electrons (float32) of time steps in which `primaries` are expected: of the same distribution."""
     rng = np.random.default_rng([*noise.key, *noise.pixel[:1], *np.abs(noise.start[:1])])
-    expected = np.asarray(primaries, dtype=np.float32)
+    apd, expected = avalanche.apd, np.asarray(primaries, dtype=np.float32)
     lam = expected.ravel()
     least, most = (float(lam.min()), float(lam.max())) if lam.size else (0.0, 0.0)
     if not (least >= 0.0 and math.isfinite(most)):
@@ -43,7 +36,7 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
     if floor > EXACT_PRIMARIES or not floor > 0.0:
         floor = np.float32(0.0)
     if floor > 0.0:
-        electrons = draw(base_table(apd.gain, apd.ionisation_ratio, float(floor)), rng, lam.size)
+        electrons = draw(avalanche.base_table(float(floor)), rng, lam.size)
     else:
         electrons = np.zeros(lam.size, dtype=np.float32)
     excess = lam - floor
@@ -52,7 +45,7 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
         excess[below] = lam[below]
         electrons[below] = 0.0
     many = lam > np.float32(EXACT_PRIMARIES)
-    coarse, fine, single = level_tables(apd.gain, apd.ionisation_ratio)
+    coarse, fine, single = avalanche.levels
     some = np.flatnonzero((excess >= np.float32(1.0 / PARTS)) & ~many)
     parts = (excess[some] * np.float32(PARTS)).astype(np.intp)
     rest = parts % (PARTS * COARSE)
@@ -60,7 +53,7 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
     excess[some] -= parts.astype(np.float32) * np.float32(1.0 / PARTS)
     excess[many] = 0.0
     _scatter(excess, single, electrons, rng)
-    very = lam > np.float32(parabolic_from(apd))
+    very = lam > np.float32(avalanche.parabolic_from)
     for some in (np.flatnonzero(many & ~very), np.flatnonzero(many & very)):
         electrons[some] = draw_bent(lam[some], apd, rng)
     return electrons.reshape(expected.shape)
