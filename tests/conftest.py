@@ -21,6 +21,9 @@ pytest_plugins = ["tests.ledger.recording"]
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+# As `addopts` says for this session, so for those that tests start elsewhere: plugins of other packages may not fit.
+os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
+
 # Each of the test processes would start as many threads of OpenBLAS as there are cores, which then wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
