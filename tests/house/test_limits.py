@@ -130,7 +130,7 @@ def test_quick_tests_that_take_long_are_listed_and_fail(tmp_path):
 
 
 def test_plugins_of_other_packages_are_not_loaded(tmp_path):
-    """Neither where pytest is started, nor in its processes. Some packages bring one that fails, or warns as an error."""
+    """Neither here, nor where a test starts pytest. Some packages bring one that fails, or warns as an error."""
     about = tmp_path / "old_plugin-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: old-plugin\nVersion: 1.0\n")
@@ -141,6 +141,6 @@ def test_plugins_of_other_packages_are_not_loaded(tmp_path):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
     elsewhere = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert "RuntimeError: loaded" in elsewhere.stderr
-    command += ["-n", "1", "tests/test_units.py"]
+    command += ["tests/test_units.py"]
     here = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
     assert here.returncode == 0 and " passed" in here.stdout, here.stdout + here.stderr
