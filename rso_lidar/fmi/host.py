@@ -340,9 +340,7 @@ class Host:
 
 def _count_elements(variable: Any) -> int:
     """Return the number of elements of a variable; arrays of FMI 3 have several."""
-    return (
-        int(np.prod([int(one.start) for one in variable.dimensions or () if one.start])) if variable.dimensions else 1
-    )
+    return int(np.prod([int(dimension.start) for dimension in variable.dimensions or () if dimension.start]))
 
 
 def _describe_variable(variable: Any) -> dict[str, Any]:
