@@ -42,12 +42,9 @@ def pytest_configure(config):
     limits.watch(config)
 
 
-LONGEST = ("tests/house/test_types.py", "tests/track/pose/test_icp.py")
-
-
 def pytest_collection_modifyitems(items):
-    """Run long modules first that would come late: the last one to start keeps one process busy while the others idle."""
-    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
+    """Run the longest module first, which would come late: it would keep one process busy while the others idle."""
+    items.sort(key=lambda item: not item.nodeid.startswith("tests/house/test_types.py"))
 
 
 @pytest.hookimpl(trylast=True)

@@ -92,7 +92,10 @@ def ended(process, number=signal.SIGINT):
     return ours[0]
 
 
-@pytest.mark.parametrize("options", [(), ("--workers", "2")], ids=["threads", "workers"])
+WAYS = [(), pytest.param(("--workers", "2"), marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("options", WAYS, ids=["threads", "workers"])
 def test_ctrl_c_at_any_instant_of_a_run(bench, options):
     rng = np.random.default_rng(1420)
     for number in range(5):
@@ -115,7 +118,7 @@ def frames_in(temporary):
         return len(recording)
 
 
-@pytest.mark.parametrize("options", [(), ("--workers", "2")], ids=["threads", "workers"])
+@pytest.mark.parametrize("options", WAYS, ids=["threads", "workers"])
 def test_sigterm_keeps_the_frames_as_ctrl_c_does_and_the_run_goes_on(bench, options):
     output = bench.with_name("out.h5")
     process = started(bench, *options)

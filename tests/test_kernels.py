@@ -90,6 +90,7 @@ def test_a_wrong_loop_is_an_error_and_machine_code_stays(room, monkeypatch):
     assert sorted(room[2].rglob("*.nbc")) == before
 
 
+@pytest.mark.slow
 def test_machine_code_is_made_anew_when_an_imported_constant_or_kernel_changes(room):
     write, ask, _ = room
     assert answer(ask())[0] == ["2.0", "0"]
@@ -100,6 +101,7 @@ def test_machine_code_is_made_anew_when_an_imported_constant_or_kernel_changes(r
     assert answer(ask())[0] == ["12.0", "0"]
 
 
+@pytest.mark.slow
 def test_damaged_machine_code_is_made_anew_and_then_kept(room):
     _, ask, cache = room
     answer(ask())

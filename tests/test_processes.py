@@ -95,6 +95,7 @@ class Matt:
         return self.albedo / np.pi
 
 
+@pytest.mark.slow
 def test_workers_take_a_material_of_the_users_own(scenario):
     matt = scenario.replace(target=(scenario.target[0].replace(material=Matt(0.3), part_materials={}),))
     (alone,), (shared,) = (list(rl.simulate(matt, frames=[20], **how)) for how in ({"threads": 1}, {"workers": 1}))

@@ -387,9 +387,8 @@ def main() -> None:
     host = Host(sys.argv[1])
     while True:
         name, *given = requests.get()
-        answer: tuple[str, Any]
         try:
-            answer = ("ok", getattr(host, name)(*given))
+            answer: tuple[str, Any] = ("ok", getattr(host, name)(*given))
         except Exception as error:
             said = [*host.messages[-1:], str(error) or type(error).__name__]
             answer = ("error", ": ".join(" ".join(text.split()) for text in said))

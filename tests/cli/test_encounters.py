@@ -208,6 +208,7 @@ def test_a_pipe_gets_all_columns(named, capsys):
     assert out.rstrip("\n") == named.table()
 
 
+@pytest.mark.slow
 def test_the_suffix_of_o_says_what_is_written(call, tmp_path):
     call(FLYBY, *ASKED, "-o", tmp_path / "a.csv")
     call(FLYBY, *ASKED, "--csv", tmp_path / "b.csv", "-o", tmp_path / "a.png")

@@ -31,7 +31,12 @@ def fenced(text, language):
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
-WITH_CODE = [page for page in sorted(DOCS.glob("*.md")) if fenced(page.read_text(encoding="utf-8"), "python")]
+LONG = {"dispersion.md", "exports.md", "requirements.md", "studies.md", "tracking.md"}  # their code takes seconds
+WITH_CODE = [
+    pytest.param(page, marks=pytest.mark.slow if page.name in LONG else ())
+    for page in sorted(DOCS.glob("*.md"))
+    if fenced(page.read_text(encoding="utf-8"), "python")
+]
 
 
 def prose(text):

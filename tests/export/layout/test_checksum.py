@@ -89,7 +89,7 @@ def numbers(path):
         return found, times, recording.line_of_sight.tobytes(), repr(recording.source)
 
 
-@pytest.mark.parametrize("state", ["finished", "killed"])
+@pytest.mark.parametrize("state", ["finished", pytest.param("killed", marks=pytest.mark.slow)])
 def test_a_flip_anywhere_is_told_or_changes_nothing(tmp_path, state):
     """A killed writer's file is read with SWMR, whose default is to wait for ever where a checksum is wrong.
 

@@ -77,6 +77,7 @@ def test_what_the_filter_knows_it_keeps(thrusters):
     assert np.abs(miss).max() < (2e-4 if thrusters == Thrusters() else 0.03)
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_the_filter_says():
     """Ten flights by ten seeds, of burns and held thrust with errors; positions at two instants, 99.9 %."""
     thrusters = Thrusters(magnitude_sigma_fraction=0.02, pointing_sigma_deg=1.0)

@@ -200,7 +200,12 @@ receiver = { fov_deg = 3, f_number = 2.8, transmission = 0.67 }
 
 @pytest.mark.parametrize(
     ("model", "wavelength_nm", "range_m"),
-    [("cubesat_1u", 1570, 640), ("cubesat_3u", 1570, 640), ("debris_shard", 1064, 400), ("tdrs", 1064, 1700)],
+    [
+        ("cubesat_1u", 1570, 640),
+        pytest.param("cubesat_3u", 1570, 640, marks=pytest.mark.slow),
+        pytest.param("debris_shard", 1064, 400, marks=pytest.mark.slow),
+        pytest.param("tdrs", 1064, 1700, marks=pytest.mark.slow),
+    ],
 )
 def test_a_body_is_described_as_its_frames_are(model, wavelength_nm, range_m):
     """The body that is there, not a pixel that it fills: 40 frames with the noise of four seeds, and 40 attitudes.

@@ -9,6 +9,7 @@ from rso_lidar.errors import ScenarioError
 SCENARIO = rl.Scenario.load("examples/geo_servicer.toml")
 
 
+@pytest.mark.slow
 def test_noise_and_reach_are_those_of_the_budget():
     sensor = rl.study.find_navigation_lidar(SCENARIO, (10.0, 20_000.0), at_s=50_400.0, origin_sigma_m=0.1)
     lens = SCENARIO.instrument.at(50_400.0).replace(schedule=None)

@@ -148,6 +148,7 @@ def test_what_a_round_target_does_not_tell_stays_as_guessed():
     assert apart(found)[0] < 3.5  # the guess is 3 degrees off, about another axis
 
 
+@pytest.mark.slow
 def test_a_spinning_target_is_followed(corners, model):
     follow = PoseFollower(model)
     still = Rotation.identity()
