@@ -44,7 +44,7 @@ def pytest_configure(config):
 
 def pytest_collection_modifyitems(items):
     """Run the longest module first, which would come late: it would keep one process busy while the others idle."""
-    items.sort(key=lambda item: not item.nodeid.startswith("tests/house/test_types.py"))
+    items.sort(key=lambda item: not item.nodeid.startswith(limits.TYPES))
 
 
 @pytest.hookimpl(trylast=True)

@@ -23,8 +23,7 @@ LIMIT_S = float(os.environ.get("RSO_LIDAR_TEST_LIMIT_S", "300"))  # of an idle m
 TICK_S = min(5.0, LIMIT_S / 4.0)
 QUICK_S = float(os.environ.get("RSO_LIDAR_QUICK_TEST_S", "3"))  # of CPU
 YARDSTICK_S = 0.042  # of CPU for `slowness`, on the machine where tests were marked
-# Rules that read the whole package take longer, and yet hold at each commit.
-LONG_RULES = ("tests/house/test_types.py::", "tests/house/test_docs.py::test_generated_pages_are_up_to_date")
+TYPES = "tests/house/test_types.py::"  # mypy reads the whole package for a minute, and yet runs before each commit
 COST = "cpu_s"  # of the user properties of a report, which pytest-xdist carries from its workers
 MACHINE_CODE = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(__file__).parents[1] / "rso_lidar" / "__pycache__")
 
@@ -104,7 +103,7 @@ class Quick:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_call(self, item):
-        if item.get_closest_marker("slow") or item.nodeid.startswith(LONG_RULES):
+        if item.get_closest_marker("slow") or item.nodeid.startswith(TYPES):
             return (yield)
         since_s, before = time.time(), spent()
         result = yield
