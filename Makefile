@@ -61,8 +61,8 @@ site: $(VENV)/.installed-site ## build the documentation into out/site: every ex
 mutants: $(VENV)/.installed-test ## plant faults one by one and see that tests notice (slow; ROOM=... NAME=... choose)
 	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(addprefix --room ,$(ROOM)) --name "$(NAME)"
 
-processor: $(VENV)/.installed-test ## repeat the tests of rooms that compute numbers as on the oldest processor
-	$(BIN)/python -m tests.processor -q -n $(JOBS) --dist loadscope
+processor: $(VENV)/.installed-test ## repeat quick tests of rooms that compute numbers as on the oldest processor
+	$(BIN)/python -m tests.processor -q -n $(JOBS) --dist loadscope -m "not slow"
 
 tolerances: $(VENV)/.installed-test ## list tolerances that rounding could exceed (slow; TESTS=... chooses)
 	$(BIN)/python -m tests.tolerances -n $(JOBS) --dist loadscope $(TESTS)
