@@ -74,6 +74,7 @@ def test_detection_of_a_deep_return_by_hand(validation, photons, depth_s):
     )
 
 
+@pytest.mark.slow
 def test_detection_of_a_deep_return_by_the_oracles(validation):
     with computing("oracles"):
         got = found(1000.0, 10e-9, 4, seed=3)

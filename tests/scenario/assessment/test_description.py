@@ -47,7 +47,7 @@ def test_the_detector_and_its_threshold(described):
     assert "armed 1 to 5000 m" in lines["trigger"]
 
 
-@pytest.mark.parametrize("fwhm_ns", [2.5, 16.0])
+@pytest.mark.parametrize("fwhm_ns", [2.5, pytest.param(16.0, marks=pytest.mark.slow)])
 def test_the_light_that_is_detected_counts_the_length_of_the_pulse(described, fwhm_ns):
     """16,384 pixels see the photons of the line, and half and 95 % of them detect it, within 4 binomial sigma."""
     line = described(f"lidar.laser.pulse_fwhm_ns={fwhm_ns}")["detects"]
@@ -165,6 +165,7 @@ class TestWhatFits:
         )
 
 
+@pytest.mark.slow
 def test_retro_reflectors_count_in_what_check_casts_and_not_in_a_filled_pixel():
     """Envisat's cube corners send 1e4 times the light of its optical solar reflectors; its black paint is the dimmest."""
     scenario = rl.Scenario.loads(ENVISAT)

@@ -110,6 +110,7 @@ def test_collisions_are_as_likely_as_foster_says():
     assert 0.05 < expected < 0.3
 
 
+@pytest.mark.slow
 def test_spreads_are_those_of_flights_that_are_integrated_one_by_one():
     """30 flights of `flown`, whose guidance shoots by integration: the error of a standard deviation is 13 %; 4 of them.
 

@@ -334,6 +334,7 @@ def test_the_scenario_carries_facts_and_constraints(asked):
     assert "constraints.keep_out_m" in scenario.describe()
 
 
+@pytest.mark.slow
 def test_an_encounter_of_messages_is_written_inline():
     sets = [
         ElementSet(**{**entry.__dict__, "line1": "", "line2": "", "norad_id": entry.norad_id + 10**8})
