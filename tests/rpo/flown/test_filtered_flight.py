@@ -91,6 +91,7 @@ def test_errors_are_as_large_as_the_filter_says():
     assert (total < high).all()
 
 
+@pytest.mark.slow
 def test_held_thrust_with_errors_is_followed_by_its_covariance():
     """Thrust is 20 % off, and only the start is known: the miss is that of the thrust, and the filter says so."""
     thrusters = Thrusters(magnitude_sigma_fraction=0.2)

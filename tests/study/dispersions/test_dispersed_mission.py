@@ -321,6 +321,7 @@ def test_what_cannot_be_dispersed_is_refused_in_one_line():
 BESIDE = {"position_sigma_m": (6, 20, 8), "velocity_sigma_m_s": (0.01, 0.005, 0.01)}
 
 
+@pytest.mark.slow
 def test_errors_of_the_target_add_to_those_of_the_follower_and_leave_its_numbers_alone():
     alone = make_scenario(dispersion=rl.Dispersion(position_sigma_m=(5, 10, 5)))
     both = alone.replace(dispersion=alone.dispersion.replace(target=BESIDE))

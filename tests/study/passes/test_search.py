@@ -93,6 +93,7 @@ def test_geometry_is_that_of_the_scenario(table):
     assert np.allclose(np.atleast_2d(seen)[0] / row.range_m, [1.0, 0.0, 0.0], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_scenario_runs_and_sees_the_object(table):
     number = table.rows.index(nearest(table)) + 1
     scenario = rl.Scenario.loads(scenario_text(table, number))

@@ -114,6 +114,7 @@ def test_parts_outside_the_field_are_no_misfit(corners, model):
     assert misfit_m(aside, model, seen, outline, half_field) == np.inf
 
 
+@pytest.mark.slow
 def test_a_target_that_overfills_the_field_is_followed(corners, model):
     """Half of the craft is outside the field; only what is inside is compared with the outline."""
     crops = {}
