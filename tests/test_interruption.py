@@ -106,6 +106,7 @@ def test_ctrl_c_at_any_instant_of_a_run(bench, options):
         assert not [entry.name for entry in bench.parent.iterdir() if entry.name.endswith((".lock", ".starting"))]
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_numba_compiles(bench, tmp_path):
     process = started(bench, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
     assert process.stderr.readline().startswith("compiling ")

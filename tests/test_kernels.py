@@ -126,6 +126,7 @@ def test_without_a_place_to_keep_machine_code_each_process_compiles(room):
     assert "cannot be read or kept" in said
 
 
+@pytest.mark.slow
 def test_of_two_that_start_together_one_compiles(room):
     _, ask, _ = room
     both = [ask(), ask()]
@@ -152,6 +153,7 @@ print(*[count for count, most in told], *{most == len(kernels.Kernel.all) for _,
 """
 
 
+@pytest.mark.slow
 def test_compiling_is_told_while_someone_listens(room):
     _, ask, _ = room
     assert answer(ask(WATCHED))[0] == ["1", "2", "True"]

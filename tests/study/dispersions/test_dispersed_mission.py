@@ -62,6 +62,7 @@ def test_runs_are_the_same_however_many_there_are(mission):
     assert len(np.unique(mission.table["nearest_m"])) == 500
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_goes_on(mission, tmp_path, monkeypatch):
     flown = []
 
