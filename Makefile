@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test site processor tolerances bounds release-check mutants rules lint sbom audit constraints validate real-data docs figures calibrate models peers bench clean
+.PHONY: help venv demo test check site processor tolerances bounds release-check mutants rules lint sbom audit constraints validate real-data docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
@@ -42,8 +42,16 @@ demo: $(VENV)/.installed ## fly the example: a recording, a contact sheet and an
 	@echo "  $(DEMO).h5   the recording: every frame with its truth and labels; rso_lidar.open reads it"
 
 # One of the tests checks types, so that it shares the cores with the others. In this order the shortest tests come last.
-test: rules ## run every check: format, lint, floors, types, tests and doctests
-	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope --no-loadscope-reorder
+PYTEST := $(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope --no-loadscope-reorder
+
+test: rules ## run before each commit: format, lint, floors, types, doctests and all tests that are quick (8 minutes)
+	$(PYTEST) -m "not slow"
+
+check: test ## run all that CI runs: `make test`, tests that are slow, site, processor and bounds (25 minutes)
+	$(PYTEST) -m slow
+	@$(MAKE) site
+	@$(MAKE) processor
+	@$(MAKE) bounds
 
 site: $(VENV)/.installed-site ## build the documentation into out/site: every example run, every link checked
 	@rm -rf out/site
@@ -53,8 +61,8 @@ site: $(VENV)/.installed-site ## build the documentation into out/site: every ex
 mutants: $(VENV)/.installed-test ## plant faults one by one and see that tests notice (slow; ROOM=... NAME=... choose)
 	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(addprefix --room ,$(ROOM)) --name "$(NAME)"
 
-processor: $(VENV)/.installed-test ## repeat the tests of rooms that compute numbers as on the oldest processor
-	$(BIN)/python -m tests.processor -q -n $(JOBS) --dist loadscope
+processor: $(VENV)/.installed-test ## repeat quick tests of rooms that compute numbers as on the oldest processor
+	$(BIN)/python -m tests.processor -q -n $(JOBS) --dist loadscope -m "not slow"
 
 tolerances: $(VENV)/.installed-test ## list tolerances that rounding could exceed (slow; TESTS=... chooses)
 	$(BIN)/python -m tests.tolerances -n $(JOBS) --dist loadscope $(TESTS)

@@ -21,6 +21,9 @@ pytest_plugins = ["tests.ledger.recording"]
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+# As `addopts` says for this session, so for those that tests start elsewhere: plugins of other packages may not fit.
+os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
+
 # Each of the test processes would start as many threads of OpenBLAS as there are cores, which then wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -39,12 +42,9 @@ def pytest_configure(config):
     limits.watch(config)
 
 
-LONGEST = ("tests/house/test_types.py", "tests/track/pose/test_icp.py")
-
-
 def pytest_collection_modifyitems(items):
-    """Run long modules first that would come late: the last one to start keeps one process busy while the others idle."""
-    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
+    """Run the longest module first, which would come late: it would keep one process busy while the others idle."""
+    items.sort(key=lambda item: not item.nodeid.startswith(limits.TYPES))
 
 
 @pytest.hookimpl(trylast=True)

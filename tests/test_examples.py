@@ -286,6 +286,7 @@ def test_open_loop_loses_the_stage_within_10_s(closed_loop):
         assert not on_target(frame).any()
 
 
+@pytest.mark.slow
 def test_closed_loop_holds_the_stage_for_300_s(closed_loop):
     scenario = closed_loop["scenario"]
     false, count = 0, 0
@@ -475,6 +476,7 @@ def test_without_thrust_the_stage_is_lost(thrusters):
     assert 420.0 <= min(lost) <= 480.0
 
 
+@pytest.mark.slow
 def test_the_thrusters_hold_the_follower(thrusters):
     scenario = load("thrusters")
     for frame in rl.simulate(scenario, thrusters["Hold"]()):
@@ -586,6 +588,7 @@ def test_onboard_sensors_measure_the_turn_of_the_orbit_and_lose_gnss_for_ten_sec
 # ---------------------------------------------------------------------------------------------- dispersed flights
 
 
+@pytest.mark.slow
 def test_dispersed_hop_is_safe_without_burns_and_not_always_with_them():
     made = rl.study.disperse(load("dispersed_hop"), 250)
     assert made.probability("collision_without_burns")[2] < 0.02
@@ -593,6 +596,7 @@ def test_dispersed_hop_is_safe_without_burns_and_not_always_with_them():
     assert made.tubes["detected_probability"][-1] > 0.99
 
 
+@pytest.mark.slow
 def test_envisat_inspection_stays_on_its_plan_and_sees_the_satellite():
     scenario = load("envisat_inspection")
     flight = scenario.follower.motion.fly(scenario.time.start_utc, Chief(scenario.bodies, "envisat"))
@@ -606,6 +610,7 @@ def test_envisat_inspection_stays_on_its_plan_and_sees_the_satellite():
         assert (frame.valid & on_target(frame)).sum() > 300
 
 
+@pytest.mark.slow
 def test_geo_servicer_comes_to_12_m_in_its_corridor():
     scenario = load("geo_servicer")
     flight = scenario.follower.motion.fly(scenario.time.start_utc, Chief(scenario.bodies, "client"))

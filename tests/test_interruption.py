@@ -92,7 +92,10 @@ def ended(process, number=signal.SIGINT):
     return ours[0]
 
 
-@pytest.mark.parametrize("options", [(), ("--workers", "2")], ids=["threads", "workers"])
+WAYS = [(), pytest.param(("--workers", "2"), marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("options", WAYS, ids=["threads", "workers"])
 def test_ctrl_c_at_any_instant_of_a_run(bench, options):
     rng = np.random.default_rng(1420)
     for number in range(5):
@@ -103,6 +106,7 @@ def test_ctrl_c_at_any_instant_of_a_run(bench, options):
         assert not [entry.name for entry in bench.parent.iterdir() if entry.name.endswith((".lock", ".starting"))]
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_numba_compiles(bench, tmp_path):
     process = started(bench, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
     assert process.stderr.readline().startswith("compiling ")
@@ -115,7 +119,7 @@ def frames_in(temporary):
         return len(recording)
 
 
-@pytest.mark.parametrize("options", [(), ("--workers", "2")], ids=["threads", "workers"])
+@pytest.mark.parametrize("options", WAYS, ids=["threads", "workers"])
 def test_sigterm_keeps_the_frames_as_ctrl_c_does_and_the_run_goes_on(bench, options):
     output = bench.with_name("out.h5")
     process = started(bench, *options)

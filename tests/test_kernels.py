@@ -90,6 +90,7 @@ def test_a_wrong_loop_is_an_error_and_machine_code_stays(room, monkeypatch):
     assert sorted(room[2].rglob("*.nbc")) == before
 
 
+@pytest.mark.slow
 def test_machine_code_is_made_anew_when_an_imported_constant_or_kernel_changes(room):
     write, ask, _ = room
     assert answer(ask())[0] == ["2.0", "0"]
@@ -100,6 +101,7 @@ def test_machine_code_is_made_anew_when_an_imported_constant_or_kernel_changes(r
     assert answer(ask())[0] == ["12.0", "0"]
 
 
+@pytest.mark.slow
 def test_damaged_machine_code_is_made_anew_and_then_kept(room):
     _, ask, cache = room
     answer(ask())
@@ -124,6 +126,7 @@ def test_without_a_place_to_keep_machine_code_each_process_compiles(room):
     assert "cannot be read or kept" in said
 
 
+@pytest.mark.slow
 def test_of_two_that_start_together_one_compiles(room):
     _, ask, _ = room
     both = [ask(), ask()]
@@ -150,6 +153,7 @@ print(*[count for count, most in told], *{most == len(kernels.Kernel.all) for _,
 """
 
 
+@pytest.mark.slow
 def test_compiling_is_told_while_someone_listens(room):
     _, ask, _ = room
     assert answer(ask(WATCHED))[0] == ["1", "2", "True"]

@@ -60,6 +60,7 @@ def answer(tmp_path):
     return ask
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="owners and modes are POSIX's")
 def test_the_second_start_reads_what_the_first_compiled(answer):
     hits, place, said = answer()
@@ -88,6 +89,7 @@ def test_a_folder_that_others_may_write_is_refused(answer, kind, tmp_path):
     assert not spare.is_dir() or not list(spare.iterdir())
 
 
+@pytest.mark.slow
 def test_two_first_starts_at_once_compile_once(answer):
     import concurrent.futures
 

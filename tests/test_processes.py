@@ -95,6 +95,7 @@ class Matt:
         return self.albedo / np.pi
 
 
+@pytest.mark.slow
 def test_workers_take_a_material_of_the_users_own(scenario):
     matt = scenario.replace(target=(scenario.target[0].replace(material=Matt(0.3), part_materials={}),))
     (alone,), (shared,) = (list(rl.simulate(matt, frames=[20], **how)) for how in ({"threads": 1}, {"workers": 1}))
@@ -118,6 +119,7 @@ def test_workers_make_the_same_frames_as_threads(scenario):
         np.testing.assert_array_equal(one.kept["waveforms"].samples_counts, other.kept["waveforms"].samples_counts)
 
 
+@pytest.mark.slow
 def test_a_zoom_and_a_plan_travel_to_the_workers(text):
     scenario = rl.Scenario.loads(text).replace(seed=3)
     schedule = {"time_s": [0.0, 1.0], "focal_length_mm": [60.0, 120.0]}
@@ -225,6 +227,7 @@ with Processes(2, partial(time.sleep, bytes(1_000_000))) as processes:
 """
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_is_told_and_does_not_hang(tmp_path):
     """What is sent is more than a pipe holds, and the process that should read it dies before."""
     script = tmp_path / "unguarded.py"

@@ -10,7 +10,10 @@ from __future__ import annotations
 import ctypes
 import os
 import pickle
+import queue
 import sys
+import threading
+import time
 import zipfile
 from collections.abc import Sequence
 from typing import Any
@@ -337,9 +340,7 @@ class Host:
 
 def _count_elements(variable: Any) -> int:
     """Return the number of elements of a variable; arrays of FMI 3 have several."""
-    return (
-        int(np.prod([int(one.start) for one in variable.dimensions or () if one.start])) if variable.dimensions else 1
-    )
+    return int(np.prod([int(dimension.start) for dimension in variable.dimensions or () if dimension.start]))
 
 
 def _describe_variable(variable: Any) -> dict[str, Any]:
@@ -358,20 +359,36 @@ def _describe_unit(base: Any) -> tuple[tuple[int, ...], float, float]:
     return exponents, float(base.factor), float(base.offset)
 
 
+def _read_requests(requests: queue.SimpleQueue[tuple[Any, ...]]) -> None:
+    """Read requests until the input ends, then end the process, even while the FMU hangs in an earlier request."""
+    try:
+        while True:
+            requests.put(pickle.load(sys.stdin.buffer))
+    except Exception:  # the process that asks has ended, in a request or between two
+        os._exit(0)
+
+
+def _end_with(parent: int) -> None:
+    """End the process soon after its parent. A fork of the parent may keep the input open."""
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(0)
+
+
 def main() -> None:
     """Answer requests until the input ends."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what an FMU prints would be taken for an answer
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123  until the process ends
+    requests: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
+    threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
+    if os.name == "posix":
+        threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     host = Host(sys.argv[1])
     while True:
+        name, *given = requests.get()
         try:
-            name, *given = pickle.load(sys.stdin.buffer)
-        except EOFError:
-            return
-        answer: tuple[str, Any]
-        try:
-            answer = ("ok", getattr(host, name)(*given))
+            answer: tuple[str, Any] = ("ok", getattr(host, name)(*given))
         except Exception as error:
             said = [*host.messages[-1:], str(error) or type(error).__name__]
             answer = ("error", ": ".join(" ".join(text.split()) for text in said))

@@ -76,6 +76,7 @@ def test_run_info_plot_animate(call, scenario, tmp_path):
         assert (tmp_path / name).stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_workers_write_the_same_bytes(call, scenario, tmp_path):
     call("run", scenario, "-o", tmp_path / "a.h5", "--threads", 1)
     call("run", scenario, "-o", tmp_path / "b.h5", "--workers", 2)
@@ -188,6 +189,7 @@ def _frames_in(path):
         return 0
 
 
+@pytest.mark.slow
 def test_a_killed_run_resumes_to_the_same_datasets(call, scenario, tmp_path):
     """Kill a run with SIGKILL once it has frames, resume it, and compare every dataset with an unbroken run's."""
     import h5py

@@ -49,6 +49,7 @@ def test_docked_craft_cost_the_scenario_alone(call, tmp_path):
     assert row["docked"] == "the catalogue gives both the same elements"
 
 
+@pytest.mark.slow
 def test_the_plate_that_was_asked_for_is_the_target_of_the_scenario(call, tmp_path):
     place = tmp_path / "a.toml"
     call(FLYBY, *ASKED, "--target-size", "3.5m", "--reflectance", 0.1, "--scenario", 1, "-o", place)
@@ -208,6 +209,7 @@ def test_a_pipe_gets_all_columns(named, capsys):
     assert out.rstrip("\n") == named.table()
 
 
+@pytest.mark.slow
 def test_the_suffix_of_o_says_what_is_written(call, tmp_path):
     call(FLYBY, *ASKED, "-o", tmp_path / "a.csv")
     call(FLYBY, *ASKED, "--csv", tmp_path / "b.csv", "-o", tmp_path / "a.png")
@@ -218,6 +220,7 @@ def test_the_suffix_of_o_says_what_is_written(call, tmp_path):
 PAIRS = [word for word in ASKED if word not in ("--follower", "99003")]
 
 
+@pytest.mark.slow
 def test_all_pairs_of_several_files_name_both(call, tmp_path):
     hop = shipped("examples/tdrs_approach.toml")
     out = call(FLYBY, hop, *PAIRS, "--all-pairs", "--start", "2024-09-17T12:00:00Z", "-o", tmp_path / "a.csv")

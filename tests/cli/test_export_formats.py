@@ -137,6 +137,7 @@ ComplianceChecker.run_checker(
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changed", [None, "units"])
 def test_a_checker_of_the_cf_conventions_finds_nothing_to_correct(netcdf, tmp_path, changed):
     """The IOOS compliance checker; the second time of a file that breaks them, so that its silence means something."""
@@ -166,6 +167,7 @@ def test_a_checker_of_the_cf_conventions_finds_nothing_to_correct(netcdf, tmp_pa
     assert not changed or "furlongs per nibble" in str(problems)
 
 
+@pytest.mark.slow
 def test_samples_of_sensors_are_recorded_listed_and_exported(rso_lidar, tmp_path):
     """The command records them, resumes nothing, and its file has what a run in memory has."""
     small = (

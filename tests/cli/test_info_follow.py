@@ -39,6 +39,7 @@ def fly(bench, tmp_path):
         process.wait()
 
 
+@pytest.mark.slow
 def test_a_run_followed_to_its_end(call, fly, tmp_path):
     output = tmp_path / "run.h5"
     flying = fly(60)
@@ -54,6 +55,7 @@ def test_a_run_followed_to_its_end(call, fly, tmp_path):
     assert all("frames/s, at " in line and line.endswith(" of 60 s") for line in lines)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed(fly, tmp_path, capsys):
     output = tmp_path / "run.h5"
     flying = fly(100_000)
@@ -78,6 +80,7 @@ def test_a_run_that_is_killed(fly, tmp_path, capsys):
     )
 
 
+@pytest.mark.slow
 def test_time_is_up(call, fly, tmp_path):
     fly(100_000)
     status, said, errors = call("info", tmp_path / "run.h5", "--follow", "--timeout", "0.3")

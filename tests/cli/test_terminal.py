@@ -44,7 +44,7 @@ def test_a_long_message_keeps_its_place_cause_and_cure():
     assert len(to_one_line("; ".join(f"key_{number}: is missing" for number in range(900)))) < 1050
 
 
-@pytest.mark.parametrize("options", [[], ["-u"]])
+@pytest.mark.parametrize("options", [[], pytest.param(["-u"], marks=pytest.mark.slow)])
 @pytest.mark.parametrize("words", [["--version"], ["models"], ["schema"], ["models", "materials"], ["check", "--help"]])
 def test_a_reader_that_goes_away_ends_no_command_with_an_error(words, options):
     reading, writing = os.pipe()

@@ -89,6 +89,7 @@ def test_the_table_explains_a_nis_outside_its_bounds(call, bench):
 ARRAY = '{ name = "solar_north", angle = { type = "fixed", angle_deg = 40, rate_deg_s = 10 } }'
 
 
+@pytest.mark.slow
 def test_an_array_that_turns_is_tracked(call, text, tmp_path, monkeypatch):
     """A relay satellite 60 m away through the whole simulator: ICP finds its pose and the angle of the northern array."""
     monkeypatch.setattr(follow, "acquire", partial(follow.acquire, starts=24))  # for time: a quarter of the usual

@@ -172,6 +172,7 @@ def interrupted(monkeypatch, after):
     monkeypatch.setattr(RowFile, "add", added)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
 def test_interrupted_and_killed_it_goes_on_and_ends_byte_for_byte_the_same(call, text, tmp_path, monkeypatch):
     asked = STUDY.replace('merits   = ["detection_fraction", "range_error_m", ', 'merits   = ["detection_fraction", ')

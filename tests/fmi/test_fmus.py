@@ -3,8 +3,10 @@
 import math
 import os
 import pickle
+import signal
 import subprocess
 import sys
+import time
 import zipfile
 from pathlib import Path
 
@@ -313,6 +315,48 @@ def test_the_process_of_an_fmu_ends_with_its_run(drive_file):
     assert process.poll() is None and (folder / "modelDescription.xml").is_file()
     del run
     assert process.wait(timeout=10.0) == 0 and not folder.exists()
+
+
+# Runs two FMUs: a fork keeps the input of the first one open, the second one hangs in a request.
+ASKS = """
+import os, sys, threading, time
+from pathlib import Path
+from rso_lidar.fmi.host_process import HostProcess
+
+drive, fifo = sys.argv[1:]
+idle = HostProcess(Path(drive))
+if not (fork := os.fork()):
+    time.sleep(60)
+hanging = HostProcess(Path(drive))
+threading.Thread(target=hanging.ask, args=("describe", fifo), daemon=True).start()
+print(idle._process.pid, hanging._process.pid, fork, flush=True)
+time.sleep(60)
+"""
+
+
+def is_running(process):
+    """Return whether a process runs; one that has ended waits for its new parent to notice."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_the_processes_of_fmus_end_with_a_process_that_is_killed(drive_file, tmp_path):
+    os.mkfifo(tmp_path / "fifo")  # opening it takes until somebody writes
+    command = [sys.executable, "-c", ASKS, str(drive_file), str(tmp_path / "fifo")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as asking:
+        *hosts, fork = map(int, asking.stdout.readline().split())
+        assert all(map(is_running, hosts))
+        asking.kill()
+        asking.wait()
+        until_s = time.monotonic() + 10.0
+        while any(map(is_running, hosts)) and time.monotonic() < until_s:
+            time.sleep(0.05)
+        left = [host for host in hosts if is_running(host)]
+        os.kill(fork, signal.SIGKILL)
+    assert len(hosts) == 2 and not left
 
 
 def test_the_command_line_says_it_in_one_line(built_in, drive_file, tmp_path):

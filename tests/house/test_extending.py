@@ -147,6 +147,7 @@ def test_links_of_the_page_lead_somewhere(page):
     assert not broken_links(page, page.read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_page_leads_to_a_part_that_works(page, tmp_path):
     """Its commands check that: they run the new tests and use the new thing."""
@@ -162,6 +163,7 @@ def test_page_leads_to_a_part_that_works(page, tmp_path):
     assert any(file.startswith("tests/") for file in touched)
 
 
+@pytest.mark.slow
 def test_all_pages_together_keep_the_rules_of_the_house(tmp_path):
     """In one copy, one page after the other: what a contributor finds in `make test`, beside the tests of the pages.
 

@@ -99,6 +99,15 @@ def test_make_describes_every_target():
     assert phony == described
 
 
+def test_no_test_is_lost_between_make_test_and_make_check():
+    """`make check` runs what `make test` leaves out, and a run of CI is `make check`."""
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    rules = dict(re.findall(r"^([a-z-]+): ([^\n]*\n(?:\t.*\n)+)", text, re.MULTILINE))
+    assert '$(PYTEST) -m "not slow"\n' in rules["test"]
+    assert rules["check"].startswith("test ") and "\t$(PYTEST) -m slow\n" in rules["check"]
+    assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()[-1] == "exec make check"
+
+
 def test_every_folder_of_tests_that_compares_numbers_is_repeated_on_another_processor_or_left_out_for_a_reason():
     compares = re.compile(r"\bapprox\(|\bassert_allclose\(|\b(?:np|math)\.(?:all|is)close\(")
     folders = {

@@ -11,6 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ADDED = {"PKG-INFO"}  # by the build
 
 
+@pytest.mark.slow
 def test_sdist_holds_what_is_tracked_and_nothing_else(tmp_path):
     if not (ROOT / ".git").exists():
         pytest.skip("not a checkout: git knows what is tracked")

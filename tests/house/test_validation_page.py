@@ -41,7 +41,8 @@ def test_of_a_word():
 
 
 def run_pytest(folder, *options):
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.ledger.recording", "-p", "no:cacheprovider", *options]
+    plugins = ["-p", "xdist", "-p", "tests.ledger.recording", "-p", "no:cacheprovider"]
+    command = [sys.executable, "-m", "pytest", "-q", *plugins, *options]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment, check=False)
 

@@ -27,6 +27,7 @@ from tests.optics.bench_for_tests import look, place
 from tests.peers.render import KEPT, SEEDS
 from tests.peers.scenes_for_tests import SCENES, Scene
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 LIGHT_M_S = 299_792_458.0
 FWHM_NS = 8.0

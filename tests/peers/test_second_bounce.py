@@ -12,6 +12,7 @@ from tests.peers.render import KEPT
 from tests.peers.scenes_for_tests import BOUNCES
 from tests.peers.test_mitransient import parts
 
+pytestmark = pytest.mark.slow
 KEYS = (1, 2, 3, 4)
 PATHS = 60_000
 TOTAL = 0.01  # of the second bounce, which is itself 4 to 17 % of the light

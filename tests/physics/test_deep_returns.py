@@ -59,7 +59,7 @@ def test_detection_of_a_deep_return(validation, photons, depth_s, steps):
     )
 
 
-@pytest.mark.parametrize(("photons", "depth_s"), BY_HAND)
+@pytest.mark.parametrize(("photons", "depth_s"), [*BY_HAND[:2], pytest.param(*BY_HAND[2], marks=pytest.mark.slow)])
 def test_detection_of_a_deep_return_by_hand(validation, photons, depth_s):
     """Up to 64 ns of a return are watched; of 100 ns, the rest would add 0.01."""
     p = exact(photons, depth_s)
@@ -73,6 +73,7 @@ def test_detection_of_a_deep_return_by_hand(validation, photons, depth_s):
     )
 
 
+@pytest.mark.slow
 def test_detection_of_a_deep_return_by_the_oracles(validation):
     with computing("oracles"):
         got = found(1000.0, 10e-9, 4, seed=3)

@@ -122,6 +122,7 @@ def frames(far):
     return {at: count_in_frames(CAMERA, at, *spread_attitudes(ATTITUDES), REPEATED) for at in ranges_m.tolist()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pixels", [1, 2])
 def test_as_many_flashes_find_a_cubesat_as_the_closed_form_says(frames, pixels, validation):
     aspects = spread_attitudes(ATTITUDES)
@@ -205,9 +206,12 @@ CASES = {
     "the empirical detector": (CAMERA.replace(detector=rl.Empirical()), 870.0),
     "speckle, crosstalk and droop": (CAMERA.replace(detector=rl.Gsfl(**COUPLED)), 870.0),
 }
+QUICK = {"energy jitter of 30 %", "the empirical detector"}
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=() if case in QUICK else pytest.mark.slow) for case in CASES]
+)
 def test_other_detectors_find_a_cubesat_as_often_as_their_frames_do(case, validation):
     lidar, range_m = CASES[case]
     aspects = spread_attitudes(40)

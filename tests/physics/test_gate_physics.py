@@ -30,7 +30,16 @@ def gated(part, photons, n, seed, every=4):
 GATE = Gate(delay_ns=6651.0, width_ns=47.6, false_alarm_probability=1e-3)  # 20 samples, open from 997 m
 
 
-@pytest.mark.parametrize(("photons", "pulses"), [(30, 1), (30, 5), (30, 20), (100, 1), (100, 5)])
+@pytest.mark.parametrize(
+    ("photons", "pulses"),
+    [
+        (30, 1),
+        (30, 5),
+        pytest.param(30, 20, marks=pytest.mark.slow),
+        (100, 1),
+        pytest.param(100, 5, marks=pytest.mark.slow),
+    ],
+)
 def test_what_a_gate_finds(validation, photons, pulses):
     """The aspiration of 30 photons (Fuller et al., sec. 3.3): a quiet amplifier needs some 20 pulses to see half of them.
 

@@ -122,6 +122,7 @@ def test_lidar_in_the_bounding_sphere_but_outside_the_body(validation):
     check(validation, "lidar 4 m from a wing of 20 m: range", np.concatenate([wing, body]), pose, lens(60.0))
 
 
+@pytest.mark.slow
 def test_a_sphere_of_many_facets_is_a_sphere(validation):
     """A ball of radius 10 m in 82,000 facets lies within its sagitta, e^2/(8 r) = 0.2 mm, of the analytic sphere."""
     triangles = sphere(10.0, 6)

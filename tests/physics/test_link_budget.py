@@ -177,7 +177,10 @@ def test_detection_in_a_gate(validation, photons):
     compare(validation, "gate", detector, photons, 0.02, n=8192)
 
 
-@pytest.mark.parametrize(("tilt_deg", "range_m", "steps"), [(15.0, 3300.0, 2), (60.0, 2200.0, 2), (60.0, 2200.0, 8)])
+@pytest.mark.parametrize(
+    ("tilt_deg", "range_m", "steps"),
+    [(15.0, 3300.0, 2), (60.0, 2200.0, 2), pytest.param(60.0, 2200.0, 8, marks=pytest.mark.slow)],
+)
 def test_a_plate_through_the_whole_chain(validation, tilt_deg, range_m, steps):
     """A tilted wall that fills the field, from rays to readings: photons, stretch and detection together.
 

@@ -4,6 +4,7 @@ import datetime
 import functools
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -165,6 +166,7 @@ def test_linear_motion_is_fitted_as_linear_least_squares_do(validation):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_relative_orbits_of_fifty_runs_have_their_covariance(validation):
     fits = [fit_run(seed) for seed in range(RUNS)]
     nees = [fit.normalize_error(RELATIVE[:3], RELATIVE[3:]) for fit in fits]

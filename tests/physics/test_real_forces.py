@@ -129,6 +129,7 @@ def apart(chief, body):
     return np.array([rtn(x).T @ (y - x)[:3] for x, y in zip(chief, body, strict=True)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", ["low", "geostationary"])
 def test_two_orbits_at_ten_kilometres_with_impulses_agree_within_twenty_micrometres(validation, height):
     r, v = orbit(HEIGHT_OF[height])

@@ -48,7 +48,7 @@ def squares(got, variance, true):
     return float(((got - true)[lit] ** 2 / true[lit]).sum() / total), float((variance[lit] / true[lit]).sum() / total)
 
 
-@pytest.mark.parametrize("name", CRAFT)
+@pytest.mark.parametrize("name", [pytest.param("tdrs", marks=pytest.mark.slow), *list(CRAFT)[1:]])
 def test_the_light_of_pixels_is_known_as_well_as_was_asked_for(name, shared, validation):
     got, variance, true = compare(shared, name)
     lit, total = true > 0.0, true.sum()

@@ -112,9 +112,15 @@ CASES = {
         "frames": 160,
     },
 }
+QUICK = {"crosstalk, the plate fills the view", "several returns"}
 
 
-@pytest.mark.parametrize("case", CASES)
+def mark_slow(cases):
+    """Return cases, with all but two marked as slow: each takes a second or two of CPU."""
+    return [pytest.param(case, marks=() if case in QUICK else pytest.mark.slow) for case in cases]
+
+
+@pytest.mark.parametrize("case", mark_slow(CASES))
 def test_check_says_what_frames_show(case, tmp_path, validation):
     """Probability and range noise of a pixel, said by `check` from a trial, and pooled over a plate in simulated frames.
 
@@ -137,13 +143,15 @@ def test_check_says_what_frames_show(case, tmp_path, validation):
 
 @pytest.mark.parametrize(
     "case",
-    [
-        "crosstalk, the plate fills the view",
-        "crosstalk, the plate fills a tenth of it",
-        "droop by a third near the threshold",
-        "maps and speckle",
-        "several returns",
-    ],
+    mark_slow(
+        [
+            "crosstalk, the plate fills the view",
+            "crosstalk, the plate fills a tenth of it",
+            "droop by a third near the threshold",
+            "maps and speckle",
+            "several returns",
+        ]
+    ),
 )
 def test_track_takes_the_range_noise_that_frames_have(case, tmp_path, validation):
     """Estimated from what the sensor said, never from labels; within 15 % of the errors of the plate's whole pixels.

@@ -138,6 +138,7 @@ def test_the_chain_of_axes_is_equation_5(models, validation):
     assert np.average(row, weights=light) + 0.5 - 16 == pytest.approx(-2.0 / 150 * per_pixel, abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_wall_in_a_scenario_is_what_the_link_budget_says(models, validation):
     """From a scenario to photons on a pixel: Fuller et al., eq. 7 with the 4, on the axis, at 3 km and 2.5 degrees."""
     lens = rl.Receiver(fov_deg=2.5, f_number=2.8)

@@ -208,6 +208,7 @@ for path in sorted(folder.iterdir()):
 """
 
 
+@pytest.mark.slow
 def test_no_file_takes_more_memory_or_time_than_it_is_worth(tmp_path):
     """In a process of its own, for peak memory is never given back; the bound is eight times the largest file (18 MB)."""
     folder = tmp_path / "bombs"

@@ -13,7 +13,7 @@ from frames_for_tests import assert_same, make_frame
 from rso_lidar import export
 
 
-@settings(max_examples=10, deadline=None)  # each writes up to 10 frames and reads as many
+@settings(max_examples=6, deadline=None)  # each writes up to 10 frames and reads as many
 @given(
     seed=st.integers(0, 2**32),
     count=st.integers(1, 5),

@@ -50,6 +50,7 @@ def assert_equal(one: Path, other: Path) -> None:
         assert values.tobytes() == second[name].tobytes(), name
 
 
+@pytest.mark.slow
 def test_jobs_run_one_after_the_other_and_equal_the_command_line(folder: Folder) -> None:
     queue = JobQueue(folder, lambda request: 3)
     jobs = [queue.add(JobRequest("run", "short.toml", f"{name}.h5", frames="0:3", seed="7")) for name in "ab"]
@@ -64,6 +65,7 @@ def test_jobs_run_one_after_the_other_and_equal_the_command_line(folder: Folder)
     assert [status.complete for status in RecordingList(folder).read()] == [True] * 3
 
 
+@pytest.mark.slow
 def test_a_stopped_and_a_killed_run_keep_their_frames_and_resume(folder: Folder) -> None:
     queue = JobQueue(folder)
     job = queue.add(JobRequest("run", "short.toml", "stopped.h5"))

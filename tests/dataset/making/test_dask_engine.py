@@ -12,6 +12,7 @@ from rso_lidar import processes
 from tests.dataset.making.test_make import hashes
 
 
+@pytest.mark.slow
 def test_killed_workers_lose_nothing(made, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
     dataset, spec = made

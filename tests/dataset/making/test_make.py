@@ -26,6 +26,7 @@ def hashes(folder):
     }
 
 
+@pytest.mark.slow
 def test_bytes_do_not_depend_on_workers(made, tmp_path):
     dataset, spec = made
     other = rl.dataset.make(spec, tmp_path / "two", workers=2)

@@ -53,6 +53,7 @@ def test_every_dataset_has_checksums(full):
         assert [name for name, dataset in found.items() if not dataset.fletcher32] == []
 
 
+@pytest.mark.slow
 def test_a_flip_in_any_dataset_is_one_line_with_its_name(tmp_path, full):
     """One bit of each dataset's last chunk: in HDF5's own words to other readers, in one line to ours."""
     rng = np.random.default_rng(18)
@@ -89,7 +90,7 @@ def numbers(path):
         return found, times, recording.line_of_sight.tobytes(), repr(recording.source)
 
 
-@pytest.mark.parametrize("state", ["finished", "killed"])
+@pytest.mark.parametrize("state", ["finished", pytest.param("killed", marks=pytest.mark.slow)])
 def test_a_flip_anywhere_is_told_or_changes_nothing(tmp_path, state):
     """A killed writer's file is read with SWMR, whose default is to wait for ever where a checksum is wrong.
 

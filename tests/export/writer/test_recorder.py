@@ -164,6 +164,7 @@ def test_exception_keeps_the_temporary_file_and_resume_goes_on(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.h5", "run.h5.tmp-00000000", "whole.h5"]
 
 
+@pytest.mark.slow
 def test_resume_goes_on_past_4096_frames(tmp_path):
     """4099 frames, more than any block of them that a copy may take at a time: each row of truth a number of its own."""
     output, count = tmp_path / "run.h5", 4099

@@ -57,6 +57,7 @@ def writers():
         process.stdin.close()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
 @pytest.mark.parametrize("kind", [PLAIN, FULL], ids=["plain", "kept, lens and sensors"])
 def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path, tmp_path_factory, writers, kind):

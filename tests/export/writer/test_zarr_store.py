@@ -150,6 +150,7 @@ def test_a_store_that_lost_something_is_refused_and_not_read_as_absence(tmp_path
         export.open(store)
 
 
+@pytest.mark.slow
 def test_damage_in_a_store_is_one_line_or_changes_nothing(tmp_path):
     """One bit of each file of a store: chunks have CRC-32C, metadata a CRC-32 in the consolidated copy that is read."""
     pytest.importorskip("zarr", reason=NEEDED)

@@ -147,6 +147,7 @@ def test_a_client_that_is_killed_leaves_the_simulation_to_the_next(scenario):
             assert ask(plug, {"request": "step"})["frame"]["index"] in (1, 2)
 
 
+@pytest.mark.slow
 def test_a_slow_subscriber_slows_nothing_and_a_killed_server_leaves_its_frames(tmp_path):
     """Served by a process of its own, with a reader of the stream that reads nothing, and killed in the middle.
 

@@ -9,6 +9,7 @@ from rso_lidar.errors import ScenarioError
 SCENARIO = rl.Scenario.load("examples/geo_servicer.toml")
 
 
+@pytest.mark.slow
 def test_noise_and_reach_are_those_of_the_budget():
     sensor = rl.study.find_navigation_lidar(SCENARIO, (10.0, 20_000.0), at_s=50_400.0, origin_sigma_m=0.1)
     lens = SCENARIO.instrument.at(50_400.0).replace(schedule=None)
@@ -24,6 +25,7 @@ def test_noise_and_reach_are_those_of_the_budget():
     assert np.deg2rad(sensor.bearing_sigma_deg) == pytest.approx(lens.receiver.ifov_rad / np.sqrt(12.0), rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_shorter_lens_reaches_less_far():
     long, short = (rl.study.find_navigation_lidar(SCENARIO, (10.0, 20_000.0), at_s=at_s) for at_s in (0.0, 82_700.0))
     assert short.most_range_m < 0.1 * long.most_range_m

@@ -51,7 +51,14 @@ def test_every_attribute_has_a_type_of_the_libraries(tmp_path):
     assert len(list(model.elements_of_type("VerificationCaseUsage"))) == len(asked.requirement)
 
 
-@pytest.mark.parametrize("name", ["proximity_1570", "lunar_descent", "ghosts_and_glare", "thrusters", "geiger_bench"])
+KINDS = [
+    "thrusters",
+    "geiger_bench",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("proximity_1570", "lunar_descent", "ghosts_and_glare")),
+]
+
+
+@pytest.mark.parametrize("name", KINDS)
 def test_every_kind_of_scenario_is_read(name, tmp_path):
     found = typings(
         read(list_parameters(rl.Scenario.load(f"examples/{name}.toml", trust_code=True)).sysml_text(), tmp_path)

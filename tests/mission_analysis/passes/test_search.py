@@ -96,6 +96,7 @@ def test_geometry_is_that_of_the_scenario(table):
     assert np.allclose(np.atleast_2d(seen)[0] / row.range_m, [1.0, 0.0, 0.0], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_scenario_runs_and_sees_the_object(table):
     number = table.rows.index(nearest(table)) + 1
     scenario = rl.Scenario.loads(scenario_text(table, number))
@@ -337,6 +338,7 @@ def test_the_scenario_carries_facts_and_constraints(asked):
     assert "constraints.keep_out_m" in scenario.describe()
 
 
+@pytest.mark.slow
 def test_an_encounter_of_messages_is_written_inline():
     sets = [
         ElementSet(**{**entry.__dict__, "line1": "", "line2": "", "norad_id": entry.norad_id + 10**8})

@@ -114,6 +114,7 @@ def test_crinkled_foil_smaller_than_a_ray_is_known():
     assert len(hits.rays.pixel) > 4096
 
 
+@pytest.mark.slow
 def test_two_targets_far_apart_in_size_and_a_lens_that_distorts():
     bent = LENS.replace(distortion=BrownConrady(k1=3.0), psf=GaussianPsf(sigma_um=30.0))
     targets = [surface("near", BOOM), surface("speck", box(0.3, 0.3, 0.3))]

@@ -77,6 +77,7 @@ def test_what_the_filter_knows_it_keeps(thrusters):
     assert np.abs(miss).max() < (2e-4 if thrusters == Thrusters() else 0.03)
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_the_filter_says():
     """Ten flights by ten seeds, of burns and held thrust with errors; positions at two instants, 99.9 %."""
     thrusters = Thrusters(magnitude_sigma_fraction=0.02, pointing_sigma_deg=1.0)
@@ -90,6 +91,7 @@ def test_errors_are_as_large_as_the_filter_says():
     assert (total < high).all()
 
 
+@pytest.mark.slow
 def test_held_thrust_with_errors_is_followed_by_its_covariance():
     """Thrust is 20 % off, and only the start is known: the miss is that of the thrust, and the filter says so."""
     thrusters = Thrusters(magnitude_sigma_fraction=0.2)

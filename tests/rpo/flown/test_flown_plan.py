@@ -164,6 +164,7 @@ def scenario(more='guidance = { type = "two_impulse", every_s = 20 }'):
     return rl.Scenario.loads(SCENARIO.replace("\\\n", "").format(more=more))
 
 
+@pytest.mark.slow
 def test_a_scenario_flies_it_and_its_seed_moves_it():
     one = scenario()
     epochs = one.epochs()

@@ -65,7 +65,7 @@ def miss_m(plan, guidance=None, around=None, **more):
     ("around", "duration_s"),
     [
         (chief(e=0.001), 2700.0),
-        (chief(e=0.001), 5677.0),
+        pytest.param(chief(e=0.001), 5677.0, marks=pytest.mark.slow),
         (chief(35_786.0, inclination_deg=0.05), 39_600.0),
         (chief(2000.0, e=0.1), 2700.0),
     ],
@@ -105,6 +105,7 @@ def test_every_transfer_of_waypoints_is_corrected():
     assert np.linalg.norm(flight.relative(at)[0] - way.positions_m[1:], axis=1).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_held_path_is_followed_with_noise_of_navigation():
     """Corrections every two minutes hold it to a few times the noise of navigation; without them it drifts off."""
     line = VBarApproach(relative_to="t", from_m=-1000.0, to_m=-100.0, duration_s=5000.0)
@@ -113,6 +114,7 @@ def test_a_held_path_is_followed_with_noise_of_navigation():
     assert miss_m(line, TwoImpulseGuidance(every_s=120.0), navigation=known, seed=1) < 0.5
 
 
+@pytest.mark.slow
 def test_an_endless_hold_is_corrected_as_long_as_it_is_asked_for():
     stay = StationKeeping(relative_to="t", position_m=(0.0, -200.0, 0.0))
     begin = RelativeStart(position_m=(5.0, -210.0, 2.0), velocity_m_s=(0.0, 0.01, 0.0))

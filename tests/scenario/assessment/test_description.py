@@ -47,7 +47,7 @@ def test_the_detector_and_its_threshold(described):
     assert "armed 1 to 5000 m" in lines["trigger"]
 
 
-@pytest.mark.parametrize("fwhm_ns", [2.5, 16.0])
+@pytest.mark.parametrize("fwhm_ns", [2.5, pytest.param(16.0, marks=pytest.mark.slow)])
 def test_the_light_that_is_detected_counts_the_length_of_the_pulse(described, fwhm_ns):
     """16,384 pixels see the photons of the line, and half and 95 % of them detect it, within 4 binomial sigma."""
     line = described(f"lidar.laser.pulse_fwhm_ns={fwhm_ns}")["detects"]
@@ -165,6 +165,7 @@ class TestWhatFits:
         )
 
 
+@pytest.mark.slow
 def test_retro_reflectors_count_in_what_check_casts_and_not_in_a_filled_pixel():
     """Envisat's cube corners send 1e4 times the light of its optical solar reflectors; its black paint is the dimmest."""
     scenario = rl.Scenario.loads(ENVISAT)
@@ -200,7 +201,12 @@ receiver = { fov_deg = 3, f_number = 2.8, transmission = 0.67 }
 
 @pytest.mark.parametrize(
     ("model", "wavelength_nm", "range_m"),
-    [("cubesat_1u", 1570, 640), ("cubesat_3u", 1570, 640), ("debris_shard", 1064, 400), ("tdrs", 1064, 1700)],
+    [
+        ("cubesat_1u", 1570, 640),
+        pytest.param("cubesat_3u", 1570, 640, marks=pytest.mark.slow),
+        pytest.param("debris_shard", 1064, 400, marks=pytest.mark.slow),
+        pytest.param("tdrs", 1064, 1700, marks=pytest.mark.slow),
+    ],
 )
 def test_a_body_is_described_as_its_frames_are(model, wavelength_nm, range_m):
     """The body that is there, not a pixel that it fills: 40 frames with the noise of four seeds, and 40 attitudes.

@@ -54,6 +54,7 @@ def line_of(scenario):
     return line
 
 
+@pytest.mark.slow
 def test_a_corner_of_two_plates_adds_its_form_factor(load):
     """Perpendicular squares see a fifth of each other: 0.8 x 0.2 of the light."""
     assert "adds 15." in line_of(load()) or "adds 16." in line_of(load())

@@ -66,6 +66,7 @@ def test_a_sound_suite_has_no_warning():
     assert advise(rl.Scenario.load(EXAMPLES / "onboard_sensors.toml")) == []
 
 
+@pytest.mark.slow
 def test_check_predicts_the_blinding_of_a_run():
     """A body that turns once in 600 s sweeps its tracker over the Earth and the Sun; the run has a sample for each frame."""
     tracker = (

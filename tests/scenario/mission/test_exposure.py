@@ -41,6 +41,7 @@ def test_frames_alone_together_and_on_threads_are_the_same(detector):
     assert all(map(same, rl.simulate(scenario, lambda observation: None, threads=2), whole))
 
 
+@pytest.mark.slow
 def test_workers_change_no_bit():
     scenario = scene({"motion": {"type": "fixed", "position_m": [RANGE_M, 0, 0]}}, ptu=SCAN, detector=FEW, rate_hz=50.0)
     assert all(map(same, rl.simulate(scenario, workers=1), rl.simulate(scenario)))

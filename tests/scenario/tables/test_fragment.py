@@ -47,6 +47,7 @@ def test_a_material_of_the_scenario_replaces_that_of_the_fragment():
     assert said.surfaces[0].lambertian_per_sr[0] == pytest.approx(0.5 / np.pi)
 
 
+@pytest.mark.slow
 def test_what_is_kept_of_many_fragments_is_bounded():
     first = scenario(fragment=BENT).surfaces[0].mesh
     kept = weakref.ref(first)

@@ -205,6 +205,7 @@ def test_what_goes_wrong_in_embreex_is_raised(monkeypatch):
     assert len(see(target, truth).hits.ray) > 100
 
 
+@pytest.mark.slow
 def test_kernels_run_as_python():
     """For a debugger: the very same hits, the call of embree included."""
     program = """

@@ -15,6 +15,13 @@ FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader
 WAIT_MS = 180_000  # on a busy machine
 
 
+def pytest_collection_modifyitems(items):
+    """Mark journeys as slow: all tests that need the browser."""
+    for item in items:
+        if "chromium" in getattr(item, "fixturenames", ()):
+            item.add_marker("slow")
+
+
 class Watch:
     """What the pages of a browser did that they must not: errors, and requests to other hosts."""
 

@@ -17,6 +17,8 @@ from rso_lidar.studio.model.text_assessment import assess, list_warnings
 from rso_lidar.studio.state import Workspace
 from tests.scene.meshes.test_mesh import BOX, binary_stl
 
+pytestmark = pytest.mark.slow
+
 APPROACH = find_examples()["tdrs_approach"].text
 OMM = """OBJECT_NAME = TDRS
 NORAD_CAT_ID = 100019548

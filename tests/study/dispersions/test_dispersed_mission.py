@@ -54,13 +54,14 @@ def mission():
     return rl.study.disperse(make_scenario(), 500)
 
 
-def test_runs_are_the_same_however_many_there_are_and_on_workers(mission):
-    few = rl.study.disperse(make_scenario(), 300, workers=2)
+def test_runs_are_the_same_however_many_there_are(mission):
+    few = rl.study.disperse(make_scenario(), 300)
     for name, column in few.table.items():
         assert column.tobytes() == mission.table[name][:300].tobytes(), name
     assert len(np.unique(mission.table["nearest_m"])) == 500
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_goes_on(mission, tmp_path, monkeypatch):
     flown = []
 
@@ -94,6 +95,7 @@ def test_spreads_of_runs_are_those_of_the_linear_covariance(mission):
     assert (np.diff(mission.tubes["detected_probability"]) >= 0.0).all()
 
 
+@pytest.mark.slow
 def test_collisions_are_as_likely_as_foster_says():
     """A fly-past at 1 m/s, 30 m off, with 20 m of error across: linear for minutes, which Foster (1992) assumes."""
     passing = rpo.Hill(relative_to="plate", position_m=(30.0, -60.0, 0.0), velocity_m_s=(0.0, 1.0, 0.0))
@@ -108,6 +110,7 @@ def test_collisions_are_as_likely_as_foster_says():
     assert 0.05 < expected < 0.3
 
 
+@pytest.mark.slow
 def test_spreads_are_those_of_flights_that_are_integrated_one_by_one():
     """30 flights of `flown`, whose guidance shoots by integration: the error of a standard deviation is 13 %; 4 of them.
 
@@ -148,12 +151,30 @@ def make_filtered(navigation=FILTER):
     return make_scenario(motion, rl.Dispersion(position_sigma_m=(10, 20, 10), velocity_sigma_m_s=(0.02, 0.01, 0.01)))
 
 
-def test_a_filter_is_dispersed_with_its_knowledge(tmp_path):
-    """300 runs in two blocks; a standard deviation has a relative standard error of 4.1 %; 5 of them."""
-    made = rl.study.disperse(make_filtered(), 300, working=tmp_path / "kept")
+@pytest.fixture(scope="module")
+def kept_folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("dispersed") / "kept"
+
+
+@pytest.fixture(scope="module")
+def filtered(kept_folder):
+    """Return 300 runs in two blocks."""
+    return rl.study.disperse(make_filtered(), 300, working=kept_folder)
+
+
+@pytest.mark.slow
+def test_workers_change_no_bit(mission, filtered):
+    few = rl.study.disperse(make_scenario(), 300, workers=2)
+    for name, column in few.table.items():
+        assert column.tobytes() == mission.table[name][:300].tobytes(), name
     again = rl.study.disperse(make_filtered(), 300, workers=2)
-    assert made.tubes["nees"].tobytes() == again.tubes["nees"].tobytes()
-    assert made.table["delta_v_m_s"].tobytes() == again.table["delta_v_m_s"].tobytes()
+    assert filtered.tubes["nees"].tobytes() == again.tubes["nees"].tobytes()
+    assert filtered.table["delta_v_m_s"].tobytes() == again.table["delta_v_m_s"].tobytes()
+
+
+def test_a_filter_is_dispersed_with_its_knowledge(filtered, kept_folder, tmp_path):
+    """A standard deviation of 300 runs has a relative standard error of 4.1 %; 5 of them."""
+    made = filtered
     for axis in ("radial", "along", "cross"):
         for word in ("linear_knowledge_sigma", "filter_sigma"):
             ratio = made.tubes[f"{axis}_knowledge_sigma_m"] / made.tubes[f"{axis}_{word}_m"]
@@ -166,10 +187,11 @@ def test_a_filter_is_dispersed_with_its_knowledge(tmp_path):
     assert "error of the filter" in text
     assert "mean NEES" in text
     assert made.save(tmp_path / "a.png").stat().st_size > 20_000
-    kept = rl.study.disperse(make_filtered(), 300, working=tmp_path / "kept")
+    kept = rl.study.disperse(make_filtered(), 300, working=kept_folder)
     assert kept.tubes["nees"].tobytes() == made.tubes["nees"].tobytes()
 
 
+@pytest.mark.slow
 def test_filtered_spreads_are_those_of_flights_that_are_integrated_one_by_one():
     """30 flights of `flown` with filters of their own: the error of a standard deviation is 13 %; 4 of them."""
     scenario = make_filtered(FILTER).replace(dispersion=rl.Dispersion())
@@ -299,6 +321,7 @@ def test_what_cannot_be_dispersed_is_refused_in_one_line():
 BESIDE = {"position_sigma_m": (6, 20, 8), "velocity_sigma_m_s": (0.01, 0.005, 0.01)}
 
 
+@pytest.mark.slow
 def test_errors_of_the_target_add_to_those_of_the_follower_and_leave_its_numbers_alone():
     alone = make_scenario(dispersion=rl.Dispersion(position_sigma_m=(5, 10, 5)))
     both = alone.replace(dispersion=alone.dispersion.replace(target=BESIDE))
@@ -441,6 +464,7 @@ def check_equal(first, second):
         assert column.tobytes() == second.tubes[name].tobytes(), name
 
 
+@pytest.mark.slow
 def test_an_executor_changes_no_bit(mission):
     with ThreadPoolExecutor(2) as threads:
         check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=threads))
@@ -452,16 +476,23 @@ def test_an_executor_changes_no_bit(mission):
         rl.study.disperse(make_scenario(), 500, executor=4)
 
 
+@pytest.mark.slow
 def test_dask_changes_no_bit(mission):
     pytest.importorskip("distributed", reason="needs the extra dask: pip install 'rso-lidar[dask]'")
     with open_dask_client("local", 2) as client:
         check_equal(mission, rl.study.disperse(make_scenario(), 500, executor=client.get_executor()))
 
 
+@pytest.mark.slow
 def test_corrections_that_arrive_after_the_last_frame_are_made():
     """A run that ends before its plan has, up to there, the dispersions of a longer one."""
     short, long = (
-        rl.study.disperse(rl.Scenario.load("examples/dispersed_hop.toml", (f"time.duration_s={duration_s}",)), runs=40)
+        rl.study.disperse(
+            rl.Scenario.load(
+                "examples/dispersed_hop.toml", (f"time.duration_s={duration_s}", "time.frame_rate_hz=0.02")
+            ),
+            runs=40,
+        )
         for duration_s in (5400, 7200)
     )
     ends = int(np.searchsorted(long.tubes["time_s"], short.tubes["time_s"][-1]))

@@ -177,6 +177,7 @@ def test_errors_of_the_target_move_it_and_are_seen_with_the_opposite_sign():
     assert with_none.n_numbers == 6 and with_none.sources == ("start", "burns", "navigation")
 
 
+@pytest.mark.slow
 def test_runs_and_linear_covariance_agree_with_errors_of_the_target_in_the_closed_loop():
     """2000 runs, as above; corrections take out what navigation sees of the target's errors, too."""
     sample_s = np.linspace(0.0, 7200.0, 9)

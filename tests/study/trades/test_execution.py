@@ -261,6 +261,7 @@ def test_workers_are_a_number(text, tmp_path):
 # -------------------------------------------------------------------------------------------- workers, and going on
 
 
+@pytest.mark.slow
 def test_rows_do_not_depend_on_workers_nor_on_their_order(text, tmp_path):
     study = Study.load(folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]")))
     plan, _ = make_trade_plan(study, threads=1)

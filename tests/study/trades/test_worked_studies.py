@@ -26,6 +26,7 @@ def test_each_study_has_its_page():
         assert (STUDIES / f"{name}.py").is_file() and (STUDIES / f"{name}.md").is_file()
 
 
+@pytest.mark.slow
 def test_the_widest_beam_detects_at_its_range_and_no_farther(divergence):
     lidar = divergence["camera"](105.0, divergence["TRIGGER"])
     beam_deg = divergence["widest_deg"](lidar, 10_000.0, None)
@@ -70,6 +71,7 @@ def test_the_seven_are_asked_about_and_a_folder_of_meshes_where_one_is_given():
     assert 50 < row["detected"] < 200
 
 
+@pytest.mark.slow
 def test_heights_of_the_ground_are_those_of_the_frames():
     study = runpy.run_path(str(STUDIES / "lunar_descent.py"), run_name="study")
     scenario = rl.Scenario.load(STUDIES.parent / "lunar_descent.toml")
@@ -86,6 +88,7 @@ def test_heights_of_the_ground_are_those_of_the_frames():
     assert np.mean(said[known] == there[known]) > 0.95
 
 
+@pytest.mark.slow
 def test_the_approach_to_a_tumbling_stage_is_the_one_that_is_told(tmp_path):
     study = runpy.run_path(str(STUDIES / "tumbling.py"), run_name="study")
     table, nis = study["flown"](study["ZOOM"], 0.01)

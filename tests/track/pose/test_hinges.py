@@ -160,6 +160,7 @@ def test_of_two_sides_that_look_the_same_the_near_one_is_kept(model):
     np.testing.assert_allclose(off_deg(keep_sides(points, beside, far), (250.0, -40.0)), 0.0, atol=1.5)
 
 
+@pytest.mark.slow
 def test_wings_are_followed_and_predicted_while_hidden(model):
     """Wings that turn by 3 deg a cloud; one is hidden for four clouds, and is where its rate has taken it."""
     follow = PoseFollower(model)

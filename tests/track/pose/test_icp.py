@@ -114,6 +114,7 @@ def test_parts_outside_the_field_are_no_misfit(corners, model):
     assert misfit_m(aside, model, seen, outline, half_field) == np.inf
 
 
+@pytest.mark.slow
 def test_a_target_that_overfills_the_field_is_followed(corners, model):
     """Half of the craft is outside the field; only what is inside is compared with the outline."""
     crops = {}
@@ -148,6 +149,7 @@ def test_what_a_round_target_does_not_tell_stays_as_guessed():
     assert apart(found)[0] < 3.5  # the guess is 3 degrees off, about another axis
 
 
+@pytest.mark.slow
 def test_a_spinning_target_is_followed(corners, model):
     follow = PoseFollower(model)
     still = Rotation.identity()
